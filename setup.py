@@ -30,8 +30,6 @@ KERNELS = {
     "edge.calibration.polynomial": FAST,
     "edge.calibration.gaussian_process": FAST,
     "edge.calibration.inputs": SMALL,
-    "edge.calibration.outputs": SMALL,
-    "edge.cells.first_order": FAST,
     "edge.cells.mesh": EXACT,
     "edge.cells.points": EXACT,
     "edge.cells.predicates": EXACT,
@@ -44,22 +42,16 @@ KERNELS = {
     "edge.features.partial_slip": SMALL,
     "edge.features.peaks": FAST,
     "edge.features.pin_motion": FAST,
-    "edge.features.pin_noise": FAST,
-    "edge.features.quantized_operator": FAST,
     "edge.features.regions": SMALL,
     "edge.geometry.neighbours": FAST,
-    "edge.geometry.plane": SMALL,
     "edge.geometry.select": FAST,
-    "edge.geometry.separation": FAST,
     "edge.geometry.views": SMALL,
     "edge.pins.centroids": FAST,
     "edge.pins.rejection": FAST,
     "edge.faults.frame_counts": FAST,
     "edge.tracking.affine": FAST,
-    "edge.tracking.assignment": FAST,
     "edge.tracking.follow": FAST,
     "edge.tracking.kriging": FAST,
-    "edge.tracking.links": FAST,
     "edge.tracking.match": FAST,
     "edge.tracking.outliers": FAST,
 }
@@ -101,6 +93,7 @@ def extensions(variant: Variant) -> list[Extension]:
             name,
             [name.replace(".", "/") + suffix],
             define_macros=LIMITED_API,
+            include_dirs=[str(Path(*name.split(".")[:-1]))],
             extra_compile_args=["-std=c11", "-g0", "-fno-plt", *flags, *variant.compile_args],
             extra_link_args=list(variant.link_args),
             py_limited_api=True,
@@ -162,7 +155,7 @@ class BuildKernels(build_ext):
                 made.with_suffix(".c").unlink(missing_ok=True)
                 note.parent.mkdir(parents=True, exist_ok=True)
                 note.write_text(settings)
-            extension.depends = [str(note)]
+            extension.depends = [str(note), *map(str, Path(*extension.name.split(".")[:-1]).glob("*.c"))]
         translated = cythonize(
             self.extensions,
             build_dir=str(folder),

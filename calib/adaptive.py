@@ -30,8 +30,8 @@ from calib.rig.base import CLEAR, Pose
 from calib.sim.mechanics import Tool
 from calib.targets import targets_of_capture
 from edge.calibration.inputs import FRAME_INPUTS
+from edge.frame import Pipeline
 from edge.pins import take_rest
-from edge.pipeline import Pipeline
 from edge.types import Complex, Frame, Image
 
 __all__ = ["PARAMS", "AdaptiveParams", "AdaptivePlan", "expected_inputs", "letters_of"]

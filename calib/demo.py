@@ -32,11 +32,10 @@ from edge.cells import cell_polygons
 from edge.errors import SourceError
 from edge.link.node import Node
 from edge.link.sinks import CanSink, MemorySink, SerialSink, open_sink
-from edge.pipeline import Result
 from edge.runtime.device import LoopDevice
 from edge.runtime.loop import Loop, LoopConfig
 from edge.sources import open_source
-from edge.types import Feature
+from edge.types import Feature, Result
 from edge.view.figures import figure, surface_figure
 from hostlink.output_file import OutputError, check_output, writing
 from hostlink.wire import State, pack_state, unpack_state

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from calib.errors import TableError
 from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, contact_inputs, frame_inputs
 from edge.errors import EdgeError
-from edge.pipeline import Pipeline
+from edge.frame import Pipeline
 from edge.sources import read_image
 from edge.types import Array, Complex, Feature, Frame, Image, Index, Mask, Pins, Rest, Tracks
 from hostlink.interrupt import ENDING

@@ -47,7 +47,6 @@ from calib.targets import Targets
 from edge.calibration import Calibration
 from edge.calibration.file import (
     FORMAT,
-    SOURCE_MAX,
     TERMS_MAX,
     VERSION,
     CalibrationFile,
@@ -205,7 +204,7 @@ def fit(
 def _data(targets: Targets, usable: Mask) -> Data:
     """What the file says of the frames."""
     return Data(
-        source=", ".join(Path(part).name for part in targets.where.split(", "))[:SOURCE_MAX],
+        source=", ".join(Path(part).name for part in targets.where.split(", ")),
         sha256=targets.sha256,
         n_frames=int(usable.sum()),
         created=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),

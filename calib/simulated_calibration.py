@@ -14,7 +14,7 @@ from calib.sim import Simulator
 from calib.sim.mechanics import Tool, ToolPose
 from calib.targets import Targets
 from edge.calibration import Calibration
-from edge.pipeline import Pipeline
+from edge.frame import Pipeline
 from edge.rest.tare import tare
 
 __all__ = ["Range", "calibrate_simulated", "random_contact"]

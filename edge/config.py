@@ -17,10 +17,11 @@ from msgspec import inspect
 
 from edge import limits
 from edge.errors import ConfigError
+from edge.sources.options import EXPOSURE_MAX_US
 from edge.types import Feature
 
 Count = Annotated[int, msgspec.Meta(ge=1, le=10_000)]
-Rate = Annotated[float, msgspec.Meta(ge=0, le=2000)]
+Rate = Annotated[float, msgspec.Meta(ge=0, le=limits.RATE_MAX_HZ)]
 
 
 class _Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -42,7 +43,7 @@ class SourceTable(_Table, frozen=True, kw_only=True):
     width: Annotated[int, msgspec.Meta(ge=64, le=8192)] = 640
     height: Annotated[int, msgspec.Meta(ge=64, le=8192)] = 480
     rate_hz: Rate = 0.0  # 0: the camera's own
-    exposure_us: Annotated[int, msgspec.Meta(ge=0, le=1_000_000)] = 0  # 0: unchanged
+    exposure_us: Annotated[int, msgspec.Meta(ge=0, le=EXPOSURE_MAX_US)] = 0  # 0: unchanged
     gain: Annotated[int, msgspec.Meta(ge=0, le=100_000)] = 0  # 0: unchanged
 
 

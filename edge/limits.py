@@ -1,6 +1,6 @@
 """The limits under which every file and upload is parsed: calibration, settings, configuration, recordings.
 
-    raw = read_bounded(path, limits.CALIBRATION_BYTES)      # the size is known before anything is read
+    raw = read_bounded(path, limits.FILE_BYTES)      # the size is known before anything is read
     content = decode_json(raw, CalibrationFile)             # structure, lengths and ranges by the types
     ...                                                     # further checks by the stage
     ...                                                     # only then is anything built from it
@@ -24,8 +24,7 @@ import msgspec
 from hostlink import input_file
 
 __all__ = [
-    "CALIBRATION_BYTES",
-    "CONFIG_BYTES",
+    "FILE_BYTES",
     "IMAGE_PIXELS",
     "IMAGE_SIDE_PX",
     "PINS_MAX",
@@ -33,7 +32,6 @@ __all__ = [
     "POINTS_MAX",
     "RATE_MAX_HZ",
     "RATE_MIN_HZ",
-    "SETTINGS_BYTES",
     "BadContent",
     "ImageSide",
     "Name",
@@ -48,9 +46,7 @@ __all__ = [
     "read_toml_as",
 ]
 
-CALIBRATION_BYTES = 2 << 20  # a 1000-pin tip with every model takes about 0.5 MB
-CONFIG_BYTES = 64 << 10  # every key with a comment takes 4 kB
-SETTINGS_BYTES = 4 << 10  # five numbers
+FILE_BYTES = 2 << 20  # of a calibration, configuration or settings; 1000 pins with every model take 0.5 MB
 
 IMAGE_SIDE_PX = 8192  # width or height
 IMAGE_PIXELS = 1 << 24  # 4096 x 4096, more than any camera that fits behind a fingertip
@@ -67,7 +63,7 @@ _LONG_KEY = re.compile(rb"(?:[^\s.,=\[\]{}]+[ \t]*\.[ \t]*){%d}" % input_file.DE
 _TOO_DEEP = "lists and tables are nested too deeply"
 
 #: Any number of a file that has no narrower range.
-NUMBER_MAX = 1e15
+NUMBER_MAX = 2.0**53  # whole numbers up to it are exact
 Number = Annotated[float, msgspec.Meta(ge=-NUMBER_MAX, le=NUMBER_MAX)]
 #: A place or a length in an image; a place may lie slightly outside of it.
 Pixels = Annotated[float, msgspec.Meta(ge=-IMAGE_SIDE_PX, le=2 * IMAGE_SIDE_PX)]
@@ -109,7 +105,7 @@ def decode_json(raw: bytes, kind: type[T]) -> T:
 
 def read_toml(path: Path) -> dict[str, Any]:
     """A TOML file's table. Raises BadContent; OSError: it cannot be read."""
-    raw = read_bounded(path, CONFIG_BYTES)
+    raw = read_bounded(path, FILE_BYTES)
     if _LONG_KEY.search(raw):
         raise BadContent(_TOO_DEEP)
     try:

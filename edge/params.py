@@ -19,9 +19,12 @@ class RuntimeParams:
 
     switch_s: float = 2e-4  # longest wait of the loop's thread for the interpreter
     latencies_n: int = 1 << 14  # frames that the statistics of times look back on
-    rarely_s: float = 10.0  # one pair of log lines of a fault that flickers, one collection of garbage
-    patience_s: float = 1.0  # of waiting for a link or an image, and of reporting a failed write
-    wait_s: float = 0.02  # longest time without handling faults and commands
+    rarely_s: float = 10.0  # what repeats: a flickering fault's log lines, collections of garbage, restarts
+    patience_s: float = 1.0  # of waiting for a link, a client or an image, and of reporting a failed write
+    wait_s: float = 0.02  # longest time in which a thread looks whether there is something else to do
+    stall_s: float = 0.06  # without a new image, or an item that leaves: camera or link has stalled
+    retry_s: float = 0.1  # between two attempts to open a lost camera or link again
+    close_s: float = 0.3  # for a thread or driver that does not return
     check_s: float = 0.04  # between checks of what changes slowly, and between samples without images
     hysteresis_rel: float = 0.1  # of the level at which a fault appears; so far back, it clears
     astray_rel: float = ASTRAY_REL  # of the pins: may be beyond a limit for reasons of their own

@@ -1,7 +1,8 @@
 """The types that flow between the stages; stages share nothing else.
 
     FrameSource -> Frame -> [pins] Pins -> [tracking] Tracks -> [cells] Cells
-                -> [features] Features -> [calibration] Reading -> [link] hostlink.wire.State
+                -> [features] Features -> [calibration] Reading; all in a Result
+                -> [link] hostlink.wire.State
 
 Rules
 - Row i is always pin i, from the rest frame on. A lost pin is NaN and `seen[i] == False`, never a
@@ -48,6 +49,7 @@ __all__ = [
     "Polarity",
     "Reading",
     "Rest",
+    "Result",
     "Tracks",
     "per_frame",
 ]
@@ -352,19 +354,50 @@ class Cells:
 
 
 class Feature(StrEnum):
-    """What can be demanded. The demand is a `frozenset[Feature]`; nothing outside it is computed."""
+    """What can be demanded, a row each. The demand is a `frozenset[Feature]`; nothing outside it is computed.
 
-    DISPLACEMENT = "displacement"
-    FORCE = "force"
-    PRESSURE = "pressure"
-    CONTACT_AREA = "contact_area"
-    CONTACTS = "contacts"
-    SHEAR = "shear"
-    TORSION = "torsion"
-    TILT = "tilt"
-    SLIP = "slip"
-    ORIENTATION = "orientation"
-    SURFACE = "surface"  # the grid itself, for viewers and recorders
+    needs    quantities of `edge.features` that it depends on
+    outputs  of calibration models that it depends on
+    cells    it needs cell areas; otherwise the pins' motion
+    areas    its models need them, and not only to tell when a contact begins and ends
+    scaled   lengths of `Features` that it gives, <name>_px; the scale makes <name>_mm of the sample of them
+    """
+
+    needs: frozenset[str]
+    outputs: frozenset[str]
+    cells: bool
+    areas: bool
+    scaled: tuple[str, ...]
+
+    def __new__(
+        cls,
+        name: str,
+        needs: str = "",
+        outputs: str = "",
+        cells: bool = True,
+        areas: bool = True,
+        scaled: tuple[str, ...] = (),
+    ) -> Feature:
+        row = str.__new__(cls, name)
+        row._value_ = name
+        row.needs, row.outputs = frozenset(needs.split()), frozenset(outputs.split())
+        row.cells, row.areas, row.scaled = cells, areas, scaled
+        return row
+
+    DISPLACEMENT = "displacement", "modes volume", "displacement_mm", True, False
+    FORCE = (
+        "force", "modes volume", "force_n contact_area_mm2 force_x_n force_y_n torque_z_nmm", True, False
+    )  # fmt: skip
+    PRESSURE = "pressure", "modes volume contacts", "force_n contact_area_mm2"
+    CONTACT_AREA = "contact_area", "modes volume contacts", "contact_area_mm2"
+    CONTACTS = "contacts", "contacts", "displacement_mm"  # the depth of a single contact
+    SHEAR = "shear", "shear modes", "shear_x_mm shear_y_mm", False, False
+    TORSION = "torsion", "torsion modes", "torsion_deg", False
+    TILT = "tilt", "modes", "tilt_x_deg tilt_y_deg", True, False
+    SLIP = "slip", "slip"
+    ORIENTATION = "orientation", "contacts"
+    SURFACE = "surface", "surface"  # the grid itself, for viewers and recorders
+    VIBRATION = "vibration", "vibration", "", True, True, ("vibration",)
 
 
 @per_frame
@@ -434,6 +467,8 @@ class Features:
     slip_probability 0..1, that more than half of the contact's area slides
     gap             as `Cells.gap`; NaN: pins are lost, and there are no cells to estimate it from
     gap_img         as `Cells.gap_img`; None too if there are no cells
+    vibration_px    float, rms motion of the contact's pins in `vibration_hz`; 0: no contact; NaN: not known
+    vibration_hz    lowest and highest frequency of that; the highest is half the frame rate
     """
 
     area_change: Array
@@ -450,6 +485,8 @@ class Features:
     slip_probability: float | None = None
     gap: float = 0.0
     gap_img: Array | None = None
+    vibration_px: float | None = None
+    vibration_hz: tuple[float, float] | None = None
 
 
 @per_frame
@@ -468,3 +505,20 @@ class Reading:
     contacts: Array
     saturated: frozenset[str] = frozenset()
     calibrated: bool = False
+
+
+@per_frame
+class Result:
+    """The result of one frame.
+
+    cells, features  None if identities are not trusted, or nothing in demand depends on them
+    reading          empty if nothing is calibrated or trusted
+    searched         True: the whole frame was searched, not only the windows
+    """
+
+    frame: Frame
+    tracks: Tracks
+    cells: Cells | None
+    features: Features | None
+    reading: Reading
+    searched: bool

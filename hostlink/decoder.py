@@ -12,8 +12,9 @@ Rules
   the divider skipped, the 16-bit sample number shows how often that counter wrapped. A silence longer
   than 32768 samples (2.3 minutes at 240 Hz) looks like a restart: RESTART_RUN samples are dropped, and the
   loss is not counted.
-- Another version raises VersionMismatch, once a node. Frames of another layout look like noise, but noise
-  implies another data id in each frame (see `wire.e2e`) and another layout the same one again and again.
+- The version before is decoded too. Another one raises VersionMismatch, once a node. Frames of another layout
+  look like noise, but noise implies another data id in each frame (see `wire.e2e`) and another layout the
+  same one again and again.
   Events decoded in the same call are given with the next call.
 - A boot-up message restarts the sequence and the clock mapping, an announced clock step only the latter.
 """
@@ -40,7 +41,7 @@ from hostlink.wire.canid import CanIds, Kind
 from hostlink.wire.detail import DetailAssembler, unpack_segment
 from hostlink.wire.e2e import P11_COUNTERS, implied_id_p5, implied_id_p11
 from hostlink.wire.errors import CorruptFrame, VersionMismatch
-from hostlink.wire.fields import DATA_ID, DATA_ID_CLASSIC, HEADER_SIZE, STATE_SIZE, VERSION
+from hostlink.wire.fields import DATA_ID, DATA_ID_CLASSIC, HEADER_SIZE, OLDER, STATE_SIZE, VERSION
 from hostlink.wire.parts import PART_SIZE, Assembler, tpdo_of, unpack_part
 from hostlink.wire.serial import (
     FRAME_MAX,
@@ -139,7 +140,8 @@ class _Node:
         if len(frame) > HEADER_SIZE:
             version = frame[HEADER_SIZE - 1]
             data_id = implied_id_p5(frame) - (expected_id - DATA_ID) & 0xFFFF
-            if (version, data_id) != (VERSION, DATA_ID) and self.evidence_p5.weigh(version, data_id, frame):
+            known = {(VERSION, DATA_ID), *((older.version, older.data_id) for older in OLDER.values())}
+            if (version, data_id) not in known and self.evidence_p5.weigh(version, data_id, frame):
                 return self._foreign(version, DATA_ID, data_id)
         self.statistics.corrupt_n += 1
         return None
@@ -148,7 +150,8 @@ class _Node:
         """As `corrupt_p5`; only for TPDO1, whose data id does not depend on a page."""
         if tpdo == tpdo_of(0) and len(frame) == PART_SIZE:
             implied = implied_id_p11(frame)
-            if implied != DATA_ID_CLASSIC and self.evidence_p11.weigh(implied >> 8, implied, frame):
+            known = {DATA_ID_CLASSIC, *(older.data_id_classic for older in OLDER.values())}
+            if implied not in known and self.evidence_p11.weigh(implied >> 8, implied, frame):
                 return self._foreign(implied >> 8, DATA_ID_CLASSIC & 0xFF, implied & 0xFF)
         self.statistics.corrupt_n += 1
         return None

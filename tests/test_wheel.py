@@ -23,11 +23,11 @@ PROGRAM = """
 import sys
 sys.modules["cython"] = sys.modules["Cython"] = None  # an import of it fails
 import numpy as np
-import edge.pipeline
+import edge.frame
 from edge.cells.mesh import Mesh
 areas = np.empty(1)
 Mesh(1, 4).update(np.array([[0, 0], [1, 1], [-1, 1], [-1, -1], [1, -1.0]]), areas)
-print(edge.pipeline.__file__, float(areas[0]))
+print(edge.frame.__file__, float(areas[0]))
 """
 
 

@@ -28,8 +28,8 @@ from calib.report.sections import Requirement, Seen
 from calib.rig.base import CLEAR, Pose
 from calib.rig.simulated import SimulatedRig, Simulation, load_simulation
 from calib.sim import Tool
-from edge.pipeline import Pipeline, Result
-from edge.types import Array, Frame
+from edge.frame import Pipeline
+from edge.types import Array, Frame, Result
 
 STUDY_FRAMES = 12  # of each alternative: medians settle
 

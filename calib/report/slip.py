@@ -17,7 +17,7 @@ import numpy as np
 from calib.rig.simulated import Simulation
 from calib.sim import Tool, ToolPose
 from calib.simulated_calibration import TARE_FRAMES, mm_per_px
-from edge.pipeline import Pipeline
+from edge.frame import Pipeline
 from edge.rest.tare import tare
 from edge.types import Array, Feature, Mask
 

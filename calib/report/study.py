@@ -30,8 +30,7 @@ from edge.cells import Tessellator
 from edge.features.area_change import AreaChange
 from edge.features.surface import Surface
 from edge.pins import CentroidRefiner, detect
-from edge.pipeline import Result
-from edge.types import Array, Cells, Frame, Rest
+from edge.types import Array, Cells, Frame, Rest, Result
 
 __all__ = ["Row", "detectors", "places", "shear_models", "surfaces", "tessellations"]
 

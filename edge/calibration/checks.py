@@ -34,14 +34,8 @@ __all__ = ["check", "is_of_contact", "outputs_of"]
 class TipLimits:
     """Limits of a plausible description of a tip. Evidence: docs/tuning.md, "Calibration"."""
 
-    gap_min: float = 0.3  # pitches: smallest distance of two pins
-    pitch_ratio_max: float = 1.5  # stated over measured pitch, or the inverse
-    width_min: float = 0.1  # width over length of the pattern: below it the pins are on a line
-    outside_max: float = 1.0  # pin radii that a pin may lie outside of the image: the border cuts some
-    reach_min: float = 0.6  # tip radii: distance of the outermost pin from the centre
-    reach_max: float = 1.1  # the same, at most
+    stated_ratio_max: float = 1.25  # a length that is stated over what the pins show of it, or the inverse
     fill_min: float = 0.25  # share of the tip's circle that pins of this pitch cover
-    knot_step_min: float = 1e-9  # of the input: smallest distance of two knots of a curve
 
 
 LIMITS = TipLimits()
@@ -93,7 +87,8 @@ def _check_curve(model: Curve, where: str) -> None:
         known = ", ".join(_known_inputs(model))
         raise BadContent(f"{where}.input: unknown input {quote(model.input)}; known: {known}")
     steps = np.diff(np.array(model.knots), axis=0)
-    if not np.all(steps[:, 0] >= LIMITS.knot_step_min):
+    rounding = np.finfo(float).eps * float(np.abs(np.array(model.knots)[:, 0]).max())
+    if not np.all(steps[:, 0] > rounding):
         k = int(np.argmin(steps[:, 0])) + 1
         raise BadContent(f"{where}.knots[{k}]: the input must increase from knot to knot")
     if np.any(steps[:, 1] < 0) and np.any(steps[:, 1] > 0):
@@ -186,22 +181,26 @@ def _check_sensor(sensor: Sensor) -> None:
     distance = nearest_of(xy, xy, 2)[0][:, 1]
     pitch = float(np.median(distance))
     worst = int(distance.argmin())
-    if distance[worst] <= LIMITS.gap_min * pitch:
+    if distance[worst] <= min(sensor.pin_radius_px, pitch / 2):  # the middle of one is on the other
         raise BadContent(
             f"sensor.rest_xy_px[{worst}]: {distance[worst]:.3g} px from another pin, where the others are "
             f"{pitch:.3g} px apart"
         )
-    if not 1 / LIMITS.pitch_ratio_max <= sensor.pitch_px / pitch <= LIMITS.pitch_ratio_max:
+    if not _plausible(sensor.pitch_px, pitch):
         raise BadContent(f"sensor.pitch_px: {sensor.pitch_px:g}, but the rest pins are {pitch:.3g} px apart")
-    if 2 * sensor.pin_radius_px > LIMITS.pitch_ratio_max * pitch:
+    if 2 * sensor.pin_radius_px > LIMITS.stated_ratio_max * pitch:
         raise BadContent(
             f"sensor.pin_radius_px: {sensor.pin_radius_px:g}, too large for pins {pitch:.3g} px apart"
         )
     _check_circle(sensor, xy, pitch)
 
 
+def _plausible(stated: float, measured: float) -> bool:
+    return 1 / LIMITS.stated_ratio_max <= stated / measured <= LIMITS.stated_ratio_max
+
+
 def _check_inside(sensor: Sensor, xy: Array) -> None:
-    margin = LIMITS.outside_max * sensor.pin_radius_px + 0.5
+    margin = sensor.pin_radius_px + 0.5  # the border cuts some
     outside = np.any((xy < -margin) | (xy > np.array(sensor.size_px) - 1 + margin), axis=1)
     if outside.any():
         k = int(outside.argmax())
@@ -212,18 +211,15 @@ def _check_inside(sensor: Sensor, xy: Array) -> None:
 
 
 def _check_circle(sensor: Sensor, xy: Array, pitch: float) -> None:
-    length, width = np.linalg.svd(xy - xy.mean(axis=0), compute_uv=False)
-    if width < LIMITS.width_min * length:
-        raise BadContent("sensor.rest_xy_px: the pins are all on one line; a tip's pins cover a circle")
-    reach = float(np.hypot(*(xy - sensor.centre_px).T).max()) / sensor.tip_radius_px
-    if not LIMITS.reach_min <= reach <= LIMITS.reach_max:
+    reach = float(np.hypot(*(xy - sensor.centre_px).T).max())
+    if not _plausible(sensor.tip_radius_px, reach):
         raise BadContent(
-            f"sensor.tip_radius_px: {sensor.tip_radius_px:g}, but the outermost pin is "
-            f"{reach * sensor.tip_radius_px:.4g} px from centre_px"
+            f"sensor.tip_radius_px: {sensor.tip_radius_px:g}, but the outermost pin is {reach:.4g} px from "
+            "centre_px"
         )
     fill = len(xy) * _CELL_AREA * pitch**2 / (np.pi * sensor.tip_radius_px**2)
     if fill < LIMITS.fill_min:
         raise BadContent(
             f"sensor.rest_xy_px: {len(xy)} pins {pitch:.3g} px apart cover {fill:.0%} of the tip's circle; "
-            "most of the tip's pins are missing"
+            "are most of the tip's pins missing, or all on one line?"
         )

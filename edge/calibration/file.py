@@ -24,6 +24,7 @@ import msgspec
 import numpy as np
 
 from edge import limits
+from edge.calibration.inputs import FRAME_INPUTS
 from edge.errors import CalibrationError
 from edge.limits import BadContent, ImageSide, Name, Number, Pixels
 from edge.types import Lens, PinPattern, Pins, Rest
@@ -33,15 +34,9 @@ FORMAT = "voronoi-touch-calibration"
 VERSION = 1
 _GIVE = "give one that `python -m calib fit` wrote"
 
-TERMS_MAX = 512  # of a polynomial; the largest that `calib fit` tries has about 200
-FACTORS_MAX = 6  # inputs in a product
-SPREAD_ROWS_MAX = 16
-FACTOR_ROWS_MAX = 64
-NOISE_TERMS_MAX = 16
-KNOTS_MAX = 256
+TERMS_MAX = 512  # rows of any table of a model; the largest that `calib fit` tries has about 200
+FACTORS_MAX = len(FRAME_INPUTS)  # inputs in a product
 REST_SIGMA_PX = 0.05  # noise of a rest pin: the file does not keep each pin's own
-SOURCE_MAX = 10_000  # characters: names of the tables or captures that it was made from
-FRAMES_MAX = 1_000_000_000  # for the record only
 
 #: In the output's unit: mm, mm2, N, Nmm, deg.
 Output = Annotated[float, msgspec.Meta(ge=-1e6, le=1e6)]
@@ -51,7 +46,7 @@ Exponent = Annotated[float, msgspec.Meta(ge=-100, le=100)]
 Grey = Annotated[float, msgspec.Meta(ge=-65535, le=65535)]
 Length = Annotated[float, msgspec.Meta(ge=0.5, le=2 * limits.IMAGE_SIDE_PX)]
 Scale = Annotated[float, msgspec.Meta(ge=1e-4, le=10)]
-Count = Annotated[int, msgspec.Meta(ge=0, le=FRAMES_MAX)]
+Count = Annotated[int, msgspec.Meta(ge=0, le=int(limits.NUMBER_MAX))]
 
 Pair = tuple[Number, Number]
 Term = Annotated[list[Name], msgspec.Meta(max_length=FACTORS_MAX)]
@@ -83,7 +78,7 @@ class Curve(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="curve"
 
     output: Name
     input: Name
-    knots: Annotated[list[tuple[Number, Output]], msgspec.Meta(min_length=2, max_length=KNOTS_MAX)]
+    knots: Annotated[list[tuple[Number, Output]], msgspec.Meta(min_length=2, max_length=TERMS_MAX)]
     sigma: Sigma
 
 
@@ -103,7 +98,7 @@ class Polynomial(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="m
     weights: Row
     valid: Annotated[list[tuple[Output, Output]], msgspec.Meta(max_length=2)]
     sigma: Annotated[list[Sigma], msgspec.Meta(max_length=2)]
-    spread: Annotated[list[Row], msgspec.Meta(max_length=SPREAD_ROWS_MAX)] = []
+    spread: Annotated[list[Row], msgspec.Meta(max_length=TERMS_MAX)] = []
 
 
 class Lost(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -119,8 +114,8 @@ class Lost(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     gap_power: Exponent
     volume_power: Exponent
     gap_max: Annotated[float, msgspec.Meta(gt=0, le=1e6)]
-    terms: Annotated[list[Term], msgspec.Meta(max_length=NOISE_TERMS_MAX)] = []
-    weights: Annotated[list[Number], msgspec.Meta(max_length=NOISE_TERMS_MAX)] = []
+    terms: Annotated[list[Term], msgspec.Meta(max_length=TERMS_MAX)] = []
+    weights: Annotated[list[Number], msgspec.Meta(max_length=TERMS_MAX)] = []
 
 
 class Process(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="process"):
@@ -145,12 +140,12 @@ class Process(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="proc
     weights: Row
     valid: Annotated[list[tuple[Output, Output]], msgspec.Meta(max_length=2)]
     sigma: Annotated[list[Sigma], msgspec.Meta(max_length=2)]
-    factor: Annotated[list[Row], msgspec.Meta(max_length=FACTOR_ROWS_MAX)]
+    factor: Annotated[list[Row], msgspec.Meta(max_length=TERMS_MAX)]
     far: Annotated[float, msgspec.Meta(ge=0, le=1e12)]
-    noise_terms: Annotated[list[Term], msgspec.Meta(max_length=NOISE_TERMS_MAX)] = []
-    noise_weights: Annotated[list[Number], msgspec.Meta(max_length=NOISE_TERMS_MAX)] = []
+    noise_terms: Annotated[list[Term], msgspec.Meta(max_length=TERMS_MAX)] = []
+    noise_weights: Annotated[list[Number], msgspec.Meta(max_length=TERMS_MAX)] = []
     noise_range: tuple[Exponent, Exponent] = (0.0, 0.0)
-    across_weights: Annotated[list[Number], msgspec.Meta(max_length=NOISE_TERMS_MAX)] = []
+    across_weights: Annotated[list[Number], msgspec.Meta(max_length=TERMS_MAX)] = []
     across_range: tuple[Exponent, Exponent] = (0.0, 0.0)
     lost: Lost | None = None
 
@@ -182,7 +177,7 @@ class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
 class Data(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The data it was made from, for the record."""
 
-    source: Annotated[str, msgspec.Meta(max_length=SOURCE_MAX)]
+    source: str
     sha256: Name
     n_frames: Count
     created: Name
@@ -209,7 +204,7 @@ class _Header(msgspec.Struct, frozen=True):
 def read_file(path: Path) -> CalibrationFile:
     """Read a file. Raises CalibrationError: one line, file, place in it, what would be right."""
     try:
-        raw = limits.read_bounded(path, limits.CALIBRATION_BYTES)
+        raw = limits.read_bounded(path, limits.FILE_BYTES)
     except OSError as error:
         raise CalibrationError(f"{path}: cannot be read: {error.strerror}") from None
     except BadContent as error:
@@ -222,8 +217,8 @@ def decode(raw: bytes, where: str) -> CalibrationFile:
 
     Raises  CalibrationError, as `read_file`
     """
-    if len(raw) > limits.CALIBRATION_BYTES:
-        raise CalibrationError(f"{where}: larger than {limits.CALIBRATION_BYTES >> 10} KiB")
+    if len(raw) > limits.FILE_BYTES:
+        raise CalibrationError(f"{where}: larger than {limits.FILE_BYTES >> 10} KiB")
     try:
         header = limits.decode_json(raw, _Header)
     except BadContent as error:

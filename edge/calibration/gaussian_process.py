@@ -35,7 +35,7 @@ import cython
 import numpy as np
 
 from edge.calibration.file import Process
-from edge.calibration.outputs import FIELDS
+from edge.calibration.polynomial import FIELDS
 from edge.types import Array, Mask
 
 if cython.compiled:

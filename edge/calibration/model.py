@@ -6,7 +6,8 @@ Rules
 - An untouched tip reads zero: that is what the tare defines.
 - Some values need no model, as they follow from others and the scale: pressure is force over contact area;
   area, if no model gives it, is that of the contacts in the image times the scale squared; slip speed is
-  the motion that a load does not explain, times the scale, over the time between two frames.
+  the motion that a load does not explain, times the scale, over the time between two frames; a length that
+  a feature's row names (`Feature.scaled`) is that in the image times the scale.
 - A single contact's depth is the frame's displacement: all pins contribute to it, and on a ball its error
   is several times smaller than with the contact's own height and size (0.05 against 0.2..0.3 mm rms).
 - Of several contacts that were fitted together, place and depth are those of the models of fitted contacts.
@@ -44,25 +45,15 @@ from edge.calibration.file import (
 )
 from edge.calibration.gaussian_process import ProcessKernel, wanted_models
 from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, MOMENTS, InputRow
-from edge.calibration.outputs import OutputRow
-from edge.calibration.polynomial import ModelKernel
+from edge.calibration.polynomial import ModelKernel, OutputRow
 from edge.errors import CalibrationError
 from edge.limits import BadContent
 from edge.types import Array, Complex, ContactRegion, Feature, Features, PinPattern, Reading
 
 #: Forces along the surface. The torque that a contact can carry depends on its area.
 OF_FRICTION = frozenset({"force_x_n", "force_y_n", "torque_z_nmm"})
-#: Outputs of models that each feature depends on.
-OUTPUTS_OF: dict[Feature, frozenset[str]] = {
-    Feature.DISPLACEMENT: frozenset({"displacement_mm"}),
-    Feature.FORCE: frozenset({"force_n", "contact_area_mm2", *OF_FRICTION}),
-    Feature.PRESSURE: frozenset({"force_n", "contact_area_mm2"}),
-    Feature.CONTACT_AREA: frozenset({"contact_area_mm2"}),
-    Feature.CONTACTS: frozenset({"displacement_mm"}),  # the depth of a single contact
-    Feature.SHEAR: frozenset({"shear_x_mm", "shear_y_mm"}),
-    Feature.TORSION: frozenset({"torsion_deg"}),
-    Feature.TILT: frozenset({"tilt_x_deg", "tilt_y_deg"}),
-}
+#: Lengths of `Features`, and the values that the scale makes of them.
+SCALED = [(f"{name}_px", f"{name}_mm") for feature in Feature for name in feature.scaled]
 #: The features that a process takes its inputs from: modes and volume, the strongest contact.
 OF_PROCESS = frozenset({Feature.DISPLACEMENT, Feature.CONTACTS})
 #: Features that include contacts: only for these are they passed on.
@@ -271,6 +262,10 @@ class Calibration:
                 values["slip_speed_mm_s"] = 0.0
             elif scale is not None and interval_s is not None and interval_s > 0.0:
                 values["slip_speed_mm_s"] = features.slip_px * scale / interval_s
+        for length, name in SCALED:
+            length_px = getattr(features, length)
+            if length_px is not None and scale is not None:
+                values[name] = length_px * scale
 
     def _places(
         self, features: Features, found: Contacts | None, pattern: PinPattern, depth_mm: float | None
@@ -323,7 +318,7 @@ def _inputs_of(model: Model) -> frozenset[str]:
 
 
 def _outputs_in(demand: frozenset[Feature]) -> frozenset[str]:
-    return frozenset().union(*(OUTPUTS_OF[feature] for feature in demand & OUTPUTS_OF.keys()))
+    return frozenset().union(*(feature.outputs for feature in demand))
 
 
 def uncalibrated(features: Features | None = None) -> Reading:

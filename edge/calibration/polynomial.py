@@ -25,23 +25,72 @@ from numpy.typing import NDArray
 
 from edge.calibration.file import Curve, Polynomial
 from edge.calibration.inputs import term_columns
-from edge.calibration.outputs import FIELDS
 from edge.types import Array, Mask
 
 if cython.compiled:
-    from cython.cimports.edge.calibration.spread_sums import sum_squares
     from cython.cimports.edge.geometry.views import PointsView
-    from cython.cimports.libc.math import NAN, isnan, sqrt
+    from cython.cimports.libc.math import NAN, isfinite, isnan, sqrt
 else:
-    from math import isnan, sqrt
+    from math import isfinite, isnan, sqrt
     from math import nan as NAN  # noqa: N812
 
-    from edge.calibration.spread_sums import sum_squares
     from edge.geometry.views import PointsView
 
+#: Of each output: value, sigma, whether the model is out of its range (0 or 1).
+FIELDS = 3
+_NONE: frozenset[str] = frozenset()
 _FIELDS = cython.declare(cython.Py_ssize_t, FIELDS)
 #: Rows of a factor L that are summed together.
 ROWS = 4
+
+
+@cython.cclass
+class OutputRow:
+    """Outputs of models, in the same memory again and again.
+
+    A frame reads a dozen numbers of them one by one: an array's own reading and a call for each name would
+    cost more than the models do.
+
+    names  of the n outputs
+    rows   (n, FIELDS) float64, to be written by models
+    """
+
+    names = cython.declare(tuple, visibility="readonly")
+    rows = cython.declare(object, visibility="readonly")
+    _numbers: cython.double[:, ::1]  # the same memory
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self.names = tuple(names)
+        self.rows = self._numbers = np.zeros((len(self.names), FIELDS))
+
+    def by_name(self) -> tuple[dict[str, float], dict[str, float], frozenset[str]]:
+        """Values and sigmas, and the names of the known values that are out of range; all new."""
+        values: dict[str, float] = {}
+        sigmas: dict[str, float] = {}
+        outside = _NONE
+        i: cython.Py_ssize_t
+        for i in range(self._numbers.shape[0]):
+            name = self.names[i]
+            values[name] = self._numbers[i, 0]
+            sigmas[name] = self._numbers[i, 1]
+            if self._numbers[i, 2] != 0.0 and isfinite(self._numbers[i, 0]):
+                outside |= {name}
+        return values, sigmas, outside
+
+    def write_into(self, numbers: list[float], places: Sequence[int]) -> None:
+        """Set the value of each output to its place in `numbers`.
+
+        Raises  ValueError: another number of places, or one beyond
+        """
+        i: cython.Py_ssize_t
+        place: cython.Py_ssize_t
+        if len(places) != self._numbers.shape[0]:
+            raise ValueError(f"places of {self._numbers.shape[0]} outputs are wanted, not of {len(places)}")
+        for i in range(self._numbers.shape[0]):
+            place = places[i]
+            if not 0 <= place < len(numbers):
+                raise ValueError(f"places of 0 to {len(numbers) - 1} are wanted, not {place}")
+            numbers[place] = self._numbers[i, 0]
 
 
 @cython.cclass
@@ -232,13 +281,39 @@ class ModelKernel:
             self._terms[i, 1] = im
             y_re += self._weights[begin + i, 0] * re - self._weights[begin + i, 1] * im
             y_im += self._weights[begin + i, 0] * im + self._weights[begin + i, 1] * re
-        away: cython.double = sum_squares(
-            self._spread, self._first_spread[m], self._first_spread[m + 1], self._terms, n
-        )
+        away: cython.double = self._square_of_spread(m, n)
         output: cython.Py_ssize_t = self._first_output[m]
         self._write(output, y_re, sqrt(1.0 + away), out)
         if output + 1 < self._first_output[m + 1]:
             self._write(output + 1, y_im, sqrt(1.0 + away), out)
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _square_of_spread(self, m: cython.Py_ssize_t, n: cython.Py_ssize_t) -> cython.double:
+        """|L psi|^2, ROWS rows of L at a time."""
+        by_re: cython.float[8] = [0.0] * 8
+        by_im: cython.float[8] = [0.0] * 8
+        spread: cython.float[:, ::1] = self._spread
+        first: cython.Py_ssize_t
+        i: cython.Py_ssize_t
+        r: cython.Py_ssize_t
+        re: cython.float
+        im: cython.float
+        total: cython.double = 0.0
+        for first in range(self._first_spread[m], self._first_spread[m + 1], n):
+            for r in range(8):
+                by_re[r] = by_im[r] = 0.0
+            for i in range(n):
+                re = cython.cast(cython.float, self._terms[i, 0])
+                im = cython.cast(cython.float, self._terms[i, 1])
+                for r in range(8):
+                    by_re[r] += spread[first + i, r] * re
+                    by_im[r] += spread[first + i, r] * im
+            for r in range(4):
+                re = by_re[r] - by_im[4 + r]
+                im = by_im[r] + by_re[4 + r]
+                total += cython.cast(cython.double, re) * re + cython.cast(cython.double, im) * im
+        return total
 
     @cython.cfunc
     @cython.inline
@@ -272,7 +347,7 @@ def _products_of(
 
 
 def _rows_by_four(model: Polynomial) -> NDArray[np.float32]:
-    """A factor's rows, four at a time and filled up with zeros, as `sum_squares` takes them."""
+    """A factor's rows, four at a time and filled up with zeros, as `_square_of_spread` takes them."""
     n = len(model.terms)
     padding = [[(0.0, 0.0)] * n] * ((ROWS - len(model.spread) % ROWS) % ROWS)
     rows = np.array([*model.spread, *padding], np.float32).reshape(-1, ROWS, n, 2)

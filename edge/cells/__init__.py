@@ -13,8 +13,6 @@ Rules
 - Pins at the same place share their cell in equal parts. A pin that broke through the boundary has no bounded
   cell: NaN.
 - Decisions and areas are as exact as `edge.cells.mesh` says; the triangulation is kept from frame to frame.
-- Where no cell has moved far from rest, areas are linear in the motion (`first_order`, which says how
-  exactly), and nothing is triangulated.
 """
 
 from edge.cells.tessellator import Tessellator, cell_polygons

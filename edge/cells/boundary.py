@@ -43,7 +43,8 @@ def make_boundary(xy: Array, pitch_px: float, params: CellsParams = PARAMS) -> t
 
     Returns  (b, 2) px; (r,) indices of the rim pins
     """
-    ball, offset = params.ball_pitches * pitch_px, params.boundary_pitches * pitch_px
+    # A pitch further out, so that a rim cell ends half a pitch from its pin, as an inner cell does.
+    ball, offset = params.ball_pitches * pitch_px, pitch_px
     step = params.step_pitches * pitch_px
     pin, start, length = _ways_of_the_ball(xy, ball)
     comes = xy[pin] + ball * _direction(start)  # ball's centre where it first touches this pin
@@ -153,16 +154,15 @@ def rim_motion(
     boundary: Array,
     fence: Array,
     pitch_px: float,
-    params: CellsParams = PARAMS,
 ) -> RimMotion:
-    """The constants by which boundary and fence follow the rim pins of one tip."""
+    """The constants by which boundary and fence follow one tip's rim pins, above all those within a pitch."""
     xy = rest_xy[rim]
     centre = xy.mean(axis=0)
     scale = float(np.abs(xy - centre).max())
     rim_terms = affine_terms(xy, centre, scale)
     distance2 = ((boundary[:, None, :] - xy[None, :, :]) ** 2).sum(axis=2)
     distance2 -= distance2.min(axis=1, keepdims=True)  # far from every pin, the nearest still counts
-    weight = np.exp(-0.5 * distance2 / (params.rim_reach_pitches * pitch_px) ** 2)
+    weight = np.exp(-0.5 * distance2 / pitch_px**2)
     weight[weight < NEGLIGIBLE] = 0.0
     weight /= weight.sum(axis=1, keepdims=True)
     k = int(np.count_nonzero(weight, axis=1).max())

@@ -53,14 +53,13 @@ from edge.limits import POINTS_MAX
 from edge.types import Array, Index
 
 if cython.compiled:
-    from cython.cimports.edge.cells.coordinates import extent, take
     from cython.cimports.edge.cells.predicates import Predicates
-    from cython.cimports.edge.cells.triangle_parts import sum_certain
     from cython.cimports.edge.geometry.views import PointsView
+    from cython.cimports.libc.math import fabs
 else:
-    from edge.cells.coordinates import extent, take
+    from math import fabs
+
     from edge.cells.predicates import Predicates
-    from edge.cells.triangle_parts import sum_certain
     from edge.geometry.views import PointsView
 
 INFINITY = cython.declare(cython.double, float("inf"))
@@ -128,8 +127,6 @@ class Mesh:
     predicates: Predicates
     x: cython.double[::1]  # per point
     y: cython.double[::1]
-    low: cython.double[::1]  # (2,) the least x and y of all points, and the largest
-    high: cython.double[::1]
     area: cython.double[::1]
     bound: cython.double[::1]  # of the error of the area's parts that are not accurate by themselves
     has_bounds: cython.bint  # one is above 0
@@ -140,7 +137,6 @@ class Mesh:
     twin: cython.int[::1]
     stacked: cython.uchar[::1]  # whether it is on the stack
     stack: cython.int[::1]  # half-edges to check
-    uncertain: cython.int[::1]  # the triangles with a part that is not
     points_view: PointsView
     areas: cython.double[::1]  # given last
     areas_array: Array | None  # the same memory
@@ -167,16 +163,14 @@ class Mesh:
         self.predicates = Predicates(x, y)
         self.x = x
         self.y = y
-        self.low, self.high = np.zeros(2), np.zeros(2)
         self.area = np.zeros(n_all)
         self.bound = np.zeros(n_all)
         self.exactly = np.zeros(n_all, np.uint8)
         self.same_as, self.sharers = np.zeros((2, n_all), np.int32)
-        self.tail = np.zeros(3 * (n_triangles + 3), np.int32)  # read four triangles at a time
+        self.tail = np.zeros(3 * n_triangles, np.int32)
         self.twin = np.zeros(3 * n_triangles, np.int32)
         self.stacked = np.zeros(3 * n_triangles, np.uint8)
         self.stack = np.zeros(3 * n_triangles, np.int32)
-        self.uncertain = np.zeros(n_triangles + 1, np.int32)  # written one beyond the last
         self.points_view, self.areas_array = PointsView(), None
         self.total_area = 0.0
 
@@ -300,17 +294,34 @@ class Mesh:
     def _take(self, points: cython.const[cython.double][:, ::1]) -> cython.int:
         """Take the coordinates, and place the guards round them."""
         n: cython.Py_ssize_t = self.n_points
-        if not extent(points, self.low, self.high):
+        i: cython.Py_ssize_t
+        x: cython.double
+        y: cython.double
+        left: cython.double = INFINITY
+        right: cython.double = -INFINITY
+        top: cython.double = INFINITY
+        bottom: cython.double = -INFINITY
+        zero: cython.double = 0.0  # NaN if a coordinate is not finite
+        for i in range(n):
+            x, y = points[i, 0], points[i, 1]
+            left, right = x if x < left else left, x if x > right else right
+            top, bottom = y if y < top else top, y if y > bottom else bottom
+            zero += (x - x) + (y - y)
+        if zero != 0.0:
             return NOT_FINITE
-        width: cython.double = self.high[0] - self.low[0]
-        height: cython.double = self.high[1] - self.low[1]
-        size: cython.double = max(width, height)
+        size: cython.double = max(right - left, bottom - top)
         if not EXTENT_MIN < size < EXTENT_MAX:
             return NO_EXTENT
-        take(points, SNAP * size, self.x, self.y)
+        tiny: cython.double = SNAP * size
+        x_of: cython.double[::1] = self.x
+        y_of: cython.double[::1] = self.y
+        for i in range(n):
+            x, y = points[i, 0], points[i, 1]
+            x_of[i] = x if fabs(x) >= tiny else 0.0
+            y_of[i] = y if fabs(y) >= tiny else 0.0
         half: cython.double = 0.5 * size * self.guard_reach
-        x_mid: cython.double = self.low[0] + 0.5 * width
-        y_mid: cython.double = self.low[1] + 0.5 * height
+        x_mid: cython.double = left + 0.5 * (right - left)
+        y_mid: cython.double = top + 0.5 * (bottom - top)
         self.x[n] = self.x[n + 3] = x_mid - half
         self.x[n + 1] = self.x[n + 2] = x_mid + half
         self.y[n] = self.y[n + 1] = y_mid - half
@@ -383,31 +394,10 @@ class Mesh:
     @cython.exceptval(check=False)
     def _parts(self, t: cython.Py_ssize_t) -> Parts:
         """Parts of triangle t."""
-        h: cython.Py_ssize_t = 3 * t
-        a: cython.Py_ssize_t = self.tail[h]
-        b: cython.Py_ssize_t = self.tail[h + 1]
-        c: cython.Py_ssize_t = self.tail[h + 2]
-        abx: cython.double = self.x[b] - self.x[a]
-        aby: cython.double = self.y[b] - self.y[a]
-        bcx: cython.double = self.x[c] - self.x[b]
-        bcy: cython.double = self.y[c] - self.y[b]
-        cax: cython.double = self.x[a] - self.x[c]
-        cay: cython.double = self.y[a] - self.y[c]
-        cross: cython.double = aby * cax - abx * cay
-        ab2: cython.double = abx * abx + aby * aby
-        bc2: cython.double = bcx * bcx + bcy * bcy
-        ca2: cython.double = cax * cax + cay * cay
-        sum2: cython.double = ab2 + bc2 + ca2
-        if not cross > SLIVER * sum2:
-            return Parts(0.0, 0.0, 0.0, INFINITY)
-        inverse: cython.double = 1.0 / cross
-        q: cython.double = 0.5 * sum2 * inverse
-        return Parts(
-            -(bcx * cax + bcy * cay) * inverse * ab2,
-            -(cax * abx + cay * aby) * inverse * bc2,
-            -(abx * bcx + aby * bcy) * inverse * ca2,
-            ERROR_BOUND * q * (1.0 + q) * sum2,
-        )
+        a: cython.Py_ssize_t = self.tail[3 * t]
+        b: cython.Py_ssize_t = self.tail[3 * t + 1]
+        c: cython.Py_ssize_t = self.tail[3 * t + 2]
+        return _parts_of(self.x[a], self.y[a], self.x[b], self.y[b], self.x[c], self.y[c])
 
     @cython.cfunc
     @cython.nogil
@@ -421,24 +411,37 @@ class Mesh:
         i: cython.Py_ssize_t
         k: cython.Py_ssize_t
         t: cython.Py_ssize_t
+        a: cython.Py_ssize_t
+        b: cython.Py_ssize_t
+        c: cython.Py_ssize_t
         own: Parts
+        part: cython.double
+        x: cython.double[::1] = self.x
+        y: cython.double[::1] = self.y
+        tail: cython.int[::1] = self.tail
+        area: cython.double[::1] = self.area
         for i in range(self.n_points + N_GUARD):
-            self.area[i] = 0.0
+            area[i] = 0.0
         if self.has_bounds:
             self.has_bounds = False
             for i in range(self.n_points):
                 self.bound[i] = 0.0
-        n: cython.Py_ssize_t = sum_certain(
-            self.tail, self.x, self.y, self.n_triangles, SLIVER, ERROR_BOUND, AREA_TOLERANCE, self.area,
-            self.uncertain,
-        )  # fmt: skip
-        for i in range(n):
-            t = self.uncertain[i]
-            own = self._parts(t)
+        for t in range(self.n_triangles):
+            a, b, c = tail[3 * t], tail[3 * t + 1], tail[3 * t + 2]
+            own = _parts_of(x[a], y[a], x[b], y[b], x[c], y[c])
+            if own.error < AREA_TOLERANCE * min(own.ab, own.bc, own.ca):
+                area[a] += own.ab + own.ca
+                area[b] += own.ab + own.bc
+                area[c] += own.bc + own.ca
+                continue
             if own.error == INFINITY and self._is_turned(t):
                 return False
             for k in range(3):
-                if not _is_certain(own, k):
+                if _is_certain(own, k):
+                    part = _part_of(own, k)
+                    area[tail[3 * t + k]] += part
+                    area[tail[3 * t + (k + 1) % 3]] += part
+                else:
                     self._sweep_edge(3 * t + k, _part_of(own, k), own.error)
         if self.reached or self.marked != self.changes:
             self.marked = self.changes
@@ -812,6 +815,38 @@ class Mesh:
         self._flip(flat)
         self._push_round(flat, g)
         return True
+
+
+@cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def _parts_of(
+    ax: cython.double, ay: cython.double, bx: cython.double, by: cython.double, cx: cython.double,
+    cy: cython.double,
+) -> Parts:  # fmt: skip
+    """Parts of a triangle."""
+    abx: cython.double = bx - ax
+    aby: cython.double = by - ay
+    bcx: cython.double = cx - bx
+    bcy: cython.double = cy - by
+    acx: cython.double = cx - ax
+    acy: cython.double = cy - ay
+    cross: cython.double = abx * acy - aby * acx
+    ab2: cython.double = abx * abx + aby * aby
+    bc2: cython.double = bcx * bcx + bcy * bcy
+    ca2: cython.double = acx * acx + acy * acy
+    sum2: cython.double = ab2 + bc2 + ca2
+    if not cross > SLIVER * sum2:
+        return Parts(0.0, 0.0, 0.0, INFINITY)
+    inverse: cython.double = 1.0 / cross
+    q: cython.double = 0.5 * sum2 * inverse
+    return Parts(
+        (bcx * acx + bcy * acy) * inverse * ab2,
+        (acx * abx + acy * aby) * inverse * bc2,
+        -(abx * bcx + aby * bcy) * inverse * ca2,
+        ERROR_BOUND * q * (1.0 + q) * sum2,
+    )
 
 
 @cython.cfunc

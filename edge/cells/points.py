@@ -19,7 +19,7 @@ import cython
 import numpy as np
 
 from edge.cells.boundary import RimMotion
-from edge.geometry.memory import short_rows
+from edge.geometry.neighbours import short_rows
 from edge.types import Array, Index
 
 

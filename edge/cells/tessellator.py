@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from random import Random
 
 import numpy as np
 
 from edge.cells.boundary import make_boundary, make_fence, rim_motion
-from edge.cells.first_order import FirstOrderAreas
 from edge.cells.mesh import Mesh
 from edge.cells.missing import Gap, LostPins
 from edge.cells.params import PARAMS, CellsParams
@@ -36,7 +34,7 @@ class Tessellator:
         fence = make_fence(boundary, pitch_px, params)
         n, b, f = len(xy), len(boundary), len(fence)
         self._rest_img = xy
-        motion = rim_motion(xy, rim, boundary, fence, pitch_px, params)
+        motion = rim_motion(xy, rim, boundary, fence, pitch_px)
         self._frame_points = FramePoints(xy, motion, np.concatenate([boundary, fence]))
         self._n_boundary = b
         self._lost = LostPins(xy, pitch_px)
@@ -47,13 +45,12 @@ class Tessellator:
         self._rest_area_px2 = np.empty(n)
         self._mesh.update(self._points, self._rest_area_px2)
         self._rest_area_px2.flags.writeable = False
-        self._collapsed_px2 = params.collapsed_rel * float(self._rest_area_px2.sum())
+        self._collapsed_px2 = np.finfo(float).eps ** 0.5 * float(self._rest_area_px2.sum())
         self._last_counts = False  # whether `_points` are of the frame before
         self._gap = 0.0
         self._gap_img: Array | None = None
         self._changes = -1
-        self._rest_triangles = self._triangles = self._mesh.triangles()
-        self._first_order = self._make_first_order(params)
+        self._triangles = self._mesh.triangles()
 
     def prepare(self) -> None:
         """Make now what otherwise the first lost pin would wait for (20 ms)."""
@@ -78,10 +75,7 @@ class Tessellator:
             self._gap, self._gap_img = _size_and_place(self._lost.gap, self._rest_img)
         autocorrelation, self._last_counts = tracks.autocorrelation if self._last_counts else 0.0, True
         self._frame_points.place(tracks.xy_img, self._points, autocorrelation)
-        if self._first_order is not None and self._first_order.update(self._points, self._area):
-            triangles = self._rest_triangles
-        else:
-            triangles = self._tessellate(tracks)
+        triangles = self._tessellate(tracks)
         xy, area = tracks.xy_img, self._area.copy()
         whole: Array | None = None
         if self._gap_img is not None:
@@ -119,28 +113,6 @@ class Tessellator:
 
     def _seen_of(self, tracks: Tracks) -> str:
         return f"{len(self._area)} pins, {tracks.n_seen} of them seen"
-
-    def _make_first_order(self, params: CellsParams) -> FirstOrderAreas | None:
-        """None: a cell is not bounded at rest."""
-        n, b = len(self._rest_img), self._n_boundary
-        if not np.isfinite(self._rest_area_px2).all():
-            return None
-        first_order = FirstOrderAreas(self._points[: n + b], self._rest_area_px2, self._rest_triangles)
-        mesh, points, areas = Mesh(n, b, len(self._points) - n - b), np.empty_like(self._points), np.empty(n)
-
-        def place(xy: Array) -> Array:
-            self._frame_points.place(xy, points)
-            return points
-
-        def exact(points: Array) -> Array:
-            mesh.update(points, areas)
-            return areas
-
-        random = Random(0)  # NumPy's would be loaded for this alone: 3 MB
-        trials_n = params.first_order_trials
-        trials = np.array([random.gauss(0.0, 1.0) for _ in range(trials_n * n * 2)]).reshape(trials_n, n, 2)
-        first_order.measure(place, exact, trials, params)
-        return first_order
 
 
 def _size_and_place(gap: Gap, rest_img: Array) -> tuple[float, Array | None]:

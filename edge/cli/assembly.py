@@ -18,11 +18,10 @@ if TYPE_CHECKING:
     from edge.config import Config, SourceTable
     from edge.link.node import Node
     from edge.link.settings import SettingsFile
-    from edge.pipeline import Result
     from edge.runtime.device import LoopDevice
     from edge.runtime.loop import Loop
     from edge.sensors import KnownSensor
-    from edge.types import FrameSource
+    from edge.types import FrameSource, Result
     from edge.worker import WorkerClient
     from hostlink.web import Listen
     from hostlink.wire import State

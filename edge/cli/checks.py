@@ -19,7 +19,9 @@ from edge.config import Config
 from edge.errors import CalibrationError, NoPins, SinkError
 from edge.faults.image_quality import ONE_LEVEL, level_of
 from edge.faults.image_quality import PARAMS as IMAGE
+from edge.faults.pin_visibility import PARAMS as SEEN
 from edge.link.sinks import open_sink
+from edge.params import ASTRAY_REL
 from edge.pins import take_rest
 from edge.rest.sensor_match import mm_per_px, recognise
 from edge.rest.symmetry import symmetry_of
@@ -27,6 +29,7 @@ from edge.rest.tip_match import in_order_of
 from edge.runtime.board_monitor import PARAMS as BOARD
 from edge.runtime.board_monitor import STORED_BYTES
 from edge.sensors import KnownSensor, known_sensors, missing_pins
+from edge.sources.live import PARAMS as LIVE
 from edge.types import AdjustableSource, Frame, FrameSource, Lens, LiveSource, Polarity, Rest
 from hostlink.wire.address import Address, AddressError, parse_address
 
@@ -48,42 +51,21 @@ __all__ = [
 
 LEVELS = ("ok", "warn", "fail")
 FD_MTU = 72  # bytes; MTU of a Linux interface for CAN FD
+_WARNING_N = 96  # errors counted from which on a CAN controller warns (ISO 11898-1)
+_STAMP_NS = 1000  # unit of the time in a sample
 
 
 @dataclass(frozen=True, slots=True)
 class DoctorLimits:
     """Limits beyond which a topic is a warning or a failure.
 
-    rate_share     of the requested rate
-    dim            mean level, share of full scale, below which more light would help
-    glare          share of saturated pixels above which less exposure would help
-    soft_edge      blur of a pin's edge over its radius
-    few_pins       share of the calibration's pins: fewer are a warning
-    lost_pins      share of the calibration's pins: fewer are a failure
-    old_days       age of a calibration
-    rough_mm       residual of the calibration of displacement or shear
-    bus_errors_n   of a CAN controller's counters; the controller warns from here on (ISO 11898-1)
-    clock_step_ns  resolution of the monotonic clock
-
-    What is measured:
-    sample_frames_n, sample_s  frames that are checked, and the longest wait for them
-    rest_frames_n  of them that make a rest frame
-    write_bytes    written to measure the disk
+    old_days     age of a calibration
+    rough_mm     residual of the calibration of displacement or shear
+    write_bytes  written to measure the disk
     """
 
-    rate_share: float = 0.9
-    dim: float = 0.03
-    glare: float = 0.05
-    soft_edge: float = 0.45
-    few_pins: float = 0.97
-    lost_pins: float = 0.8
     old_days: int = 365
     rough_mm: float = 0.3
-    bus_errors_n: int = 96
-    clock_step_ns: float = 1e6
-    sample_frames_n: int = 60
-    sample_s: float = 3.0
-    rest_frames_n: int = 8
     write_bytes: int = 16 << 20
 
 
@@ -125,7 +107,7 @@ def camera(source: FrameSource, frames: Sequence[Frame], seconds: float, config:
         steps_n = np.diff([f.sequence for f in frames])
         rate_hz = float(1.0 / np.median(steps_s / np.maximum(steps_n, 1)))
         asked_hz = config.source.rate_hz
-        slow = rate_hz < LIMITS.rate_share * asked_hz
+        slow = rate_hz < LIVE.slow_rel * asked_hz
         lines.append(
             Line(
                 "rate", "fail" if slow else "ok",
@@ -144,9 +126,9 @@ def _brightness(frames: Sequence[Frame]) -> Line:
         return Line("light", "fail", finding, "dark: is the LED lit? raise [source] exposure_us or gain")
     if full > 1.0 - IMAGE.half_rel:
         return Line("light", "fail", finding, "overexposed: lower [source] exposure_us, keep stray light out")
-    if level < LIMITS.dim:
+    if level < LIVE.black_share:
         return Line("light", "warn", finding, "dim: raise [source] exposure_us, then gain")
-    if full > LIMITS.glare:
+    if full > ASTRAY_REL:
         return Line("light", "warn", finding, "glare: lower [source] exposure_us")
     return Line("light", "ok", finding)
 
@@ -171,7 +153,7 @@ def pins(
         )
     ]  # fmt: skip
     softness = p.edge_px / p.pin_radius_px
-    soft = softness > LIMITS.soft_edge
+    soft = softness > IMAGE.half_rel
     lines.append(
         Line(
             "focus", "warn" if soft else "ok",
@@ -244,8 +226,8 @@ def calibration(path: Path | None, rest: Rest | None) -> list[Line]:
     if rest is not None:
         known_n = len(loaded.rest)
         share = len(rest) / known_n
-        if share < LIMITS.few_pins:
-            level = "fail" if share < LIMITS.lost_pins else "warn"
+        if share < 1.0 - ASTRAY_REL:
+            level = "fail" if share < SEEN.seen_rel else "warn"
             finding = f"{len(rest)} of the calibration's {known_n} pins are seen"
             lines.append(
                 Line("pins", level, finding, "clean lens and skin, light it evenly; is the skin torn?")
@@ -357,7 +339,7 @@ def _bus_errors(data: dict[str, Any], info: dict[str, Any]) -> Line:
     if state == "BUS-OFF":
         return Line("errors", "fail", finding, "the bus is not terminated, or another bit rate runs on it")
     most = max(errors.get("tx", 0), errors.get("rx", 0))
-    if most >= LIMITS.bus_errors_n or state in ("ERROR-PASSIVE", "ERROR-WARNING"):
+    if most >= _WARNING_N or state in ("ERROR-PASSIVE", "ERROR-WARNING"):
         advice = "nobody acknowledges, or the wiring is bad: two 120 ohm terminators, same bit rates"
         return Line("errors", "warn", finding, advice)
     return Line("errors", "ok", finding)
@@ -394,7 +376,7 @@ def clock(machine: Machine) -> list[Line]:
     advice = (
         "samples do not need it, recordings do: timedatectl set-ntp true" if synchronised is False else ""
     )
-    coarse = step_ns > LIMITS.clock_step_ns
+    coarse = step_ns > _STAMP_NS
     level = "fail" if coarse else "warn" if synchronised is False else "ok"
     return [Line("clock", level, finding, advice)]
 

@@ -26,7 +26,7 @@ import click
 
 from edge.cli import checks
 from edge.cli.assembly import expect_sensor, open_configured
-from edge.cli.checks import LEVELS, LIMITS, Line, worst
+from edge.cli.checks import LEVELS, Line, worst
 from edge.cli.machine import Machine
 from edge.cli.options import (
     calibration_option,
@@ -39,6 +39,9 @@ from edge.cli.options import (
 from edge.cli.progress import waiting
 from edge.config import Config, load_config
 from edge.errors import InputError
+from edge.params import PARAMS as RUNTIME
+from edge.rest.tare import PARAMS as TARE
+from edge.sources.live import PARAMS as LIVE
 from edge.types import Frame, FrameSource, LiveSource
 
 __all__ = ["LEVELS", "Line", "Machine", "doctor", "examine", "worst"]
@@ -121,7 +124,7 @@ def examine(
         asked_hz = config.source.rate_hz or source.rate_hz
         lines += checks.camera(source, frames, seconds, config)
         if frames:
-            found, rest = checks.pins(frames[: LIMITS.rest_frames_n], source.polarity, source.lens)
+            found, rest = checks.pins(frames[: TARE.frames_n], source.polarity, source.lens)
             lines += found
             lines += checks.sensor(rest, sensor)
     lines += checks.calibration(calibration_path, rest)
@@ -138,16 +141,16 @@ def examine(
 def _watch(source: FrameSource) -> tuple[list[Frame], float]:
     """Collect live frames, and the time they took."""
     frames: list[Frame] = []
-    end = time.monotonic() + LIMITS.sample_s
+    end = time.monotonic() + LIVE.first_s
     start = time.monotonic()
     if not isinstance(source, LiveSource):
         for frame in source:
             frames.append(frame)
-            if len(frames) == LIMITS.sample_frames_n:
+            if len(frames) > LIVE.rate_frames_n:
                 break
     else:
-        while len(frames) < LIMITS.sample_frames_n and time.monotonic() < end:
-            got = source.read(0.1)
+        while len(frames) <= LIVE.rate_frames_n and time.monotonic() < end:
+            got = source.read(RUNTIME.wait_s)
             if got is not None:
                 frames.append(got)
     return frames, time.monotonic() - start

@@ -2,7 +2,7 @@
 
 Rules
 - It never runs while the loop works: a spinner ends before frames are read, and the bar of a replay is drawn
-  by the loop itself, `drawn_hz` times a second, after the sample has left.
+  by the loop itself, as often as rich would, after the sample has left.
 - rich is imported only when something is shown.
 """
 
@@ -12,23 +12,12 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rich.progress import Progress
 
 __all__ = ["bar", "counting", "waiting"]
-
-
-@dataclass(frozen=True, slots=True)
-class ProgressParams:
-    """drawn_hz  how often a bar is drawn"""
-
-    drawn_hz: float = 4.0
-
-
-PARAMS = ProgressParams()
 
 
 @contextmanager
@@ -78,7 +67,7 @@ def counting(what: str, total_n: int, shown: bool) -> Iterator[Callable[[int], N
             nonlocal due_s
             now_s = time.monotonic()
             if now_s >= due_s:
-                due_s = now_s + 1 / PARAMS.drawn_hz
+                due_s = now_s + 1 / drawn.live.refresh_per_second
                 drawn.update(task, completed=done_n, refresh=True)
 
         yield count

@@ -29,11 +29,11 @@ from edge.cli.options import calibration_option, overwrite_option, rest_option
 from edge.cli.progress import bar
 from edge.cli.summary import damage_of, json_line
 from edge.errors import NoPins, SourceError
-from edge.pipeline import Pipeline, Result
+from edge.frame import Pipeline
 from edge.rest.choice import GivenRest, rest_if_touched, rest_of_source
 from edge.rest.tare import TareParams, tare
 from edge.sources import open_source
-from edge.types import Feature, FrameSource, Reading, RecordedSource
+from edge.types import Feature, FrameSource, Reading, RecordedSource, Result
 from edge.view.palette import PAPER, SAFE
 from edge.view.panels import View, picture
 from edge.view.video import CODECS, write_video

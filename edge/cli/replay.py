@@ -18,9 +18,8 @@ from hostlink.cli_exit import print_error
 from hostlink.cli_types import counted
 
 if TYPE_CHECKING:
-    from edge.pipeline import Result
     from edge.runtime.loop import Loop
-    from edge.types import FrameSource
+    from edge.types import FrameSource, Result
     from hostlink.wire import State
 
 log = logging.getLogger("edge")

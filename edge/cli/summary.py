@@ -16,9 +16,8 @@ import click
 
 if TYPE_CHECKING:
     from edge.link.sinks import Sink
-    from edge.pipeline import Result
     from edge.runtime.statistics import LoopStatistics
-    from edge.types import FrameSource
+    from edge.types import FrameSource, Result
     from hostlink.wire import State
 
 __all__ = ["LABELS", "Summary", "damage_of", "json_line", "print_summary"]

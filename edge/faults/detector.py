@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import overload
 
 import numpy as np
 
@@ -17,9 +18,9 @@ from edge.faults.judge import Check, Facts, Judge
 from edge.faults.pin_visibility import PinVisibility
 from edge.faults.registry import FaultRegistry
 from edge.params import PARAMS as RUNTIME
-from edge.pipeline import Result
+from edge.sources.live import PARAMS as LIVE
 from edge.sources.live import stalled_after_s
-from edge.types import Array, Clock, Features, Frame, FrameSource, LiveSource, Reading, Rest
+from edge.types import Array, Clock, Features, Frame, FrameSource, LiveSource, Reading, Rest, Result
 from hostlink.clock import DRIFT_MAX
 from hostlink.wire import FaultCode as F
 from hostlink.wire import Status
@@ -32,7 +33,6 @@ class FaultParams:
     """Parameters by name; evidence in docs/tuning.md."""
 
     search_s: float = RUNTIME.wait_s  # a frame that takes longer is one whose pins are being searched for
-    clock_step_s: float = 0.5  # by which the capture clock is further ahead of ours than it ever was
     moved_pitches: float = RUNTIME.still_pitches  # if all pins are off by more, the camera moved
     load_pitches: float = RUNTIME.load_pitches  # motion of a pin beyond which it counts as overloaded
     astray_rel: float = RUNTIME.astray_rel  # share of such pins, or of those whose drift is at its limit
@@ -166,7 +166,7 @@ class FaultDetector:
             self._least_age_ns += DRIFT_MAX * passed_ns
         ahead_ns = max(0.0, self._least_age_ns - age_ns) if live else float(back_ns)
         facts = self._facts
-        stepped = ahead_ns >= self._params.clock_step_s * 1e9 or (live and back_ns > 0)
+        stepped = ahead_ns >= LIVE.same_clock_s * 1e9 or (live and back_ns > 0)
         facts.clock_stepped = stepped
         facts.clock_jump_s = (step_ns - (passed_ns if live else 0)) / 1e9
         self._least_age_ns = float(age_ns) if stepped else min(self._least_age_ns, age_ns)
@@ -174,6 +174,12 @@ class FaultDetector:
         if gap_ns > self._gap_ns:
             self.after_gap |= gap_ns > stalled_after_s(self._source.rate_hz) * 1e9
         self.gaps_n += max(0, frame.sequence - before.sequence - 1)
+
+    @overload
+    def judge(self, frame: Frame, result: Result, drifted_share: float = 0.0) -> Result: ...
+
+    @overload
+    def judge(self, frame: Frame, result: None) -> None: ...
 
     def judge(self, frame: Frame, result: Result | None, drifted_share: float = 0.0) -> Result | None:
         """Judge a frame that was computed; returns what may be sent of its result: all, nothing but the

@@ -19,8 +19,8 @@
 The modules of this package are one stage and may import each other.
 """
 
-from edge.features.extract import FeatureExtractor
+from edge.features.extract import FeatureExtractor, FeaturePlan
 from edge.features.fitted_contacts import Fits
 from edge.features.modes import MODE_NAMES
 
-__all__ = ["MODE_NAMES", "FeatureExtractor", "Fits"]
+__all__ = ["MODE_NAMES", "FeatureExtractor", "FeaturePlan", "Fits"]

@@ -41,13 +41,12 @@ from edge.features.params import (
     FeatureParams,
     largest_noise,
 )
-from edge.geometry.lattice import N_RING, slope_stencil
-from edge.geometry.memory import short_rows
+from edge.geometry.lattice import slope_stencil
+from edge.geometry.neighbours import short_rows
 from edge.geometry.select import SIGMA_OF_MAD
 from edge.types import Array, Rest
 
 if cython.compiled:
-    from cython.cimports.edge.features.ring_sums import highest_ring
     from cython.cimports.edge.geometry.select import median
     from cython.cimports.edge.geometry.views import NumbersView, PointsView
     from cython.cimports.libc.math import NAN, fabs, hypot, isfinite, isnan, sqrt
@@ -55,7 +54,6 @@ else:
     from math import fabs, hypot, isfinite, isnan, sqrt
     from math import nan as NAN  # noqa: N812
 
-    from edge.features.ring_sums import highest_ring
     from edge.geometry.select import median
     from edge.geometry.views import NumbersView, PointsView
 
@@ -75,7 +73,6 @@ class ContactDetector:
     _ring: cython.ushort[:, ::1]
     _slope: cython.double[:, :, ::1]
     _pitch_px: cython.double
-    _rest_variance: cython.double
     _noise_ratio: cython.double  # of a cell: measured over predicted noise
     _ring_noise_ratio: cython.double  # of a ring's mean
     _turn: cython.Py_ssize_t  # which rings it is learnt from next
@@ -90,7 +87,6 @@ class ContactDetector:
     _sorted_y: cython.double[::1]
     _values: cython.double[::1]
     _ring_values: cython.double[::1]
-    _highest: cython.double[::1]  # (1,), of `highest_ring`
     _cell_noise: cython.double
     _ring_noise: cython.double
     _median_noise: cython.double
@@ -108,7 +104,6 @@ class ContactDetector:
         self._rest = np.ascontiguousarray(rest.xy_img, np.float64)
         self._ring, self._slope = short_rows(ring), slope
         self._pitch_px = rest.pattern.pitch_px
-        self._rest_variance = float(np.median(rest.pins.sigma_px)) ** 2
         self._noise_ratio = self._ring_noise_ratio = 1.0
         self._turn = 0
         self._in_contact = False
@@ -117,17 +112,13 @@ class ContactDetector:
         self._middle = np.full((n, 2), np.nan)
         self._looked_up, self._n_looked_up = np.empty(n, np.int32), 0
         self._sorted_x, self._sorted_y = np.empty(width), np.empty(width)
-        self._values, self._ring_values, self._highest = np.empty(n), np.empty(n), np.empty(1)
+        self._values, self._ring_values = np.empty(n), np.empty(n)
         self._cell_noise, self._ring_noise, self._median_noise = CELL_NOISE, RING_NOISE, MEDIAN_NOISE
         self._clear_sigma = params.contact_sigma
         self._raise_sigma = hypot(params.contact_sigma, largest_noise(n))
         self._min_ring_known = width // 2 + 1
         self._noise_ratio_max = params.noise_ratio_max
         self._noise_frames_n = params.noise_frames_n
-
-    def sigma_px(self, now_px: cython.double) -> float:
-        """Noise of one coordinate of a pin's motion since rest, from its mean in this frame's positions."""
-        return sqrt(now_px * now_px + self._rest_variance)
 
     def cell_noise(self, sigma_px: cython.double) -> float:
         """One-sigma noise of a single cell's relative area change."""
@@ -138,7 +129,7 @@ class ContactDetector:
 
         area_change  (n,) float64, relative; NaN where lost
         xy           (n, 2) float64, px, where the pins are; finite
-        sigma_px     of `sigma_px`
+        sigma_px     noise of one coordinate of a pin's motion since rest
         Raises       ValueError: sizes that do not fit
         """
         n: cython.Py_ssize_t = self._n
@@ -180,7 +171,7 @@ class ContactDetector:
         """Decide without areas: do pins move against each other beyond their noise?
 
         xy        (n, 2) float64, px, where the pins are; NaN where lost
-        sigma_px  of `sigma_px`
+        sigma_px  noise of one coordinate of a pin's motion since rest
         Raises    ValueError: sizes that do not fit
         """
         n: cython.Py_ssize_t = self._n
@@ -221,20 +212,18 @@ class ContactDetector:
         total: cython.double
         highest: cython.double = 0.0  # times the pins of a ring
         nothing: cython.bint = True
-        i = highest_ring(self._ring, area_change, self._highest) if self._width == N_RING + 1 else -1
-        if i >= 0:  # all cells are known, and there are enough for whole rings
-            self._peak_row = i
-            return self._highest[0] / self._width
+        ring: cython.ushort[:, ::1] = self._ring
+        width: cython.Py_ssize_t = self._width
         self._peak_row = 0
         for i in range(self._n):
             total = 0.0
-            for k in range(self._width):
-                total += area_change[self._ring[i, k]]
+            for k in range(width):
+                total += area_change[ring[i, k]]
             if isnan(total):
                 total = 0.0
                 known = 0
-                for k in range(self._width):
-                    j = self._ring[i, k]
+                for k in range(width):
+                    j = ring[i, k]
                     if not isnan(area_change[j]):
                         total += area_change[j]
                         known += 1

@@ -40,14 +40,9 @@ from edge.geometry.motion_field import SHARP, MotionPrior
 from edge.types import Array
 
 if cython.compiled:
-    from cython.cimports.edge.features.line_sums import line_sums
-    from cython.cimports.edge.features.normal_sums import normal_sums
     from cython.cimports.libc.math import exp, hypot, log, sqrt
 else:
     from math import exp, hypot, log, sqrt
-
-    from edge.features.line_sums import line_sums
-    from edge.features.normal_sums import normal_sums
 
 #: Contacts of one fit: with more a frame would take too long.
 FITS_MAX = 4
@@ -157,7 +152,7 @@ class ContactFit:
         self._near, self._near_n = np.zeros((FITS_MAX, 2)), 0
         self._start, self._now, self._next = np.zeros(size), np.zeros(size), np.zeros(size)
         self._scale, self._step, self._damped = np.zeros(size), np.zeros(size), np.zeros((size, size))
-        columns = 4 * (size // 4 + 1)  # with what is left of the motion; as `normal_sums` wants it
+        columns = 4 * (size // 4 + 1)  # with what is left of the motion; as `_sum_products` takes it
         self._rows, self._normal = np.zeros((2 * n + 2, columns)), np.zeros((columns, columns))
         self._last, self._error, self._promise = np.zeros((FITS_MAX + 2, size)), 0.0, 0.0
         self._is_known, self._is_taken = np.zeros((2, FITS_MAX + 2), np.uint8)
@@ -175,7 +170,7 @@ class ContactFit:
         angle, odd = np.pi * np.arange(1, _NODES + 1) / (_NODES + 1), np.arange(1, _NODES + 1, 2)
         sine, even = np.sin(angle), (np.sin(np.outer(angle, odd)) / odd).sum(axis=1)
         self._node, self._weight = np.cos(angle), 2.0 / (_NODES + 1) * sine * np.array([sine, even])
-        self._evenly, self._sums = False, np.zeros((14, -(-n // 4) * 4))  # as `line_sums` wants it
+        self._evenly, self._sums = False, np.zeros((n, 14))
         noise, shear = prior.noise, prior.noise / prior.curl
         self._prior = np.array([0.0, 0.0, noise, noise / 10.0, shear, shear, shear, shear])
 
@@ -509,8 +504,31 @@ class ContactFit:
         for j in range(size):
             h[j, j] = self._scale[j] * self._scale[j]
             h[size, j] = -h[j, j] * self._off(self._now, j)
-        normal_sums(self._rows, n, size + 1, h)
+        self._sum_products(n, size + 1)
         return cost
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _sum_products(self, n: cython.Py_ssize_t, columns: cython.Py_ssize_t) -> cython.void:
+        """Add the products of each two columns of the first n rows to `_normal`, four rows at a time: n
+        and the width are multiples of 4. What is above the diagonal is of no use.
+        """
+        rows: cython.double[:, ::1] = self._rows
+        sums: cython.double[:, ::1] = self._normal
+        i: cython.Py_ssize_t
+        j: cython.Py_ssize_t
+        k: cython.Py_ssize_t
+        a: cython.double
+        b: cython.double
+        c: cython.double
+        d: cython.double
+        for i in range(0, n, 4):
+            for j in range(columns):
+                a, b, c, d = rows[i, j], rows[i + 1, j], rows[i + 2, j], rows[i + 3, j]
+                for k in range(j // 4 * 4 + 4):
+                    sums[j, k] += (a * rows[i, k] + b * rows[i + 1, k]) + (
+                        c * rows[i + 2, k] + d * rows[i + 3, k]
+                    )
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -643,37 +661,83 @@ class ContactFit:
         kx: cython.double
         ky: cython.double
         fs: cython.double
-        line_sums(
-            self._place,
-            self.n_pins,
-            parameters[0],
-            parameters[1],
-            parameters[6],
-            parameters[7],
-            i2,
-            self._node,
-            self._weight[1 if self._evenly else 0],
-            derive,
-            sums,
-        )
         for i in range(self.n_pins):
-            f0, kx, ky = sums[0, i], sums[1, i], sums[2, i]
+            self._sum_nodes(i, parameters, i2, derive)
+            f0, kx, ky = sums[i, 0], sums[i, 1], sums[i, 2]
             left[i, 0] -= a * kx + tx * f0
             left[i, 1] -= a * ky + ty * f0
             if not derive:
                 continue
             q, r = 2 * i, 2 * i + 1
             # Along d, f changes by -f^2 d / s^2; d by the place, and by z times half of the line.
-            rows[q, 0], rows[r, 0] = tx * i2 * kx - a * sums[3, i], ty * i2 * kx - a * sums[4, i]
-            rows[q, 1], rows[r, 1] = tx * i2 * ky - a * sums[4, i], ty * i2 * ky - a * sums[5, i]
-            fs = sums[11, i]
-            rows[q, 2], rows[r, 2] = a * (sums[12, i] - kx) + tx * fs, a * (sums[13, i] - ky) + ty * fs
+            rows[q, 0], rows[r, 0] = tx * i2 * kx - a * sums[i, 3], ty * i2 * kx - a * sums[i, 4]
+            rows[q, 1], rows[r, 1] = tx * i2 * ky - a * sums[i, 4], ty * i2 * ky - a * sums[i, 5]
+            fs = sums[i, 11]
+            rows[q, 2], rows[r, 2] = a * (sums[i, 12] - kx) + tx * fs, a * (sums[i, 13] - ky) + ty * fs
             rows[q, 3], rows[r, 3] = kx * i1, ky * i1
             rows[q, 4], rows[r, 4] = f0, 0.0
             rows[q, 5], rows[r, 5] = 0.0, f0
-            kx, ky = i2 * sums[6, i], i2 * sums[7, i]
-            rows[q, 6], rows[r, 6] = tx * kx - a * sums[8, i], ty * kx - a * sums[9, i]
-            rows[q, 7], rows[r, 7] = tx * ky - a * sums[9, i], ty * ky - a * sums[10, i]
+            kx, ky = i2 * sums[i, 6], i2 * sums[i, 7]
+            rows[q, 6], rows[r, 6] = tx * kx - a * sums[i, 8], ty * kx - a * sums[i, 9]
+            rows[q, 7], rows[r, 7] = tx * ky - a * sums[i, 9], ty * ky - a * sums[i, 10]
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _sum_nodes(
+        self, i: cython.Py_ssize_t, parameters: cython.double[::1], i2: cython.double, derive: cython.bint
+    ) -> cython.void:
+        """Weighted sums of pin i over the line's nodes, with d from the node and f = 1 / (1 + d^2 i2 / 2):
+
+        0 f; 1, 2 k = f^2 d; 3-5 how k changes with d: xx, xy, yy; 6-10 k and these, times the node;
+        11 f^2 d^2 i2; 12, 13 2 f^3 d^2 i2 d. Without derivatives only the first three.
+        """
+        s: cython.double[14] = [0.0] * 14
+        k: cython.Py_ssize_t
+        z: cython.double
+        dx: cython.double
+        dy: cython.double
+        r2: cython.double
+        f: cython.double
+        wf: cython.double
+        g: cython.double
+        gx: cython.double
+        gy: cython.double
+        gxx: cython.double
+        gxy: cython.double
+        gyy: cython.double
+        g3: cython.double
+        turn: cython.double
+        x: cython.double = self._place[i, 0] - parameters[0]
+        y: cython.double = self._place[i, 1] - parameters[1]
+        for k in range(_NODES):
+            z = self._node[k]
+            dx, dy = x - z * parameters[6], y - z * parameters[7]
+            r2 = (dx * dx + dy * dy) * i2
+            f = 1.0 / (1.0 + 0.5 * r2)
+            wf = f * self._weight[1 if self._evenly else 0, k]
+            g = f * wf
+            gx, gy = g * dx, g * dy
+            s[0] += wf
+            s[1] += gx
+            s[2] += gy
+            if not derive:
+                continue
+            g3 = 2.0 * i2 * f
+            gxx, gxy, gyy = g - g3 * gx * dx, -g3 * gx * dy, g - g3 * gy * dy
+            s[3] += gxx
+            s[4] += gxy
+            s[5] += gyy
+            s[6] += z * gx
+            s[7] += z * gy
+            s[8] += z * gxx
+            s[9] += z * gxy
+            s[10] += z * gyy
+            turn = 2.0 * f * r2
+            s[11] += g * r2
+            s[12] += turn * gx
+            s[13] += turn * gy
+        for k in range(14):
+            self._sums[i, k] = s[k]
 
     @cython.cfunc
     @cython.exceptval(check=False)

@@ -12,8 +12,9 @@ Rules
 - Without cells everything that depends on areas stays None, area change all NaN.
 - Who needs no areas needs no cells as long as the pins' motion alone shows that the contact goes on
   (`contact_holds`). Where and when one begins and ends is for the areas to decide.
-- State: the detector's bit and learnt noise, the last frames' motion for slip, and where the last frame's
-  fits of contacts ended, from which the next ones begin. Nothing else depends on the frame before.
+- State: the detector's bit and learnt noise, the last frames' motion for slip and vibration, and
+  where the last frame's fits of contacts ended, from which the next ones begin. Nothing else depends on the
+  frame before.
 - A lost pin is put where the seen ones predict it (`Cells.xy_img`), and its cell likewise, for the modes and
   the mean motion too: a polynomial fitted to the seen pins alone is different, and in a model of many terms
   the difference is 0.25 mm of depth (331 simulated pins, 30 % dark; 0.06 mm with predicted pins).
@@ -23,7 +24,7 @@ Rules
 from __future__ import annotations
 
 import math
-from enum import Enum, auto
+from enum import StrEnum
 
 import numpy as np
 
@@ -36,37 +37,27 @@ from edge.features.params import PARAMS, FeatureParams, largest_noise
 from edge.features.pin_motion import PinMotion
 from edge.features.slip import Slip
 from edge.features.surface import Surface
-from edge.types import Array, Cells, ContactRegion, Feature, Features, Mask, Rest, Tracks, per_frame
+from edge.features.vibration import NO_VIBRATION, Rms, Vibration
+from edge.types import Array, Cells, ContactRegion, Feature, Features, Index, Mask, Rest, Tracks, per_frame
 
-__all__ = ["NEEDS", "FeatureExtractor", "Quantity"]
+__all__ = ["NEEDS", "FeatureExtractor", "FeaturePlan", "Quantity"]
 
 
-class Quantity(Enum):
+class Quantity(StrEnum):
     """What can be computed, as opposed to what can be demanded."""
 
-    SHEAR = auto()
-    MODES = auto()
-    VOLUME = auto()
-    SURFACE = auto()
-    CONTACTS = auto()
-    TORSION = auto()
-    SLIP = auto()
+    SHEAR = "shear"
+    MODES = "modes"
+    VOLUME = "volume"
+    SURFACE = "surface"
+    CONTACTS = "contacts"
+    TORSION = "torsion"
+    SLIP = "slip"
+    VIBRATION = "vibration"
 
 
-#: The calibrated outputs are polynomials in modes and volume (`edge.calibration`).
-_LOAD = frozenset({Quantity.MODES, Quantity.VOLUME})
 NEEDS: dict[Feature, frozenset[Quantity]] = {
-    Feature.DISPLACEMENT: _LOAD,
-    Feature.FORCE: _LOAD,
-    Feature.PRESSURE: _LOAD | {Quantity.CONTACTS},
-    Feature.CONTACT_AREA: _LOAD | {Quantity.CONTACTS},
-    Feature.CONTACTS: frozenset({Quantity.CONTACTS}),
-    Feature.SHEAR: frozenset({Quantity.SHEAR, Quantity.MODES}),
-    Feature.TORSION: frozenset({Quantity.TORSION, Quantity.MODES}),
-    Feature.TILT: frozenset({Quantity.MODES}),
-    Feature.SLIP: frozenset({Quantity.SLIP}),
-    Feature.ORIENTATION: frozenset({Quantity.CONTACTS}),
-    Feature.SURFACE: frozenset({Quantity.SURFACE}),
+    feature: frozenset(map(Quantity, feature.needs)) for feature in Feature
 }
 
 
@@ -78,14 +69,24 @@ _NO_AREAS: _OfAreas = (None, None, None, None)
 _NO_PINS: _OfPins = (None, None, None)
 
 
-class _Plan:
-    """A demand, resolved once: an enum's hash is Python code, and 50 of them a frame cost 20 us. And what a
-    frame without contact has.
+class FeaturePlan:
+    """What is computed of a frame for a demand: `NEEDS`, resolved once. And what a frame without contact has.
+
+    moments        False: the contacts' moments are not wanted; they are NaN
+    fits           the contacts that are wanted as fitted to the pins' motion
+    modes_at_rest  False: modes are not wanted of an untouched tip
     """
 
-    def __init__(self, demand: frozenset[Feature]) -> None:
+    def __init__(
+        self,
+        demand: frozenset[Feature],
+        *,
+        moments: bool = True,
+        fits: Fits = Fits.ALL,
+        modes_at_rest: bool = True,
+    ) -> None:
         need: frozenset[Quantity] = frozenset().union(*(NEEDS[feature] for feature in demand))
-        self.demand = demand
+        self.moments, self.fits, self.modes_at_rest = moments, fits, modes_at_rest
         self.shear = Quantity.SHEAR in need
         self.modes = Quantity.MODES in need
         self.volume = Quantity.VOLUME in need
@@ -94,7 +95,8 @@ class _Plan:
         self.torsion = Quantity.TORSION in need
         self.slip = Quantity.SLIP in need
         self.areas = self.volume or self.surface or self.contacts
-        self.contact_pins = self.torsion or self.slip
+        self.vibration = Quantity.VIBRATION in need
+        self.contact_pins = self.torsion or self.slip or self.vibration
         slip = 0.0 if self.slip else None
         self.untouched_areas: _OfAreas = (
             0.0 if self.volume else None,
@@ -102,6 +104,7 @@ class _Plan:
             None,
             () if self.contacts else None,
         )
+        self.untouched_vibration: Rms = NO_VIBRATION if self.vibration else (None, None)
         self.untouched_pins: _OfPins = (0.0 if self.torsion else None, slip, slip)
 
 
@@ -114,6 +117,7 @@ class _Motion:
               finite; None: everywhere
     mean_px   (2,) mean of `whole_px`; good until the next frame
     sigma_px  noise of one coordinate of one pin's motion
+    now_px    the part of it that is this frame's
     filled    whether lost pins were predicted
     """
 
@@ -122,6 +126,7 @@ class _Motion:
     known: Mask | None
     mean_px: Array
     sigma_px: float
+    now_px: float
     filled: bool
 
 
@@ -149,13 +154,15 @@ class FeatureExtractor:
         self._change, self._whole_change = np.empty(len(rest)), np.empty(len(rest))
         self._detector = ContactDetector(rest, params)
         self._largest_noise = largest_noise(len(rest))
+        self._rest_variance = float(np.median(rest.pins.sigma_px)) ** 2
         self._motion = PinMotion(rest)
         self._xy = self._motion.xy
         self._modes = Modes(rest)
         self._slip = Slip(rest, self._motion, params)
+        self._vibration = Vibration(len(rest), params)
         self._surface: Surface | None = None  # made for the first contact
         self._finder: ContactFinder | None = None
-        self._plan = _Plan(frozenset())
+        self._plan = FeaturePlan(frozenset())
 
     @property
     def surface(self) -> Surface:
@@ -171,9 +178,9 @@ class FeatureExtractor:
             self._finder = ContactFinder(self.surface, self._params)
         return self._finder
 
-    def prepare(self, demand: frozenset[Feature]) -> None:
+    def prepare(self, plan: FeaturePlan) -> None:
         """Make now what otherwise the first contact would wait for (70 ms)."""
-        if Feature.CONTACTS in demand:
+        if plan.contacts:
             self.finder  # noqa: B018
 
     def forget_contacts(self) -> None:
@@ -189,26 +196,21 @@ class FeatureExtractor:
         self,
         tracks: Tracks,
         cells: Cells | None,
-        demand: frozenset[Feature],
+        plan: FeaturePlan,
         *,
         contact_holds: bool = False,
-        modes_at_rest: bool = True,
-        moments: bool = True,
-        fits: Fits = Fits.ALL,
+        capture_ns: int = 0,
     ) -> Features:
         """The features of one frame.
 
         cells          of the same frame; None when nobody asked for what needs areas
         contact_holds  of this frame, as `contact_holds` says; no cells are needed then
-        modes_at_rest  False: modes are not wanted of an untouched tip
-        moments        False: the contacts' moments are not wanted; they are NaN
-        fits           the contacts that are wanted as fitted to the pins' motion
-        Returns        Features; fields outside of the demand are None
+        capture_ns     when the frame was taken; 0: not known, and vibration neither
+        Returns        Features; fields outside of the plan are None
         """
-        if demand is not self._plan.demand:
-            self._plan = _Plan(demand)
+        if plan is not self._plan:
+            self._plan = plan
             self.forget_contacts()
-        plan = self._plan
         motion = self._motion_of(tracks, cells)
         area_change, whole_change = self._area_changes(cells, motion.filled)
         if contact_holds:
@@ -217,19 +219,24 @@ class FeatureExtractor:
             in_contact = self._detector.by_motion(tracks.xy_img, motion.sigma_px)
         else:
             in_contact = self._detector.by_area(whole_change, self._xy, motion.sigma_px)
+        noise = self._detector.cell_noise(motion.sigma_px) if in_contact else 0.0
         shear_px = motion.mean_px.copy() if plan.shear else None
         modes_px = None
-        if plan.modes and (in_contact or modes_at_rest):
+        if plan.modes and (in_contact or plan.modes_at_rest):
             modes_px = self._modes.fit(motion.whole_px, motion.known)
         kept = motion.px.copy(), area_change.copy()
-        of_areas, of_pins = _NO_AREAS, _NO_PINS
+        of_areas, of_pins, vibration = _NO_AREAS, _NO_PINS, plan.untouched_vibration
         if in_contact:
             if cells is not None and plan.areas:
-                of_areas = self._of_areas(whole_change, tracks.seen, motion.sigma_px, moments, fits)
+                of_areas = self._of_areas(whole_change, tracks.seen, motion.sigma_px, noise)
             if plan.contact_pins:
-                of_pins = self._of_contact_pins(motion, area_change, kept)
+                pins = self._contact_pins(area_change, noise)
+                of_pins = self._of_contact_pins(motion, area_change, kept, pins)
+                if plan.vibration:
+                    vibration = self._vibration.update(kept[0], pins, motion.now_px, capture_ns)
         else:
             self._slip.forget()
+            self._vibration.forget()
             self.forget_contacts()
             of_areas, of_pins = plan.untouched_areas if cells is not None else _NO_AREAS, plan.untouched_pins
         if cells is not None:
@@ -237,20 +244,22 @@ class FeatureExtractor:
         else:
             gap, gap_img = 0.0 if motion.known is None else math.nan, None
         # By place: names cost 3,000 instructions.
-        return Features(kept[1], kept[0], in_contact, shear_px, modes_px, *of_areas, *of_pins, gap, gap_img)
+        return Features(
+            kept[1], kept[0], in_contact, shear_px, modes_px, *of_areas, *of_pins, gap, gap_img, *vibration
+        )
 
     def _motion_of(self, tracks: Tracks, cells: Cells | None) -> _Motion:
         seen, px = tracks.seen, self._px
         now_px, n_seen = self._motion.since_rest(tracks.xy_img, tracks.sigma_px, px)
-        sigma_px, mean_px = self._detector.sigma_px(now_px), self._motion.mean
+        sigma_px, mean_px = math.sqrt(now_px * now_px + self._rest_variance), self._motion.mean
         if n_seen == len(seen):
-            return _Motion(px, px, None, mean_px, sigma_px, False)
+            return _Motion(px, px, None, mean_px, sigma_px, now_px, False)
         if cells is not None:
             self._xy[:] = cells.xy_img
         if cells is None or 2 * n_seen < max(len(seen), 2):  # most are a guess
-            return _Motion(px, px, seen, mean_px, sigma_px, False)
+            return _Motion(px, px, seen, mean_px, sigma_px, now_px, False)
         whole = np.subtract(cells.xy_img, self._xy_rest, out=self._whole_px)
-        return _Motion(px, whole, None, whole.mean(axis=0), sigma_px, True)
+        return _Motion(px, whole, None, whole.mean(axis=0), sigma_px, now_px, True)
 
     def _area_changes(self, cells: Cells | None, filled: bool) -> tuple[Array, Array]:
         """Relative area changes, (n,), NaN where lost; and the same with lost pins' cells, if these are
@@ -265,15 +274,13 @@ class FeatureExtractor:
             return self._change, self._whole_change
         return self._change, self._change
 
-    def _of_areas(
-        self, area_change: Array, seen: Mask, sigma_px: float, moments: bool, fits: Fits
-    ) -> _OfAreas:
+    def _of_areas(self, area_change: Array, seen: Mask, sigma_px: float, noise: float) -> _OfAreas:
         """Those of a frame in contact."""
         plan, changes, xy_img = self._plan, self._area_change, self._xy
         volume = picture = grid = contacts = None
         changes.fill(area_change, xy_img)
         if plan.volume:
-            volume = changes.volume(self._largest_noise * self._detector.cell_noise(sigma_px))
+            volume = changes.volume(self._largest_noise * noise)
         if plan.surface or plan.contacts:
             surface = self.surface
             surface.field.set_area_change(self._changes)
@@ -281,16 +288,24 @@ class FeatureExtractor:
                 picture, grid = surface.picture(), surface.grid_img
             if plan.contacts:
                 surface.field.find(xy_img)
-                contacts = self.finder.find(xy_img, seen, sigma_px, moments=moments, fits=fits)
+                contacts = self.finder.find(xy_img, seen, sigma_px, moments=plan.moments, fits=plan.fits)
         return volume, picture, grid, contacts
 
-    def _of_contact_pins(self, motion: _Motion, area_change: Array, kept: tuple[Array, Array]) -> _OfPins:
-        """Those of a frame in contact."""
-        plan, params = self._plan, self._params
-        torsion = slip = probability = None
-        noise = self._detector.cell_noise(motion.sigma_px)
+    def _contact_pins(self, area_change: Array, noise: float) -> Index:
+        """Rows of the pins in the contact; good until the next frame.
+
+        noise  one sigma of a cell's area change
+        """
+        params = self._params
         least = max(params.contact_sigma * noise, params.min_area_change)
-        pins = self._motion.in_contact(area_change, least)
+        return self._motion.in_contact(area_change, least)
+
+    def _of_contact_pins(
+        self, motion: _Motion, area_change: Array, kept: tuple[Array, Array], pins: Index
+    ) -> _OfPins:
+        """Those of a frame in contact."""
+        plan = self._plan
+        torsion = slip = probability = None
         if plan.torsion:
             torsion = self._motion.torsion(motion.px, pins)
         if plan.slip:

@@ -13,10 +13,9 @@ preferred direction, so a shear (spin 1) can depend only on products of spin 1, 
 spin 0. That leaves a tenth of the terms of an unrestricted polynomial: few calibration frames are enough, and
 the direction is right all the way round.
 
-Where all pins are seen, or predicted, the basis is in 16-bit integers and the sums are in single precision:
-for a quarter of the memory an error of 1e-6 of the motion, a thousandth of the pins' noise. And they are
-real: mode (b, a) is the conjugate of mode (a, b), so that the sums of the latter's real and imaginary part
-give the coefficients of both.
+Where all pins are seen, or predicted, basis and sums are in single precision: an error of 1e-7 of the
+motion. And they are real: mode (b, a) is the conjugate of mode (a, b), so that the sums of the latter's real
+and imaginary part give the coefficients of both.
 
 Terms of equal spin are made orthonormal over the rest pins (Gram-Schmidt, lowest degree first), which keeps
 the spins and makes coefficients comparable; on a round layout terms of different spin are orthogonal anyway.
@@ -37,13 +36,11 @@ from numpy.typing import NDArray
 from edge.types import Array, Complex, Mask, Rest
 
 if cython.compiled:
-    from cython.cimports.edge.features.mode_sums import mode_sums
     from cython.cimports.edge.geometry.views import PointsView
     from cython.cimports.libc.math import sqrt
 else:
     from math import sqrt
 
-    from edge.features.mode_sums import mode_sums
     from edge.geometry.views import PointsView
 
 #: Highest degree; a calibration file names its inputs by these modes, so it is part of the format.
@@ -82,16 +79,14 @@ def mode_basis(rest: Rest) -> Complex:
     return basis
 
 
-def _in_rows(basis: Complex) -> tuple[NDArray[np.int16], NDArray[np.float32]]:
-    """The basis (n, k) as (n, ROW) whole steps, and each column's step: the real part where a >= b in a
-    mode's powers, there the imaginary part of (b, a). What a pin loses by rounding, the next one gets.
+def _in_rows(basis: Complex) -> NDArray[np.float32]:
+    """The basis (n, k) as (n, ROW): the real part where a >= b in a mode's powers, there the imaginary
+    part of (b, a).
     """
-    rows = np.zeros((len(basis), ROW))
+    rows = np.zeros((len(basis), ROW), np.float32)
     for column, mirror in enumerate(_MIRROR):
         rows[:, column] = basis[:, column].real if column <= mirror else basis[:, mirror].imag
-    step = np.maximum(np.abs(rows).max(axis=0), np.finfo(np.float32).tiny) / (np.iinfo(np.int16).max - 1)
-    whole = np.diff(np.rint(np.cumsum(rows / step, axis=0)), axis=0, prepend=0.0)
-    return whole.astype(np.int16), step.astype(np.float32)
+    return rows
 
 
 @cython.cclass
@@ -106,9 +101,8 @@ class Modes:
     _re: cython.double[:, ::1]  # (n, k), the basis
     _im: cython.double[:, ::1]
     _mirror: cython.int[::1]
-    _rows: cython.const[cython.short][:, ::1]  # basis times inverse Gram matrix, as `_in_rows` has it
-    _step: cython.const[cython.float][::1]
-    _sums: cython.float[::1]  # of `mode_sums`
+    _rows: cython.const[cython.float][:, ::1]  # basis times inverse Gram matrix, as `_in_rows` has it
+    _sums: cython.float[:, ::1]  # of rows times motion: of x, of y
     _gram_re: cython.double[:, ::1]  # (k, k), of all pins
     _gram_im: cython.double[:, ::1]
     _factor_re: cython.double[:, ::1]  # (k, k), scratch
@@ -126,8 +120,8 @@ class Modes:
         self._result_array = self._result = np.empty(k, np.complex128)
         self._re, self._im = np.array(basis.real, order="C"), np.array(basis.imag, order="C")
         self._mirror = np.array(_MIRROR, np.int32)
-        self._rows, self._step = _in_rows(basis @ np.linalg.inv(gram))
-        self._sums = np.zeros(2 * ROW, np.float32)
+        self._rows = _in_rows(basis @ np.linalg.inv(gram))
+        self._sums = np.zeros((2, ROW), np.float32)
         self._gram_re, self._gram_im = np.array(gram.real, order="C"), np.array(gram.imag, order="C")
         self._factor_re, self._factor_im = np.empty((k, k)), np.empty((k, k))
         self._sum_re, self._sum_im = np.empty(k), np.empty(k)
@@ -169,20 +163,41 @@ class Modes:
     @cython.exceptval(check=False)
     def _fit_all(self, motion: cython.const[cython.double][:, ::1]) -> cython.void:
         """Coefficients over all pins."""
-        sums: cython.float[::1] = self._sums
+        sums: cython.float[:, ::1] = self._sums
         j: cython.Py_ssize_t
         m: cython.Py_ssize_t
-        mode_sums(self._rows, self._step, motion, sums)
+        self._sum_all(motion)
         for j in range(self._k):  # of real part r and imaginary part i: r - i i, and r + i i of the conjugate
             m = self._mirror[j]
             if j == m:
-                self._sum_re[j] = sums[j]
-                self._sum_im[j] = sums[ROW + j]
+                self._sum_re[j] = sums[0, j]
+                self._sum_im[j] = sums[1, j]
             elif j < m:
-                self._sum_re[j] = sums[j] + sums[ROW + m]
-                self._sum_im[j] = sums[ROW + j] - sums[m]
-                self._sum_re[m] = sums[j] - sums[ROW + m]
-                self._sum_im[m] = sums[ROW + j] + sums[m]
+                self._sum_re[j] = sums[0, j] + sums[1, m]
+                self._sum_im[j] = sums[1, j] - sums[0, m]
+                self._sum_re[m] = sums[0, j] - sums[1, m]
+                self._sum_im[m] = sums[1, j] + sums[0, m]
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _sum_all(self, motion: cython.const[cython.double][:, ::1]) -> cython.void:
+        """`_sums`, which stay in registers until all pins are in: ROW numbers each."""
+        of_x: cython.float[24] = [0.0] * 24
+        of_y: cython.float[24] = [0.0] * 24
+        rows: cython.const[cython.float][:, ::1] = self._rows
+        i: cython.Py_ssize_t
+        j: cython.Py_ssize_t
+        x: cython.float
+        y: cython.float
+        for i in range(self._n):
+            x = cython.cast(cython.float, motion[i, 0])
+            y = cython.cast(cython.float, motion[i, 1])
+            for j in range(24):
+                of_x[j] += rows[i, j] * x
+                of_y[j] += rows[i, j] * y
+        for j in range(24):
+            self._sums[0, j] = of_x[j]
+            self._sums[1, j] = of_y[j]
 
     @cython.cfunc
     @cython.exceptval(check=False)

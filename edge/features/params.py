@@ -55,5 +55,8 @@ class FeatureParams:
     slip_span_frames: int = 4  # over which motion is taken
     slip_pressing_rel: float = 0.7  # net over total area change; above it the contact is pressed or released
 
+    # --- vibration
+    vibration_from_hz: float = 10.0  # slower motion is shear
+
 
 PARAMS = FeatureParams()

@@ -1,15 +1,19 @@
-"""Which points are near which. A kernel: compiled by Cython, and the same when it is not.
+"""Which points are near which, whether they still stand apart, and weighted sums of the motion of those near.
+
+A kernel: compiled by Cython, and the same when it is not; other kernels import it through `neighbours.pxd`.
 
 All distances are taken: for the points of one tip that is as fast as a search tree.
 """
 
-# mypy: disable-error-code="attr-defined,untyped-decorator,valid-type"
+# mypy: disable-error-code="attr-defined,no-any-return,untyped-decorator,valid-type"
 
 from __future__ import annotations
 
 import cython
 import numpy as np
+from numpy.typing import NDArray
 
+from edge.limits import POINTS_MAX
 from edge.types import Array, Index
 
 if cython.compiled:
@@ -47,6 +51,65 @@ def pairs_within(xy: Array, reach: float) -> Index:
     pairs = np.empty((counted, 2), np.int32)
     _pairs(xy, reach, pairs)
     return pairs
+
+
+def short_rows(rows: Index) -> NDArray[np.uint16]:
+    """Rows of a table in half the memory. Raises ValueError: a row that 16 bits do not hold."""
+    most = np.iinfo(np.uint16).max
+    if rows.size and not (rows.min() >= 0 and rows.max() <= most):
+        raise ValueError(f"rows of 0 to {most} are wanted, not {rows.min()} to {rows.max()}")
+    return np.ascontiguousarray(rows, np.uint16)
+
+
+def weighted_rows(near: Index, weight: Array) -> tuple[Index, NDArray[np.uint16], NDArray[np.float32]]:
+    """Neighbours (n, k) and their weights, 0 beyond those that there are, as `weighted_sums` takes them.
+
+    Returns  (n + 1,) where those of each point begin in the next two; twice the row of each; their weights.
+             They are an even number, the last one may have no weight.
+    Raises   ValueError: a row that 16 bits do not hold
+    """
+    near, weight = np.pad(near, ((0, 0), (0, 1))), np.pad(weight, ((0, 0), (0, 1)))
+    count = np.count_nonzero(weight, axis=1)
+    count += count % 2
+    order = np.argsort(weight == 0.0, axis=1, kind="stable")
+    taken = np.arange(weight.shape[1]) < count[:, None]
+    near, weight = np.take_along_axis(near, order, 1)[taken], np.take_along_axis(weight, order, 1)[taken]
+    return np.cumsum([0, *count], dtype=np.int32), short_rows(2 * near), weight.astype(np.float32)
+
+
+def weighted_sums(
+    start: cython.const[cython.int][::1],
+    near: cython.const[cython.ushort][::1],
+    weight: cython.const[cython.float][::1],
+    motion: cython.const[cython.float][::1],
+    sums: cython.float[::1],
+) -> cython.void:
+    """Weighted sum of the motion of the neighbours of each point.
+
+    start, near, weight  of `weighted_rows`, for n points
+    motion               (2 m,) px, x and y of each point in turn; finite
+    sums                 (2 n,) px, likewise; written
+    """
+    i: cython.Py_ssize_t
+    k: cython.Py_ssize_t
+    a: cython.Py_ssize_t
+    b: cython.Py_ssize_t
+    # Every second neighbour into the same sums: these do not wait for the others.
+    x: cython.float
+    y: cython.float
+    other_x: cython.float
+    other_y: cython.float
+    for i in range(start.shape[0] - 1):
+        x = y = other_x = other_y = 0.0
+        for k in range(start[i], start[i + 1], 2):
+            a = near[k]
+            b = near[k + 1]
+            x += weight[k] * motion[a]
+            y += weight[k] * motion[a + 1]
+            other_x += weight[k + 1] * motion[b]
+            other_y += weight[k + 1] * motion[b + 1]
+        sums[2 * i] = x + other_x
+        sums[2 * i + 1] = y + other_y
 
 
 def _checked(xy: Array) -> Array:
@@ -111,3 +174,42 @@ def _pairs(
                 pairs[counted, 1] = j
             counted += 1
     return counted
+
+
+@cython.cclass
+class Separation:
+    """Whether n moving points that were compared and stood apart still do.
+
+    Two of them approach each other by no more than both move: while none has moved by half of the smallest
+    gap, no pair need be compared.
+
+    Raises  ValueError: too many points
+    """
+
+    def __init__(self, n: int) -> None:
+        if not 0 <= n <= POINTS_MAX:
+            raise ValueError(f"n: 0 to {POINTS_MAX} are wanted, not {n}")
+        self.n = n
+        self.at = np.full((n, 2), np.nan)  # when they were compared
+        self.far2 = 0.0
+
+    def holds(self, xy: cython.const[cython.double][:, ::1]) -> cython.bint:
+        """Whether no two points can have come too near to each other.
+
+        xy       (n, 2) px; NaN: not there, near to none
+        Returns  False: they are to be compared; so is a point that was not there then
+        """
+        i: cython.Py_ssize_t
+        x: cython.double
+        y: cython.double
+        for i in range(self.n):
+            x = xy[i, 0] - self.at[i, 0]
+            y = xy[i, 1] - self.at[i, 1]
+            if not x * x + y * y < self.far2 and xy[i, 0] == xy[i, 0]:
+                return False
+        return True
+
+    def renew(self, xy: cython.const[cython.double][:, ::1], gap: cython.double) -> cython.void:
+        """They were compared; `gap`, px: the least distance of two, less what would be too near."""
+        self.at[:, :] = xy
+        self.far2 = 0.25 * gap * gap if gap > 0.0 else 0.0

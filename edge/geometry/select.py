@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import cython
+import numpy as np
 
 from edge.types import Array
 
 if cython.compiled:
-    from cython.cimports.edge.geometry.counting import kth
     from cython.cimports.libc.math import INFINITY, NAN
 else:
     from math import inf as INFINITY  # noqa: N812
     from math import nan as NAN  # noqa: N812
-
-    from edge.geometry.counting import kth
 
 
 #: The median absolute deviation of normal noise, times this, is its standard deviation.
@@ -27,26 +25,50 @@ def kth_smallest(values: Array, k: int) -> float:
     """
     if not 0 <= k < len(values):
         raise ValueError(f"the {k}-th of {len(values)} values: k must be 0 to {len(values) - 1}")
-    smallest: float = select_kth(values, len(values), k)
+    smallest: float = select_kth(np.array(values, np.float64), len(values), k)
     return smallest
 
 
 def select_kth(v: cython.double[::1], n: cython.Py_ssize_t, k: cython.Py_ssize_t) -> cython.double:
-    """k-th smallest of the first n > k."""
-    return kth(v, n, k)
+    """k-th smallest of the first n > k, which change places: none before it is larger then, none behind it
+    smaller.
+
+    Source  Hoare, Algorithm 65: Find, Communications of the ACM 4, 1961
+    """
+    low: cython.Py_ssize_t = 0
+    high: cython.Py_ssize_t = n - 1
+    i: cython.Py_ssize_t
+    j: cython.Py_ssize_t
+    pivot: cython.double
+    while low < high:
+        pivot = v[k]
+        i = low
+        j = high
+        while i <= j:
+            while v[i] < pivot:
+                i += 1
+            while pivot < v[j]:
+                j -= 1
+            if i <= j:
+                v[i], v[j] = v[j], v[i]
+                i += 1
+                j -= 1
+        if j < k:
+            low = i
+        if k < i:
+            high = j
+    return v[k]
 
 
 def median(v: cython.double[::1], n: cython.Py_ssize_t) -> cython.double:
-    """Median of the first n, the mean of the middle two if n is even. NaN of none."""
+    """Median of the first n, which change places; the mean of the middle two if n is even. NaN of none."""
     if n == 0:
         return NAN
     i: cython.Py_ssize_t
-    below_n: cython.Py_ssize_t = 0
-    below: cython.double = -INFINITY  # the largest of those
-    middle: cython.double = kth(v, n, n // 2)
+    below: cython.double = -INFINITY  # the largest of those before the middle
+    middle: cython.double = select_kth(v, n, n // 2)
     if n % 2 == 1:
         return middle
-    for i in range(n):
-        below_n += v[i] < middle
-        below = max(below, v[i] if v[i] < middle else -INFINITY)
-    return 0.5 * ((below if below_n == n // 2 else middle) + middle)
+    for i in range(n // 2):
+        below = max(below, v[i])
+    return 0.5 * (below + middle)

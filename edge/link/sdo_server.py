@@ -25,7 +25,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from edge.limits import CALIBRATION_BYTES
+from edge.limits import FILE_BYTES
 from edge.link.object_server import Aborted, ObjectServer, size_of
 from edge.link.params import PARAMS
 from hostlink.wire import Abort
@@ -49,7 +49,7 @@ from hostlink.wire.sdo import (
 
 __all__ = ["DOWNLOAD_MAX", "TOO_LONG", "SdoServer"]
 
-DOWNLOAD_MAX = CALIBRATION_BYTES  # bounds the memory that a client can take
+DOWNLOAD_MAX = FILE_BYTES  # bounds the memory that a client can take
 TOO_LONG = f"longer than {DOWNLOAD_MAX >> 20} MiB, so no calibration"
 _NO_REPEAT = (b"", b"")  # the last segment and its answer; none
 

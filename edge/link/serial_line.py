@@ -45,7 +45,7 @@ class SerialMedium:
             first = self._port.read(1)
             if not first:
                 return None
-            return bytes(first + self._port.read(min(self._port.in_waiting, PARAMS.chunk_bytes)))
+            return bytes(first + self._port.read(self._port.in_waiting))
         except _BROKEN as error:
             raise MediumError(message_of(error)) from error
 

@@ -63,7 +63,7 @@ class SettingsFile:
         if self._path is None:
             return self._defaults
         try:
-            raw = limits.read_bounded(self._path, limits.SETTINGS_BYTES)
+            raw = limits.read_bounded(self._path, limits.FILE_BYTES)
             table = limits.decode_json(raw, dict[str, int | float])
             values: dict[str, Any] = {name: checked(name, value) for name, value in table.items()}
             return replace(self._defaults, **values)

@@ -28,7 +28,7 @@ from hostlink.wire import (
 )
 from hostlink.wire.address import DEFAULT_BAUD, AddressError, parse_address
 from hostlink.wire.errors import CorruptFrame
-from hostlink.wire.serial import decode_frame
+from hostlink.wire.serial import FRAME_MAX, decode_frame
 from hostlink.wire.timing import fd_frame_s, serial_frame_s
 
 __all__ = [
@@ -133,7 +133,7 @@ class SerialSink(LinkSink):
     def _split(self, chunk: bytes) -> None:
         self._buffer += chunk
         *blocks, rest = self._buffer.split(b"\0")
-        self._buffer = rest[-PARAMS.noise_bytes :]
+        self._buffer = rest[-FRAME_MAX:]  # what is longer is noise
         for block in filter(None, blocks):
             try:
                 number, payload = decode_frame(bytes(block))

@@ -13,7 +13,7 @@ Rules
 - Templates (`templates.py`) are in 16-bit integers for PHASES x PHASES subpixel offsets, zero outside of the
   support circle. d is orthogonal to 1; tx and ty to 1 and d.
 - One pass over the pixels of the support, which are copied from the image without the gaps between its rows
-  (`windows`); then the steps, four pins at a time (`steps`); TOGETHER pins in turn. Nine in ten need one.
+  (`window_sums`); then the step. Nine pins in ten need one.
 - All sums are exact integers. What depends on the template alone is precomputed in `norms`.
 - Dark pins are bright ones in the inverted image, whose sums follow from the image's own: the result is the
   same to the last bit.
@@ -30,36 +30,64 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edge.pins.templates import BLOCK, FAR_PX, HALF_MAX, LANES, NORM, PHASES, STEP_MAX, TemplateSet
-from edge.pins.windows import FETCH, KIND
+from edge.pins.window_sums import FETCH, KIND
 from edge.types import Array, Image, Index
-
-#: Pins of which the sums are at hand together: they stay in the first-level cache.
-TOGETHER = 64
 
 if cython.compiled:
     from cython.cimports.edge.pins.rejection import CentroidFilter
-    from cython.cimports.edge.pins.steps import take_steps
-    from cython.cimports.edge.pins.windows import Fetch, Kind, place, sum_shorts, sum_windows
+    from cython.cimports.edge.pins.window_sums import (
+        D2,
+        D_U,
+        D_V,
+        FREEDOM,
+        INV_D,
+        INV_FREEDOM,
+        LONGEST,
+        RADIUS,
+        TX_U,
+        TY_V,
+        UNIT_D,
+        UNIT_T,
+        X_D,
+        X_U,
+        Y_D,
+        Y_V,
+        Fetch,
+        Kind,
+        Windows,
+        sum_window,
+        windows_of,
+    )
     from cython.cimports.libc.math import HUGE_VAL, sqrt
 else:
     from math import inf as HUGE_VAL  # noqa: N812
     from math import sqrt
 
     from edge.pins.rejection import CentroidFilter
-    from edge.pins.steps import take_steps
-    from edge.pins.windows import place, sum_shorts, sum_windows
+    from edge.pins.window_sums import (
+        D2,
+        D_U,
+        D_V,
+        FREEDOM,
+        INV_D,
+        INV_FREEDOM,
+        LONGEST,
+        RADIUS,
+        TX_U,
+        TY_V,
+        UNIT_D,
+        UNIT_T,
+        X_D,
+        X_U,
+        Y_D,
+        Y_V,
+        sum_window,
+        windows_of,
+    )
 
 INT_MAX = cython.declare(cython.Py_ssize_t, np.iinfo(np.int32).max)
 N_PHASES = cython.declare(cython.int, PHASES)
-MANY = cython.declare(cython.Py_ssize_t, TOGETHER)
 LEVEL_MAX = cython.declare(cython.int, STEP_MAX)
-
-#: Columns of `norms`.
-RADIUS = cython.declare(cython.int, NORM.index("radius"))
-STEP = cython.declare(cython.int, NORM.index("step_max"))
-D2 = cython.declare(cython.int, NORM.index("d2"))
-UNIT_D = cython.declare(cython.int, NORM.index("unit_d"))
-UNIT_T = cython.declare(cython.int, NORM.index("unit_t"))
 
 
 @cython.final
@@ -99,10 +127,11 @@ class CentroidKernel:
     _norm_of: cython.int[::1]  # row of its first phase in `_norms`
     _kinds: Kind[::1]
     _spans: cython.int[:, ::1]  # of all kinds
-    _steps: cython.Py_ssize_t[:, ::1]  # as `sum_windows` takes it, in 8-bit images of this shape
-    _inner: cython.double[::1]  # as `place` takes it
+    _steps: cython.Py_ssize_t[:, ::1]  # as `sum_window` takes it, in 8-bit images of this shape
+    _inner: cython.double[::1]  # phases: least x and y of pins whose windows are within them, least beyond
     _half: cython.Py_ssize_t  # of the largest window
-    _fetch: Fetch[::1]  # as `sum_windows` takes it
+    _fetch: Fetch[::1]  # as `sum_window` takes it
+    _windows: Windows  # of the image in hand
     _values: cython.short[::1]  # of the templates
     _uv: cython.schar[::1]
     _norms: cython.double[:, ::1]
@@ -111,14 +140,7 @@ class CentroidKernel:
     _filter: CentroidFilter
     _pixels: cython.uchar[::1]
     _window: cython.short[::1]
-    _asked: cython.int[::1]  # the pins that take a step
-    _who: cython.int[::1]  # TOGETHER of them, or fewer
-    _others: cython.int[::1]  # of these, those that `sum_windows` does not read
-    _taken: cython.Py_ssize_t  # how many have sums
-    _at: cython.int[::1]
-    _begin: cython.int[::1]
-    _middle: cython.double[:, ::1]
-    _sums: cython.double[:, ::1]
+    _sums: cython.double[::1]  # of the window in hand
     _normal: cython.double[:, ::1]
     _inverse: cython.double[:, ::1]
     _basis: cython.double[::1]
@@ -170,10 +192,7 @@ class CentroidKernel:
         plane_max = int(np.max(templates.plane))
         self._pixels = np.zeros(plane_max + 2 * HALF_MAX + LANES, np.uint8)
         self._window = np.zeros(plane_max, np.int16)
-        self._asked = np.zeros(self.n, np.int32)
-        rows = TOGETHER + LANES  # they are taken four at a time
-        self._who, self._others, self._at, self._begin = np.zeros((4, rows), np.int32)
-        self._middle, self._sums = np.zeros((2, rows)), np.zeros((rows, NORM.index("inv_d")))
+        self._sums = np.zeros(NORM.index("inv_d"))
         self._predicted_array = None
         self._normal = np.empty((4, 5))
         self._inverse = np.empty((4, 4))
@@ -246,16 +265,33 @@ class CentroidKernel:
     @cython.cfunc
     @cython.exceptval(check=False)
     def _read(self) -> cython.void:
-        """All pins step from their predictions to their centroids, those of them that are not there yet."""
+        """Each pin steps from its prediction to its centroid."""
         i: cython.Py_ssize_t
-        n: cython.Py_ssize_t = self.n
-        iteration: cython.int
-        for i in range(n):
-            self._asked[i] = i
         if not self._wide:
             self._begin_to_fetch()
+            self._windows = windows_of(
+                self._image8, self._fetch, self._kinds, self._steps, self._values, self._uv, self._norms,
+                self._pixels, self._sums, self._sign < 0,
+            )  # fmt: skip
+        for i in range(self.n):
+            self._find(i)
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _find(self, i: cython.Py_ssize_t) -> cython.void:
+        """Steps of pin i."""
+        iteration: cython.int
+        x: cython.double = self._predicted[i, 0]
+        y: cython.double = self._predicted[i, 1]
+        near2: cython.double
+        far2: cython.double
         for iteration in range(self._steps_max):
-            n = self._step_all(n, iteration)
+            # Far off, slopes alone give a coarse step first. The last step that is allowed ends everywhere.
+            far2 = self._far2 if iteration < self._steps_max - 3 else HUGE_VAL
+            near2 = self._near2 if iteration < self._steps_max - 1 else HUGE_VAL
+            if not self._step(i, x, y, near2, far2, iteration == 0):
+                return
+            x, y = self._xy[i, 0], self._xy[i, 1]
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -287,67 +323,6 @@ class CentroidKernel:
         self._fetch[0] = f
 
     @cython.cfunc
-    @cython.exceptval(check=False)
-    def _step_all(self, n: cython.Py_ssize_t, iteration: cython.int) -> cython.Py_ssize_t:
-        """A step of the first n of `_asked`. Returns how many, put first there, have to go on."""
-        i: cython.Py_ssize_t
-        first: cython.Py_ssize_t = 0
-        many: cython.Py_ssize_t
-        on: cython.Py_ssize_t = 0
-        while first < n:
-            many = min(n - first, MANY)
-            for i in range(many):
-                self._who[i] = self._asked[first + i]
-            first += many
-            many = self._step(many, iteration)
-            for i in range(many):
-                self._asked[on + i] = self._who[i]
-            on += many
-        return on
-
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _step(self, n: cython.Py_ssize_t, iteration: cython.int) -> cython.Py_ssize_t:
-        """A step of the first n of `_who`. Returns how many, put first there, have to go on."""
-        xy: cython.double[:, ::1] = self._xy if iteration else self._predicted
-        i: cython.Py_ssize_t
-        j: cython.Py_ssize_t
-        others: cython.Py_ssize_t
-        on: cython.Py_ssize_t = 0
-        # Far off, slopes alone give a coarse step first. The last step that is allowed ends everywhere.
-        far2: cython.double = self._far2 if iteration < self._steps_max - 3 else HUGE_VAL
-        near2: cython.double = self._near2 if iteration < self._steps_max - 1 else HUGE_VAL
-        if self._wide:
-            self._taken = 0
-            for j in range(n):
-                self._others[j] = self._who[j]
-        else:
-            self._taken = place(
-                self._norm_of, self._inner, self._stride, xy, self._who, n, self._others, self._at,
-                self._begin, self._middle,
-            )  # fmt: skip
-            sum_windows(
-                self._image8, self._fetch, self._begin, self._at, self._taken, self._kinds, self._steps,
-                self._values, self._uv, self._norms, self._pixels, self._sign < 0, self._sums,
-            )  # fmt: skip
-        others = n - self._taken
-        for j in range(others):
-            i = self._others[j]
-            if self._step_other(i, xy[i, 0], xy[i, 1], near2):
-                self._others[on] = i
-                on += 1
-        n = 0
-        if self._taken:
-            n = take_steps(
-                self._who, self._taken, self._at, self._middle, self._sums, self._norms, self._predicted,
-                iteration == 0, near2, far2, self._reach2, self._noise2, self._gain, self._xy, self._sigma,
-                self._amplitude, self._fit,
-            )  # fmt: skip
-        for j in range(on):
-            self._who[n + j] = self._others[j]
-        return n + on
-
-    @cython.cfunc
     @cython.inline
     @cython.exceptval(check=False)
     def _level(self, x: cython.Py_ssize_t, y: cython.Py_ssize_t) -> cython.int:
@@ -357,36 +332,147 @@ class CentroidKernel:
 
     @cython.cfunc
     @cython.exceptval(check=False)
-    def _step_other(
-        self, i: cython.Py_ssize_t, px: cython.double, py: cython.double, near2: cython.double
-    ) -> cython.bint:
-        """The sums of pin i where its window is within the image, else its step. Returns it has to go on."""
-        j: cython.Py_ssize_t = self._taken
-        kind: cython.Py_ssize_t = self._kind_of[i]
-        k: Kind = self._kinds[kind]
+    def _step(
+        self, i: cython.Py_ssize_t, px: cython.double, py: cython.double, near2: cython.double,
+        far2: cython.double, first: cython.bint,
+    ) -> cython.bint:  # fmt: skip
+        """A step of pin i from a place, px. Returns that it has to go on.
+
+        near2  px2: a step this short is the last
+        far2   px2: of a longer one the slopes alone are enough
+        first  it is its first step
+        """
         x4: cython.double = N_PHASES * px + 2
         y4: cython.double = N_PHASES * py + 2
+        kind: cython.Py_ssize_t = self._kind_of[i]
         self._amplitude[i] = self._fit[i] = 0
         if not (0 <= px <= self._columns - 1 and 0 <= py <= self._rows - 1):  # NaN is not
             return False
         x: cython.int = cython.cast(cython.int, x4)
         y: cython.int = cython.cast(cython.int, y4)
-        cx: cython.Py_ssize_t = x // N_PHASES
-        cy: cython.Py_ssize_t = y // N_PHASES
-        phase: cython.Py_ssize_t = y % N_PHASES * N_PHASES + x % N_PHASES
-        self._take_window(cx, cy, kind)
-        self._at[j] = kind * N_PHASES * N_PHASES + phase
-        self._middle[0, j] = 0.25 * x - 0.375
-        self._middle[1, j] = 0.25 * y - 0.375
-        if cx < k.half or cy < k.half or cx + k.half >= self._columns or cy + k.half >= self._rows:
-            return self._step_cut(i, kind, cx, cy, phase, j, near2)
-        sum_shorts(
-            self._window, self._wide, self._values, k.first + 3 * k.plane * phase, self._uv, k.first_uv,
-            k.plane, self._norms[self._at[j]], self._sums[j],
-        )  # fmt: skip
-        self._who[j] = i
-        self._taken = j + 1
-        return False
+        cx: cython.Py_ssize_t = x >> 2
+        cy: cython.Py_ssize_t = y >> 2
+        phase: cython.Py_ssize_t = (y & 3) * 4 + (x & 3)
+        norm: cython.Py_ssize_t = self._norm_of[i] + phase
+        middle_x: cython.double = 0.25 * x - 0.375
+        middle_y: cython.double = 0.25 * y - 0.375
+        if not self._wide and self._inner[0] <= x4 < self._inner[2] and self._inner[1] <= y4 < self._inner[3]:
+            sum_window(self._windows, cy * self._stride + cx, kind, norm)
+        else:
+            self._take_window(cx, cy, kind)
+            half: cython.Py_ssize_t = self._kinds[kind].half
+            if cx < half or cy < half or cx + half >= self._columns or cy + half >= self._rows:
+                return self._step_cut(i, kind, cx, cy, phase, middle_x, middle_y, near2)
+            self._sum_levels(kind, phase, norm)
+        return self._solve(i, norm, middle_x, middle_y, near2, far2, first)
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _solve(
+        self, i: cython.Py_ssize_t, n: cython.Py_ssize_t, middle_x: cython.double, middle_y: cython.double,
+        near2: cython.double, far2: cython.double, first: cython.bint,
+    ) -> cython.bint:  # fmt: skip
+        """The step of pin i from `_sums`; n: the row of its norms. Returns that it has to go on."""
+        a: cython.double = self._sums[0]
+        tx: cython.double = self._sums[1]
+        ty: cython.double = self._sums[2]
+        if not a > 0.0:
+            return False
+        x_d: cython.double = self._norms[n, X_D]
+        y_d: cython.double = self._norms[n, Y_D]
+        x_u: cython.double = self._norms[n, X_U]
+        y_v: cython.double = self._norms[n, Y_V]
+        inverse: cython.double = 1.0 / a
+        a2: cython.double = a * a
+        # The step times |d| A, as if the surroundings had no slope.
+        ex: cython.double = tx * x_d
+        ey: cython.double = ty * y_d
+        is_near: cython.bint = ex * ex + ey * ey <= far2 * a2
+        # What the slope of the surroundings explains besides. It is shrunk by its uncertainty: where it is
+        # within its own noise, leaving it out costs nothing and saves a fifth of the noise.
+        su: cython.double = self._sums[4] + self._norms[n, D_U] * a
+        sv: cython.double = self._sums[5] + self._norms[n, D_V] * a
+        gu: cython.double = su + self._norms[n, TX_U] * tx
+        gv: cython.double = sv + self._norms[n, TY_V] * ty
+        gu2: cython.double = gu * gu
+        gv2: cython.double = gv * gv
+        energy: cython.double = self._sums[6] - self._sums[3] * self._sums[3] * self._sums[7]
+        rest: cython.double = energy - a2 - tx * tx - ty * ty - gu2 - gv2
+        variance: cython.double = max(rest, 0.0) * self._norms[n, INV_FREEDOM] + 1.0 / 12.0
+        limit: cython.double = 4.0 * variance
+        keep_x: cython.double = 1.0 - limit / gu2 if is_near and gu2 > limit else 0.0
+        keep_y: cython.double = 1.0 - limit / gv2 if is_near and gv2 > limit else 0.0
+        ex -= keep_x * gu * x_u
+        ey -= keep_y * gv * y_v
+        goes_on: cython.bint = square(ex, ey) >= near2 * a2
+        ex *= inverse
+        ey *= inverse
+        # Variation that the slope of the surroundings explains does not count against the disc.
+        left: cython.double = energy - gu * su - gv * sv
+        spread: cython.double = x_d * x_d + y_d * y_d + keep_x * (x_u * x_u) + keep_y * (y_v * y_v)
+        self._sigma[i] = sigma_of(
+            0.5 * variance * spread * inverse * inverse,
+            rest,
+            self._norms[n, FREEDOM],
+            left,
+            self._noise2,
+            self._norms[n, RADIUS],
+        )
+        self._xy[i, 0] = middle_x + ex
+        self._xy[i, 1] = middle_y + ey
+        # A first step that is the last one is so short that it is within reach.
+        if (goes_on or not first) and not self._is_within_reach(i, n, middle_x, middle_y, ex, ey):
+            return False
+        self._amplitude[i] = a * self._norms[n, INV_D] * self._gain
+        self._fit[i] = a2 / left if left > 0.0 else 0.0
+        return goes_on
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _is_within_reach(
+        self, i: cython.Py_ssize_t, n: cython.Py_ssize_t, middle_x: cython.double, middle_y: cython.double,
+        ex: cython.double, ey: cython.double,
+    ) -> cython.bint:  # fmt: skip
+        """Shorten a step that is too long; whether it ends near enough to the prediction."""
+        length: cython.double = sqrt(square(ex, ey))
+        longest: cython.double = self._norms[n, LONGEST]
+        if length > longest:
+            self._xy[i, 0] = middle_x + longest / length * ex
+            self._xy[i, 1] = middle_y + longest / length * ey
+        ex = self._xy[i, 0] - self._predicted[i, 0]
+        ey = self._xy[i, 1] - self._predicted[i, 1]
+        return square(ex, ey) <= self._reach2
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _sum_levels(
+        self, kind: cython.Py_ssize_t, phase: cython.Py_ssize_t, norm: cython.Py_ssize_t
+    ) -> cython.void:
+        """`_sums` of the levels in `_window`, whose squares may have 24 bits."""
+        k: Kind = self._kinds[kind]
+        t: cython.Py_ssize_t = k.first + 3 * k.plane * phase
+        i: cython.Py_ssize_t
+        level: cython.int
+        d: cython.int = 0
+        tx: cython.int = 0
+        ty: cython.int = 0
+        one: cython.int = 0
+        u: cython.int = 0
+        v: cython.int = 0
+        square_sum: cython.longlong = 0
+        for i in range(k.plane):
+            level = cython.cast(cython.int, self._window[i])  # uncompiled, NumPy's numbers overflow
+            d += level * cython.cast(cython.int, self._values[t + i])
+            tx += level * cython.cast(cython.int, self._values[t + k.plane + i])
+            ty += level * cython.cast(cython.int, self._values[t + 2 * k.plane + i])
+            one += level
+            u += level * cython.cast(cython.int, self._uv[k.first_uv + i])
+            v += level * cython.cast(cython.int, self._uv[k.first_uv + k.plane + i])
+            square_sum += level * level
+        self._sums[0], self._sums[1], self._sums[2], self._sums[3] = d, tx, ty, one
+        self._sums[4], self._sums[5], self._sums[6], self._sums[7] = u, v, square_sum, 1.0
+        for i in range(8):
+            self._sums[i] *= self._norms[norm, i]
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -419,11 +505,11 @@ class CentroidKernel:
     @cython.exceptval(check=False)
     def _step_cut(
         self, i: cython.Py_ssize_t, kind: cython.Py_ssize_t, cx: cython.Py_ssize_t, cy: cython.Py_ssize_t,
-        phase: cython.Py_ssize_t, j: cython.Py_ssize_t, near2: cython.double,
+        phase: cython.Py_ssize_t, middle_x: cython.double, middle_y: cython.double, near2: cython.double,
     ) -> cython.bint:  # fmt: skip
         """The same for a pin that the border cuts: the fit of 1, d, tx, ty over the pixels there are."""
-        n: cython.Py_ssize_t = self._at[j]
-        step_max: cython.double = self._norms[n, STEP]
+        n: cython.Py_ssize_t = self._norm_of[i] + phase
+        step_max: cython.double = self._norms[n, LONGEST]
         self._gather_cut(kind, cx, cy, phase)
         energy: cython.double = self._energy
         seen: cython.double = self._in_view
@@ -457,8 +543,8 @@ class CentroidKernel:
         ey /= amplitude
         far: cython.double = sqrt(square(ex, ey))
         shorten: cython.double = step_max / far if far > step_max else 1.0
-        self._xy[i, 0] = self._middle[0, j] + shorten * ex
-        self._xy[i, 1] = self._middle[1, j] + shorten * ey
+        self._xy[i, 0] = middle_x + shorten * ex
+        self._xy[i, 1] = middle_y + shorten * ey
         if (
             square(self._xy[i, 0] - self._predicted[i, 0], self._xy[i, 1] - self._predicted[i, 1])
             > self._reach2

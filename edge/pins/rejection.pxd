@@ -1,4 +1,4 @@
-from edge.geometry.separation cimport Separation
+from edge.geometry.neighbours cimport Separation
 
 
 cdef class CentroidFilter:

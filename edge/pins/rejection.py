@@ -17,16 +17,16 @@ import numpy as np
 from edge.types import Array
 
 if cython.compiled:
+    from cython.cimports.edge.geometry.neighbours import Separation
     from cython.cimports.edge.geometry.select import select_kth
-    from cython.cimports.edge.geometry.separation import Separation
     from cython.cimports.libc.math import HUGE_VAL, NAN, isnan, sqrt
 else:
     from math import inf as HUGE_VAL  # noqa: N812
     from math import isnan, sqrt
     from math import nan as NAN  # noqa: N812
 
+    from edge.geometry.neighbours import Separation
     from edge.geometry.select import select_kth
-    from edge.geometry.separation import Separation
 
 #: Pins are compared in their order along (1, slant), turned and scaled: along x, whole columns of a lattice
 #: would come together.

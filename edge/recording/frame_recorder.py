@@ -5,9 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from edge.cells import cell_polygons
-from edge.pipeline import Result
 from edge.recording import Recorder
-from edge.types import Frame
+from edge.types import Frame, Result
 from edge.view.palette import cell_rgba
 from hostlink.topics import DIAGNOSIS_S, Diagnosis, finger_name, level_of, status_text
 from hostlink.wire import State, pack_state, unpack_state

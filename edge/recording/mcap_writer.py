@@ -1,8 +1,7 @@
 """An MCAP file that grows by whole chunks: what the kernel has been given survives a kill.
 
-A chunk is closed after `chunk_bytes` or `chunk_age_s`, whichever comes first, so a killed process loses at
-most that much. (A power cut may lose more: an fsync for each chunk would stall an SD card; the file is synced
-when it is closed.)
+A chunk is closed when it is full, or after `chunk_age_s`: a killed process loses at most that much. (A power
+cut may lose more: an fsync for each chunk would stall an SD card; the file is synced when it is closed.)
 """
 
 from __future__ import annotations
@@ -45,11 +44,10 @@ class McapWriter:
         self._file = _open(path, overwrite)
         self._writer: Any = Writer(
             self._file,
-            chunk_size=1 << 62,  # chunks are closed by `end_chunk`, by size and age
             compression=CompressionType[compression.upper()],
         )
         self._channels: dict[str, int] = {}
-        self._chunk_bytes = 0
+        self._chunk_open = False
         self._chunk_since_s = 0.0
         self._writer.start(profile="", library="voronoi-touch")
         self._writer.add_metadata("voronoi_touch", dict(metadata))
@@ -68,10 +66,9 @@ class McapWriter:
             self._channels[topic.name] = self._writer.register_channel(
                 topic.name, message_encoding, schema_id
             )
-        if not self._chunk_bytes:
-            self._chunk_since_s = time.monotonic()
+        if not self._chunk_open:
+            self._chunk_open, self._chunk_since_s = True, time.monotonic()
         self._writer.add_message(self._channels[topic.name], log_ns, data, publish_ns, sequence)
-        self._chunk_bytes += len(data) + 1
         self.written_n[topic.name] += 1
 
     def add_attachment(self, now_ns: int, name: str, data: bytes, media_type: str) -> None:
@@ -89,16 +86,14 @@ class McapWriter:
     @property
     def chunk_due_s(self) -> float | None:
         """Time until the open chunk is to be closed, s; None: none is open."""
-        if not self._chunk_bytes:
+        if not self._chunk_open:
             return None
-        if self._chunk_bytes >= PARAMS.chunk_bytes:
-            return 0.0
         return max(0.0, self._chunk_since_s + PARAMS.chunk_age_s - time.monotonic())
 
     def end_chunk(self) -> None:
         """Close the chunk and hand it to the kernel: it then survives a kill. Raises OSError."""
         self._writer.flush()
-        self._chunk_bytes = 0
+        self._chunk_open = False
 
     def finish(self) -> None:
         """Write the last chunk and the index, and sync the file to the disk. Raises OSError."""

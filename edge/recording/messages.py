@@ -9,6 +9,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from typing import Any
 
 import msgspec
@@ -200,6 +201,10 @@ def _varint(number: int) -> bytes:
     return bytes(data)
 
 
+#: Fields of `Features` that are numbers, or two.
+_SCALARS = [f.name for f in fields(Features) if f.type in ("float | None", "tuple[float, float] | None")]
+
+
 def features_json(frame: Frame, features: Features) -> dict[str, Any]:
     """The scalars and the contacts; null where not demanded."""
     shear = features.shear_px
@@ -208,10 +213,7 @@ def features_json(frame: Frame, features: Features) -> dict[str, Any]:
         "touched": bool(features.in_contact),
         "shear_x_px": None if shear is None else float(shear[0]),
         "shear_y_px": None if shear is None else float(shear[1]),
-        "volume_px2": features.volume_px2,
-        "torsion_rad": features.torsion_rad,
-        "slip_px": features.slip_px,
-        "slip_probability": features.slip_probability,
+        **{name: getattr(features, name) for name in _SCALARS},
         "contacts": [
             {
                 "x_px": float(contact.xy_img[0]),

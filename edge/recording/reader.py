@@ -30,8 +30,8 @@ from edge.recording.mcap_file import (
     metadata_in,
     raw_messages,
 )
-from edge.recording.params import PARAMS
 from edge.recording.topics import TOPICS, proto
+from edge.sources.live import PARAMS as LIVE
 from edge.types import Clock, Frame, Image, Lens, Polarity
 
 __all__ = ["RecordingSource", "open_recording", "read_attachments", "read_messages", "read_metadata"]
@@ -131,7 +131,7 @@ class RecordingSource:
         if 0 < rate_hz < RATE_MAX_HZ:
             return rate_hz
         images = (raw.log_ns for raw in raw_messages(self.path, Counter()) if self._is_image(raw))
-        steps = np.diff(list(islice(images, PARAMS.rate_frames_n + 1)))
+        steps = np.diff(list(islice(images, LIVE.rate_frames_n + 1)))
         return 1e9 / float(np.median(steps)) if len(steps) and np.median(steps) > 0 else 0.0
 
     def _is_image(self, raw: RawMessage) -> bool:

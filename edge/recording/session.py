@@ -7,9 +7,8 @@ import time
 from typing import Protocol
 
 from edge.faults.registry import FaultRegistry
-from edge.pipeline import Result
-from edge.recording.params import PARAMS
-from edge.types import Frame
+from edge.params import PARAMS
+from edge.types import Frame, Result
 from hostlink.wire import FaultCode, State
 
 __all__ = ["Recording", "RecordingSession"]
@@ -71,7 +70,7 @@ class RecordingSession:
         now_s = time.monotonic()
         self._ended = ""
         if recorder.dropped_n != self._dropped_n:
-            self._dropped_n, self._slow_until_s = recorder.dropped_n, now_s + PARAMS.slow_disk_s
+            self._dropped_n, self._slow_until_s = recorder.dropped_n, now_s + PARAMS.patience_s
         return "recording: the disk is too slow" if now_s < self._slow_until_s else ""
 
     def _note(self, code: FaultCode, active: bool, message: str) -> None:

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 
 from edge.calibration import Calibration
 from edge.errors import EdgeError
-from edge.pipeline import Pipeline
+from edge.frame import Pipeline
 from edge.rest.tare import RestFrame
 from edge.types import Frame
 from hostlink.wire import RestFrameReason, RestFrameState

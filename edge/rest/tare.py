@@ -28,7 +28,7 @@ import numpy as np
 from edge.calibration import Calibration
 from edge.cells import Tessellator
 from edge.errors import CalibrationError, DegenerateLayout, EdgeError, NoPins
-from edge.features import FeatureExtractor
+from edge.features import FeatureExtractor, FeaturePlan
 from edge.features.params import CELL_NOISE
 from edge.features.params import PARAMS as CONTACT
 from edge.geometry.select import SIGMA_OF_MAD
@@ -262,7 +262,9 @@ def _touch_sigmas(reference: Rest, tracks: Tracks) -> float:
     # The detector adds the reference's own noise to what it is given.
     frame_px = math.sqrt(max((sigma_px * max(1.0, ratio)) ** 2 - rest_sigma_px**2, 0.0))
     noisy = replace(tracks, sigma_px=np.where(tracks.seen, frame_px, np.nan))
-    in_contact: bool = FeatureExtractor(reference, rest_area).extract(noisy, cells, frozenset()).in_contact
+    in_contact: bool = (
+        FeatureExtractor(reference, rest_area).extract(noisy, cells, FeaturePlan(frozenset())).in_contact
+    )
     return sigmas if in_contact else 0.0
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from edge.faults.judge import Check
 from edge.faults.registry import FaultRegistry
-from edge.limits import CALIBRATION_BYTES, SETTINGS_BYTES
+from edge.limits import FILE_BYTES
 from edge.params import PARAMS as RUNTIME
 from hostlink.wire import FaultCode
 
@@ -37,7 +37,7 @@ class BoardParams:
 
 PARAMS = BoardParams()
 #: A calibration and the settings are written beside the old ones before they replace them.
-STORED_BYTES = CALIBRATION_BYTES + SETTINGS_BYTES
+STORED_BYTES = FILE_BYTES + FILE_BYTES  # calibration and settings
 
 
 class Thermometer:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from edge.calibration import Calibration
 from edge.errors import CalibrationError
-from edge.limits import CALIBRATION_BYTES, BadContent, read_bounded
+from edge.limits import FILE_BYTES, BadContent, read_bounded
 from hostlink.output_file import find_unfinished, writing
 
 __all__ = ["CalibrationStore"]
@@ -50,7 +50,7 @@ class CalibrationStore:
         Raises OSError, hostlink.output_file.OutputError: not stored, the one before is still in its place
         """
         try:
-            good = read_bounded(self.path, CALIBRATION_BYTES) if Calibration.load(self.path) else b""
+            good = read_bounded(self.path, FILE_BYTES) if Calibration.load(self.path) else b""
         except (CalibrationError, OSError, BadContent):
             good = b""  # none, or one that must not replace the last good one
         if good:

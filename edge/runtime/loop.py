@@ -34,10 +34,10 @@ from typing import Any, Self, TypeVar
 from edge.calibration import Calibration
 from edge.faults.detector import FaultDetector
 from edge.faults.registry import FaultRegistry
+from edge.frame import Pipeline
 from edge.link.sample import to_state
 from edge.link.sinks import Sink
 from edge.params import PARAMS as RUNTIME
-from edge.pipeline import Pipeline, Result
 from edge.recording.session import RecordingSession
 from edge.rest.request import TareOutcome, TareRequest
 from edge.runtime.board_monitor import BoardMonitor
@@ -45,7 +45,7 @@ from edge.runtime.measurement import LoopConfig, Measurement
 from edge.runtime.statistics import LoopStatistics, StatisticsCollector
 from edge.runtime.systemd import Notifier
 from edge.sources.live import PARAMS as LIVE
-from edge.types import Clock, Feature, Frame, FrameSource, LiveSource
+from edge.types import Clock, Feature, Frame, FrameSource, LiveSource, Result
 from hostlink.wire import State, Status
 
 __all__ = ["Loop", "LoopConfig", "ResultCallback"]

@@ -19,12 +19,12 @@ from edge.errors import CalibrationError, EdgeError, SourceError
 from edge.faults.detector import NO_CALIBRATION, FaultDetector, FaultParams
 from edge.faults.detector import PARAMS as FAULTS
 from edge.faults.registry import FaultRegistry
-from edge.pipeline import Pipeline, Result
+from edge.frame import Pipeline
 from edge.rest.request import Prepared, TareRequest, TareState
 from edge.rest.tare import PARAMS, RestFrame, TareParams, TareRefused, take_rest_frame
 from edge.runtime.process import give_back_memory
 from edge.runtime.statistics import StatisticsCollector
-from edge.types import Feature, Frame, FrameSource, Rest
+from edge.types import Feature, Frame, FrameSource, Rest, Result
 from hostlink.output_file import OutputError
 from hostlink.wire import FaultCode, RestFrameReason, RestFrameState
 
@@ -59,7 +59,6 @@ class Measurement:
     calibration  in use; None: values that need one are invalid
     fallbacks    calibrations that the first rest frame is tried with where `calibration` is another tip's
     pipeline     the computing stages; None: there is no rest frame yet
-    drift        learnt since the rest frame was taken
     last         the last result
     tares_n      rest frames taken
     tare         the rest frame that is being taken, and the outcome of the last request for one
@@ -77,7 +76,6 @@ class Measurement:
         self.calibration = calibration
         self.fallbacks: Sequence[Calibration] = ()
         self.pipeline: Pipeline | None = None
-        self.drift: Drift | None = None
         self.last: Result | None = None
         self.tares_n = 0
         self._source, self._config, self._faults = source, config, faults
@@ -89,6 +87,11 @@ class Measurement:
         self._failing = False  # the last frame could not be computed
         if calibration is None:
             faults.report(FaultCode.CALIBRATION_MISSING, True, NO_CALIBRATION)
+
+    @property
+    def drift(self) -> Drift | None:
+        """Learnt since the rest frame was taken; None: there is none."""
+        return None if self.pipeline is None else self.pipeline.drift
 
     @property
     def in_contact(self) -> bool:
@@ -163,23 +166,15 @@ class Measurement:
     def _measure(self, frame: Frame) -> Result | None:
         if self.tare.busy or self.tare.request is not None:
             self._tare(frame)
-        detector, counts, drift = self._detector, self._counters.counts, self.drift
         if self.pipeline is None:
-            return detector.judge(frame, None)
-        if detector.after_gap:
+            self._detector.judge(frame, None)
+            return None
+        if self._detector.after_gap:
             self.pipeline.forget()
-        result = self.pipeline.process(frame, drift)
-        counts.full_searches_n += result.searched
-        judged = detector.judge(frame, result, drift.limit_share if drift else 0.0)
-        assert judged is not None
-        if judged.tracks is not result.tracks:  # the pattern was matched to itself rotated
-            self.pipeline.forget()
-        features = judged.features
-        counts.unidentified_n += features is None
-        if drift is not None:
-            untouched = features is not None and not features.in_contact
-            drift.learn(judged.tracks, frame.capture_ns, untouched and detector.quiet)
-        return judged
+        result = self.pipeline.step(frame, self._detector)
+        self._counters.counts.full_searches_n += result.searched
+        self._counters.counts.unidentified_n += result.features is None
+        return result
 
     def use_rest(self, rest: Rest, frame: Frame) -> None:
         """Measure against this rest frame, taken from `frame`, instead of one from the first images."""
@@ -265,7 +260,7 @@ class Measurement:
         found, self.pipeline = prepared.rest_frame, prepared.pipeline
         self.calibration = self.pipeline.calibration
         self._set_demand()
-        self.drift = Drift(found.rest, self._config.drift)
+        self.pipeline.drift = Drift(found.rest, self._config.drift)
         self.tares_n += 1
         self._detector.learn(found.rest, prepared.frame, self.calibration is not None)
         if found.reason is RestFrameReason.NONE:

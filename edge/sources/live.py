@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from edge.errors import SourceError
+from edge.params import PARAMS as RUNTIME
 from edge.types import Frame, Lens, Polarity
 
 __all__ = ["PARAMS", "LiveParams", "ThreadedSource", "Watch", "stalled_after_s"]
@@ -30,24 +31,22 @@ __all__ = ["PARAMS", "LiveParams", "ThreadedSource", "Watch", "stalled_after_s"]
 class LiveParams:
     """Parameters by name; evidence in docs/tuning.md."""
 
-    stall_s: float = 0.07  # without a frame, after which the camera has stalled
-    stall_periods: float = 2.2  # the same in periods of the camera; the longer counts
-    frozen_frames_n: int = 10  # identical images in a row
-    frozen_s: float = 0.045  # ... or so long, and two repetitions
-    black_share: float = 1 / 32  # of full scale, below which all pixels of a black image lie
-    close_s: float = 0.5  # for a driver that does not return
-    rows_step: int = 8  # every such row stands for the image in both checks
-    rate_frames_n: int = 24  # intervals of the check of the rate
-    slow_rel: float = 0.8  # share of the asked rate below which the camera counts as slow
-    same_clock_s: float = 2.0  # a driver's time further from the present than this is on another clock
+    first_s: float = 10.0  # for the first frames of a camera that starts
+    black_share: float = 1 / 32  # of full scale; an image is black, a scene dim, below it
+    rate_frames_n: int = 24  # intervals that a rate is measured from
+    slow_rel: float = 0.9  # share of the asked rate below which the camera counts as slow
+    same_clock_s: float = 0.5  # times of one clock, a camera's and ours, are not further apart
+    size_px: tuple[int, int] = (640, 400)  # width and height of a camera that has to be told one
 
 
 PARAMS = LiveParams()
 
 
 def stalled_after_s(rate_hz: float | None) -> float:
-    """Time without a frame after which a camera of this rate, if it is known, has stalled."""
-    return max(PARAMS.stall_s, PARAMS.stall_periods / rate_hz if rate_hz else 0.0)
+    """Time without a frame after which a camera of this rate, if it is known, has stalled: two periods of
+    the slowest one that does not count as slow, or `stall_s` if that is longer.
+    """
+    return max(RUNTIME.stall_s, 2.0 / (PARAMS.slow_rel * rate_hz) if rate_hz else 0.0)
 
 
 class Watch:
@@ -61,17 +60,17 @@ class Watch:
 
     def check(self, frame: Frame) -> str:
         """ "" or the fault of this frame: "frozen", "black"."""
-        rows = np.ascontiguousarray(frame.image[:: PARAMS.rows_step])
+        rows = np.ascontiguousarray(frame.image[:: -(-frame.image.shape[0] // RUNTIME.sample_n)])
         digest = zlib.crc32(rows.data)
         self._same_n = self._same_n + 1 if digest == self._last else 0
         if not self._same_n:
             self._same_since_ns = frame.capture_ns
         self._last = digest
-        long = self._same_n >= 2 and frame.capture_ns - self._same_since_ns >= PARAMS.frozen_s * 1e9
+        long = self._same_n >= 2 and frame.capture_ns - self._same_since_ns >= RUNTIME.stall_s * 1e9
         if int(rows.max(initial=0)) < (1 << frame.bits) * PARAMS.black_share:
             self.condition = "black"
         else:
-            self.condition = "frozen" if long or self._same_n >= PARAMS.frozen_frames_n else ""
+            self.condition = "frozen" if long else ""
         return self.condition
 
 
@@ -191,7 +190,7 @@ class ThreadedSource(ABC):
             self._changed.notify_all()
         if self._thread.is_alive() and self._thread is not threading.current_thread():
             # Do not wait for a driver that hangs in the kernel; the thread is a daemon.
-            self._thread.join(PARAMS.close_s)
+            self._thread.join(RUNTIME.close_s)
         with self._changed:
             self._slot = None
             self._ended = True

@@ -32,6 +32,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from edge.errors import SourceError
+from edge.params import PARAMS as RUNTIME
 from edge.sources.live import PARAMS as LIVE
 from edge.sources.live import ThreadedSource, Watch
 from edge.sources.options import Options
@@ -57,17 +58,12 @@ MakeOutput = Callable[["dai.Pipeline"], "dai.Node.Output"]
 class OakParams:
     """Parameters by name; evidence in docs/tuning.md, "Cameras"."""
 
-    size_px: tuple[int, int] = (640, 400)  # width and height if none are asked for
     gain_iso: int = 200  # if none is asked for
     exposure_us: int = 2000  # if none is asked for
-    queue_n: int = 2  # messages between depthai and the reader
-    retry_s: float = 0.5  # between attempts to get a lost module back
-    patience_s: float = 10.0  # for the first frames
-    read_s: float = 0.1  # longest wait of a read before it checks whether to end
 
 
 PARAMS = OakParams()
-_READ = timedelta(seconds=PARAMS.read_s)
+_READ = timedelta(seconds=RUNTIME.wait_s)
 
 
 def load_depthai() -> Any:
@@ -165,7 +161,7 @@ class Crop:
 
 
 def _size(options: Options) -> tuple[int, int]:
-    return (options.width, options.height) if options.width and options.height else PARAMS.size_px
+    return (options.width, options.height) if options.width and options.height else LIVE.size_px
 
 
 def _socket(name: str) -> dai.CameraBoardSocket:
@@ -265,7 +261,7 @@ class OakSource(ThreadedSource):
         socket: str = "CAM_B",
         own_clock: bool = False,
         crop: Crop | None = None,
-        patience_s: float = PARAMS.patience_s,
+        patience_s: float = LIVE.first_s,
     ) -> None:
         super().__init__(name)
         self._dai = load_depthai()
@@ -301,7 +297,7 @@ class OakSource(ThreadedSource):
                 device.readCalibration(), self._socket_name, _size(self._options), self._crop
             )
             pipeline = dai.Pipeline(device)
-        queue = self._make_output(pipeline).createOutputQueue(maxSize=PARAMS.queue_n, blocking=False)
+        queue = self._make_output(pipeline).createOutputQueue()
         pipeline.start()
         return pipeline, queue
 
@@ -329,7 +325,7 @@ class OakSource(ThreadedSource):
         try:
             self._pipeline, self._queue = self._open()
         except (SourceError, RuntimeError):  # still lost, or booting: `condition` stays "lost"
-            self._closing.wait(PARAMS.retry_s)
+            self._closing.wait(RUNTIME.retry_s)
         else:
             self._base = self._next
 

@@ -17,10 +17,10 @@ from typing import Any
 from urllib.parse import parse_qsl
 
 from edge.errors import SourceError
-from edge.limits import IMAGE_SIDE_PX, NUMBER_MAX
+from edge.limits import IMAGE_SIDE_PX, NUMBER_MAX, RATE_MAX_HZ
 from edge.types import Polarity
 
-__all__ = ["Options", "Spec", "convert", "parse_spec"]
+__all__ = ["EXPOSURE_MAX_US", "Options", "Spec", "convert", "parse_spec"]
 
 
 #: Dark or bright for every source; other values are the source's own: a number for the simulator.
@@ -76,13 +76,15 @@ class Spec:
 
 
 _SCHEME = re.compile(r"^([a-z][a-z0-9_+-]*):(.*)$", re.DOTALL)
+EXPOSURE_MAX_US = 0x7FFF_FFFF  # what a control of V4L2 holds
+_VIDEO_MAX_FRAME = 32  # buffers of a V4L2 device
 #: What a camera can be asked for; a key without a row takes any finite number.
 _RANGES: dict[str, tuple[float, float]] = {
     "width": (0, IMAGE_SIDE_PX),
     "height": (0, IMAGE_SIDE_PX),
-    "rate_hz": (0, 2000),
-    "exposure_us": (0, 1_000_000),
-    "buffers": (1, 32),
+    "rate_hz": (0, RATE_MAX_HZ),
+    "exposure_us": (0, EXPOSURE_MAX_US),
+    "buffers": (1, _VIDEO_MAX_FRAME),
 }
 _TRUE = {"1": True, "true": True, "yes": True, "0": False, "false": False, "no": False}
 #: Conversion, description and example of a key's value, by its type in `Options`.

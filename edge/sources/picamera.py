@@ -17,12 +17,12 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 
 from edge.errors import SourceError
+from edge.params import PARAMS as RUNTIME
 from edge.sources.live import PARAMS as LIVE
 from edge.sources.live import ThreadedSource, Watch
 from edge.sources.options import Options
@@ -31,18 +31,6 @@ from edge.types import Array, Clock, Frame, Image
 __all__ = ["PiCamera", "PiCameraSource", "PiRequest", "load_picamera2", "open_picamera"]
 
 
-@dataclass(frozen=True, slots=True)
-class PiCameraParams:
-    """Parameters by name; evidence in docs/tuning.md, "Cameras"."""
-
-    retry_s: float = 0.5  # between attempts to get a lost camera back
-    frame_s: float = 1.0  # without a frame for this long the camera is lost
-    patience_s: float = 5.0  # for the first frames
-    buffers_n: int = 4  # requests in rotation
-    size_px: tuple[int, int] = (640, 400)  # width and height if none are asked for
-
-
-PARAMS = PiCameraParams()
 _MONO = re.compile(r"^R(8|10|12)$")
 
 
@@ -112,8 +100,8 @@ class PiCameraSource(ThreadedSource):
         options: Options,
         *,
         name: str = "camera picamera",
-        patience_s: float = PARAMS.patience_s,
-        retry_s: float = PARAMS.retry_s,
+        patience_s: float = LIVE.first_s,
+        retry_s: float = RUNTIME.retry_s,
         clock_ns: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         super().__init__(name)
@@ -149,14 +137,13 @@ class PiCameraSource(ThreadedSource):
     def _configure(self, camera: PiCamera) -> None:
         """Raises SourceError: not the size that was asked for, no such format."""
         o = self._options
-        size = (o.width, o.height) if o.width and o.height else PARAMS.size_px
+        size = (o.width, o.height) if o.width and o.height else LIVE.size_px
         pixels = self._format(camera)
         raw = {"format": pixels, "size": size} if pixels else None
         camera.configure(
             camera.create_video_configuration(
                 main={"format": "YUV420", "size": size},
                 raw=raw,
-                buffer_count=PARAMS.buffers_n,
                 controls=_controls(o),
                 queue=False,
             )
@@ -195,7 +182,7 @@ class PiCameraSource(ThreadedSource):
                     self._return()
                     continue
                 try:
-                    request = self._camera.capture_request(wait=PARAMS.frame_s)
+                    request = self._camera.capture_request(wait=RUNTIME.patience_s)
                 except (TimeoutError, RuntimeError):
                     if not self._closing.is_set():
                         self._set_condition("lost")

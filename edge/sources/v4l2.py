@@ -29,6 +29,7 @@ import cv2
 import numpy as np
 
 from edge.errors import SourceError
+from edge.params import PARAMS as RUNTIME
 from edge.sources.live import PARAMS as LIVE
 from edge.sources.live import ThreadedSource, Watch
 from edge.sources.options import Options
@@ -41,8 +42,6 @@ __all__ = ["V4l2Source", "VideoDevice", "find_device", "list_cameras", "open_v4l
 class V4l2Params:
     """Parameters by name; evidence in docs/tuning.md, "Cameras"."""
 
-    retry_s: float = 0.2  # between attempts to get a lost camera back
-    patience_s: float = 3.0  # for the first frames
     refused_rel: float = 0.05  # a control that reads back further off than this was refused
 
 
@@ -176,8 +175,8 @@ class V4l2Source(ThreadedSource):
         make_capture: Callable[[str], Any] | None = None,
         find: Callable[[str], str] = find_device,
         clock_ns: Callable[[], int] = time.monotonic_ns,
-        retry_s: float = PARAMS.retry_s,
-        patience_s: float = PARAMS.patience_s,
+        retry_s: float = RUNTIME.retry_s,
+        patience_s: float = LIVE.first_s,
     ) -> None:
         super().__init__(f"camera v4l2:{where}")
         self._where, self._options = where, options

@@ -15,7 +15,7 @@ import cython
 import numpy as np
 
 from edge.geometry.lattice import Lattice
-from edge.geometry.memory import short_rows
+from edge.geometry.neighbours import short_rows
 from edge.types import Array, Mask
 
 if not cython.compiled:

@@ -21,27 +21,15 @@ from __future__ import annotations
 
 import cython
 import numpy as np
-from numpy.typing import NDArray
 
 from edge.geometry.lattice import Lattice
-from edge.geometry.pair_sums import pair_rows
+from edge.geometry.neighbours import weighted_rows
 from edge.limits import PINS_MAX
 from edge.tracking.params import TrackingParams
 from edge.types import Array, Mask
 
 if cython.compiled:
-    from cython.cimports.edge.geometry.pair_sums import pair_sums
-    from cython.cimports.edge.geometry.pin_loops import (
-        copy,
-        extrapolate,
-        square_distances,
-        subtract,
-        subtract_prediction,
-        subtract_single,
-        within,
-    )
-    from cython.cimports.edge.geometry.select import select_kth
-    from cython.cimports.edge.geometry.separation import Separation
+    from cython.cimports.edge.geometry.neighbours import Separation, weighted_sums
     from cython.cimports.edge.tracking.outliers import PhotometricFilter
     from cython.cimports.libc.math import HUGE_VAL, NAN, sqrt
 else:
@@ -49,18 +37,7 @@ else:
     from math import nan as NAN  # noqa: N812
     from math import sqrt
 
-    from edge.geometry.pair_sums import pair_sums
-    from edge.geometry.pin_loops import (
-        copy,
-        extrapolate,
-        square_distances,
-        subtract,
-        subtract_prediction,
-        subtract_single,
-        within,
-    )
-    from edge.geometry.select import select_kth
-    from edge.geometry.separation import Separation
+    from edge.geometry.neighbours import Separation, weighted_sums
     from edge.tracking.outliers import PhotometricFilter
 
 
@@ -80,8 +57,11 @@ class Follower:
     rest: cython.const[cython.double][:, ::1]
     pitch2: cython.const[cython.double][::1]  # px2, square of the local pitch
     change2: cython.double  # limit of the square of a residual's change, in these
-    near: cython.ushort[:, ::1]  # neighbours of full neighbourhoods, of `pair_rows`
-    weight: cython.float[:, ::1]  # theirs
+    leap2: cython.double  # of an innovation: a leap, and so far that pins are others' neighbours, in these
+    gate2: cython.double
+    start: cython.int[::1]  # of `weighted_rows`, where all neighbours are known
+    near: cython.ushort[::1]
+    weight: cython.float[::1]
     closest: cython.int[:, ::1]
     pairs: cython.int[:, ::1]
     distance_min: cython.double[::1]
@@ -90,7 +70,7 @@ class Follower:
     last: cython.double[:, ::1]
     expected: cython.double[:, ::1]  # places in the next frame
     expected_array: Array  # the same memory
-    last_residual: cython.float[:, ::1]
+    last_residual: cython.float[::1]  # (2 n,)
     last_seen: cython.uchar[::1]
     # given last; the arrays beside them are the same memory
     found: cython.const[cython.double][:, ::1]
@@ -104,11 +84,11 @@ class Follower:
     all_seen: Mask  # shared by frames, read-only
     # of the frame in hand
     now: cython.double[:, ::1]
-    residual: cython.float[:, ::1]
+    residual: cython.float[::1]  # (2 n,)
     seen: cython.uchar[::1]
     autocorrelation: cython.double  # of the residuals with those of the last frame
-    predicted: cython.float[:, ::1]  # motion since rest, by the neighbours
-    known: cython.float[:, ::1]  # motion that they predict from
+    predicted: cython.float[::1]  # (2 n,) motion since rest, by the neighbours
+    known: cython.float[::1]  # (2 n,) motion that they predict from
     some: cython.double[::1]
     limits: cython.double[::1]  # of the residuals' squares, px2
     before: cython.uchar[::1]
@@ -121,15 +101,18 @@ class Follower:
         self.rest = np.ascontiguousarray(lattice.rest_xy, np.float64)
         self.pitch2 = np.square(lattice.local_pitch_px)
         self.change2 = params.innovation_max**2
-        self.near, self.weight = _in_rows(photometric.affine.matrix())
+        self.leap2, self.gate2 = params.leap_innovation**2, params.gate**2
+        full = np.take_along_axis(photometric.affine.matrix(), lattice.near, 1)
+        full[lattice.weight <= 0.0] = 0.0
+        self.start, self.near, self.weight = weighted_rows(lattice.near, full)
         self.closest = np.array(lattice.closest, np.int32, order="C")
         self.pairs = np.array(lattice.pairs, np.int32, order="C")
         self.distance_min = np.array(lattice.distance_min_px, np.float64)
         self.separation = Separation(n)
-        self.last, self.last_residual = np.empty((n, 2)), np.empty((n, 2), np.float32)
+        self.last, self.last_residual = np.empty((n, 2)), np.empty(2 * n, np.float32)
         self.expected_array = self.expected = np.empty((n, 2))
-        self.now, self.residual = np.empty((n, 2)), np.empty((n, 2), np.float32)
-        self.predicted, self.known = np.empty((n, 2), np.float32), np.empty((n, 2), np.float32)
+        self.now, self.residual = np.empty((n, 2)), np.empty(2 * n, np.float32)
+        self.predicted, self.known = np.empty((2, 2 * n), np.float32)
         self.last_seen, self.seen = np.empty(n, np.uint8), np.empty(n, np.uint8)
         self.before = np.empty(n, np.uint8)
         self.some, self.limits = np.empty(n), np.empty(n)
@@ -157,14 +140,14 @@ class Follower:
 
     def follow(
         self, found: Array, sigma: Array, brightness: Array
-    ) -> tuple[Array, Array, Mask, int, float, float]:
+    ) -> tuple[Array, Array, Mask, int, bool, bool, float]:
         """Evaluate one frame; `accept` makes it the last one.
 
         found, sigma  (n, 2) and (n,) float64, px; row i is pin i, NaN where nothing was found
         brightness    (n,) float64, levels
         Returns       (n, 2) px and (n,) px, found and sigma of the seen pins, NaN elsewhere; (n,) bool,
-                      seen, read-only if all are; how many are seen; the median innovation of all pins, in
-                      local pitches; the autocorrelation of the residuals, 0 if no pin is lost
+                      seen, read-only if all are; how many are seen; whether the median pin leapt, and
+                      whether it strayed; the autocorrelation of the residuals, 0 if no pin is lost
         Raises        ValueError: sizes that do not fit
         """
         n: cython.Py_ssize_t = self.n
@@ -186,7 +169,8 @@ class Follower:
         ):
             raise ValueError(f"found ({n}, 2), sigma ({n},) and brightness ({n},) are wanted")
         seen_n: cython.Py_ssize_t
-        innovation: cython.double
+        leapt: cython.bint
+        strayed: cython.bint
         with cython.nogil:
             self._find_residuals(self.found)
             self._keep_apart(self.found)
@@ -196,17 +180,25 @@ class Follower:
             if seen_n < n:  # of no use to pins that are seen
                 self.autocorrelation = self._correlate(self.residual, self.seen)
                 self._place_lost()
-            innovation = self._median_innovation(self.now)
+            leapt = self._is_median_beyond(self.now, self.leap2)
+            strayed = leapt and self._is_median_beyond(self.now, self.gate2)
         if seen_n == n:
-            return found.copy(), sigma.copy(), self.all_seen, n, innovation, 0.0
+            return found.copy(), sigma.copy(), self.all_seen, n, leapt, strayed, 0.0
         xy_seen, sigma_seen, seen = self.results
-        return xy_seen.copy(), sigma_seen.copy(), seen.copy(), seen_n, innovation, self.autocorrelation
+        return xy_seen.copy(), sigma_seen.copy(), seen.copy(), seen_n, leapt, strayed, self.autocorrelation
 
     def accept(self, damping: cython.double) -> None:
         """Make the frame that was followed the last one; damping: share of its motion that is expected
         again.
         """
-        extrapolate(self.now, self.last, damping, self.expected)
+        i: cython.Py_ssize_t
+        d: cython.int
+        now: cython.double[:, ::1] = self.now
+        last: cython.double[:, ::1] = self.last
+        expected: cython.double[:, ::1] = self.expected
+        for i in range(self.n):
+            for d in range(2):
+                expected[i, d] = now[i, d] + damping * (now[i, d] - last[i, d])
         # The next frame writes all of the three that are exchanged.
         self.last, self.now = self.now, self.last
         self.last_residual, self.residual = self.residual, self.last_residual
@@ -222,20 +214,18 @@ class Follower:
         if xy.shape != (self.n, 2) or residual.shape != (self.n, 2) or seen.shape != (self.n,):
             raise ValueError(f"xy ({self.n}, 2), residual ({self.n}, 2) and seen ({self.n},) are wanted")
         is_seen = np.array(seen, np.bool_).view(np.uint8)
-        self.autocorrelation = self._correlate(np.ascontiguousarray(residual, np.float32), is_seen)
+        self.autocorrelation = self._correlate(residual.astype(np.float32).ravel(), is_seen)
         np.asarray(self.last)[:] = xy
         np.asarray(self.expected)[:] = xy
-        np.asarray(self.last_residual)[:] = residual
+        np.asarray(self.last_residual)[:] = residual.ravel()
         np.asarray(self.last_seen)[:] = is_seen
         return float(self.autocorrelation)
 
-    def median_innovation(self, xy: Array) -> float:
-        """Median over the pins of the distance from where they were predicted, in local pitches; xy (n, 2)
-        px.
-        """
+    def strayed(self, xy: Array) -> bool:
+        """Whether the median pin is too far from where it was predicted to be known by that; xy (n, 2) px."""
         if xy.shape != (self.n, 2):
             raise ValueError(f"xy ({self.n}, 2) is wanted, not {xy.shape}")
-        return self._median_innovation(np.ascontiguousarray(xy, np.float64))
+        return self._is_median_beyond(np.ascontiguousarray(xy, np.float64), self.gate2)
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -281,15 +271,19 @@ class Follower:
         """
         i: cython.Py_ssize_t
         d: cython.int
-        subtract_single(found, self.rest, self.known)
+        rest: cython.const[cython.double][:, ::1] = self.rest
+        known: cython.float[::1] = self.known
+        for i in range(self.n):
+            for d in range(2):
+                known[2 * i + d] = cython.cast(cython.float, found[i, d] - rest[i, d])
         if _any_missing(self.seen):
             for i in range(self.n):
                 for d in range(2):
                     if not self.seen[i] and first:
-                        self.known[i, d] = self.expected[i, d] - self.rest[i, d]
+                        known[2 * i + d] = self.expected[i, d] - rest[i, d]
                     elif not self.seen[i]:
-                        self.known[i, d] = self.predicted[i, d] + self.last_residual[i, d]
-        pair_sums(self.near, self.weight, self.known, self.predicted)
+                        known[2 * i + d] = self.predicted[2 * i + d] + self.last_residual[2 * i + d]
+        weighted_sums(self.start, self.near, self.weight, known, self.predicted)
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -303,7 +297,6 @@ class Follower:
         most2: cython.const[cython.double][::1] = self.pitch2
         change2: cython.const[cython.double][::1] = self.pitch2
         i: cython.Py_ssize_t
-        subtract_prediction(found, self.rest, self.predicted, self.residual)
         if _any_missing(self.last_seen):
             for i in range(self.n):
                 self.limits[i] = self.some[i] = self.pitch2[i]
@@ -311,8 +304,29 @@ class Follower:
                     self.limits[i] *= 0.5**2
                     self.some[i] *= self._change_of_lost(i)
             most2, change2 = self.limits, self.some
-        # NaN, not found, is not within.
-        return within(self.residual, self.last_residual, most2, self.change2, change2, self.seen)
+        rest: cython.const[cython.double][:, ::1] = self.rest
+        predicted: cython.float[::1] = self.predicted
+        residual: cython.float[::1] = self.residual
+        last: cython.float[::1] = self.last_residual
+        seen: cython.uchar[::1] = self.seen
+        is_within: cython.uchar
+        changed: cython.uchar = 0
+        x: cython.double
+        y: cython.double
+        dx: cython.double
+        dy: cython.double
+        for i in range(self.n):
+            residual[2 * i] = cython.cast(cython.float, found[i, 0] - rest[i, 0] - predicted[2 * i])
+            residual[2 * i + 1] = cython.cast(cython.float, found[i, 1] - rest[i, 1] - predicted[2 * i + 1])
+            x = residual[2 * i]
+            y = residual[2 * i + 1]
+            dx = x - last[2 * i]
+            dy = y - last[2 * i + 1]
+            # NaN, not found, is not within.
+            is_within = (x * x + y * y < most2[i]) & (dx * dx + dy * dy < self.change2 * change2[i])
+            changed |= is_within ^ seen[i]
+            seen[i] = is_within
+        return changed != 0
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -365,8 +379,8 @@ class Follower:
     @cython.nogil
     def _innovation2(self, i: cython.Py_ssize_t) -> cython.double:
         """Square of the change of a residual, px2."""
-        dx: cython.double = self.residual[i, 0] - self.last_residual[i, 0]
-        dy: cython.double = self.residual[i, 1] - self.last_residual[i, 1]
+        dx: cython.double = self.residual[2 * i] - self.last_residual[2 * i]
+        dy: cython.double = self.residual[2 * i + 1] - self.last_residual[2 * i + 1]
         return dx * dx + dy * dy
 
     @cython.cfunc
@@ -382,19 +396,22 @@ class Follower:
         if not self.photometric.find_suspects(self.residual, self.seen):
             return
         motion: cython.double[:, ::1] = self.now  # which is written after this
-        subtract(found, self.rest, motion)
+        i: cython.Py_ssize_t
+        for i in range(self.n):
+            motion[i, 0] = found[i, 0] - self.rest[i, 0]
+            motion[i, 1] = found[i, 1] - self.rest[i, 1]
         self.photometric.filter(brightness, sigma, motion, self.seen, False)
 
     @cython.cfunc
     @cython.exceptval(check=False)
     @cython.nogil
     def _correlate(
-        self, residual: cython.const[cython.float][:, ::1], seen: cython.const[cython.uchar][::1]
+        self, residual: cython.const[cython.float][::1], seen: cython.const[cython.uchar][::1]
     ) -> cython.double:
         """Autocorrelation of the residuals with the last ones, of the pins seen in both; as of a process of
         first order.
         """
-        last: cython.float[:, ::1] = self.last_residual
+        last: cython.float[::1] = self.last_residual
         i: cython.Py_ssize_t
         x: cython.double
         y: cython.double
@@ -402,10 +419,10 @@ class Follower:
         square: cython.double = 0
         for i in range(self.n):
             if seen[i] and self.last_seen[i]:
-                x = cython.cast(cython.double, last[i, 0])
-                y = cython.cast(cython.double, last[i, 1])
-                both += x * cython.cast(cython.double, residual[i, 0])
-                both += y * cython.cast(cython.double, residual[i, 1])
+                x = cython.cast(cython.double, last[2 * i])
+                y = cython.cast(cython.double, last[2 * i + 1])
+                both += x * cython.cast(cython.double, residual[2 * i])
+                both += y * cython.cast(cython.double, residual[2 * i + 1])
                 square += x * x + y * y
         return min(max(both / square, 0.0), 1.0) if square > 0 else 0.0
 
@@ -426,11 +443,11 @@ class Follower:
         is_seen: cython.uchar[::1] = self.result_seen
         i: cython.Py_ssize_t
         seen_n: cython.Py_ssize_t = 0
-        copy(found, self.now)  # of those not seen `_place_lost` takes care
+        self.now[:, :] = found  # of those not seen `_place_lost` takes care
         for i in range(self.n):
             seen_n += seen[i]
         if seen_n < self.n:
-            copy(found, xy)
+            xy[:, :] = found
             for i in range(self.n):
                 is_seen[i] = seen[i]
                 sigma_out[i] = sigma[i]
@@ -449,16 +466,30 @@ class Follower:
         for i in range(self.n):
             if not self.seen[i]:
                 for d in range(2):
-                    left = self.autocorrelation * cython.cast(cython.double, self.last_residual[i, d])
-                    self.residual[i, d] = cython.cast(cython.float, left)
-                    self.now[i, d] = self.rest[i, d] + self.predicted[i, d] + left
+                    left = self.autocorrelation * cython.cast(cython.double, self.last_residual[2 * i + d])
+                    self.residual[2 * i + d] = cython.cast(cython.float, left)
+                    self.now[i, d] = self.rest[i, d] + self.predicted[2 * i + d] + left
 
     @cython.cfunc
     @cython.exceptval(check=False)
     @cython.nogil
-    def _median_innovation(self, xy: cython.const[cython.double][:, ::1]) -> cython.double:
-        square_distances(xy, self.expected, self.pitch2, self.some)
-        return sqrt(select_kth(self.some, self.n, self.n // 2))
+    def _is_median_beyond(
+        self, xy: cython.const[cython.double][:, ::1], limit2: cython.double
+    ) -> cython.bint:
+        """Whether the median over the pins of the distance from where they were predicted is above a
+        limit, whose square is in squared local pitches.
+        """
+        expected: cython.double[:, ::1] = self.expected
+        pitch2: cython.const[cython.double][::1] = self.pitch2
+        i: cython.Py_ssize_t
+        x: cython.double
+        y: cython.double
+        within: cython.Py_ssize_t = 0
+        for i in range(self.n):
+            x = xy[i, 0] - expected[i, 0]
+            y = xy[i, 1] - expected[i, 1]
+            within += x * x + y * y <= limit2 * pitch2[i]
+        return within <= self.n // 2
 
 
 @cython.cfunc
@@ -471,16 +502,6 @@ def _any_missing(seen: cython.const[cython.uchar][::1]) -> cython.bint:
     for i in range(seen.shape[0]):
         missing |= seen[i] ^ 1
     return missing != 0
-
-
-def _in_rows(matrix: Array) -> tuple[NDArray[np.uint16], NDArray[np.float32]]:
-    """The neighbours of each pin in a sparse matrix (n, n), and their weights, as `pair_sums` wants them."""
-    row, column = np.nonzero(matrix)
-    n, count = len(matrix), np.bincount(row, minlength=len(matrix))
-    slot = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
-    near, weight = np.zeros((n, int(count.max())), np.int32), np.zeros((n, int(count.max())))
-    near[row, slot], weight[row, slot] = column, matrix[row, column]
-    return pair_rows(near, weight)
 
 
 def _check(lattice: Lattice, n: int) -> None:

@@ -24,7 +24,7 @@ import numpy as np
 
 from edge.geometry.lattice import PARAMS
 from edge.geometry.neighbours import nearest_of
-from edge.tracking.assignment import assign
+from edge.tracking.match import assign
 from edge.tracking.motion_model import MotionModel
 from edge.types import Array, Index, Mask
 

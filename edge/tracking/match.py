@@ -4,6 +4,8 @@ it is not.
 NearestBlob  (h, n, 2) places -> the nearest blob of each; each blob is given to one pin at most
 RegionGrower a seed of matched pins -> all pins for which the motion, extrapolated from pin to pin, leads to a
              blob
+Links        pairs of pins whose motion is alike -> pieces
+assign       costs of pins and blobs -> the cheapest assignment
 """
 
 # mypy: disable-error-code="attr-defined,no-any-return,untyped-decorator,valid-type"
@@ -17,7 +19,10 @@ from edge.types import Array, Index, Mask
 
 if cython.compiled:
     from cython.cimports.edge.tracking.affine import Fit, LocalAffine
+    from cython.cimports.libc.math import HUGE_VAL
 else:
+    from math import inf as HUGE_VAL  # noqa: N812
+
     from edge.tracking.affine import Fit, LocalAffine
 
 UNMATCHED = cython.declare(cython.int, -1)
@@ -239,3 +244,163 @@ class RegionGrower:
             if self.changed[self.affine.near[i, c]]:
                 return True
         return False
+
+
+@cython.final
+@cython.cclass
+class Links:
+    """Pairs of the n pins that are linked where their motion differs little: which form one piece.
+
+    pairs              (p, 2) pins
+    max_difference_px  (p,) float64
+    Raises             ValueError: sizes that do not fit, a pin that does not exist
+    """
+
+    n: cython.Py_ssize_t
+    pairs: cython.int[:, ::1]
+    limit: cython.double[::1]
+
+    def __init__(self, n: int, pairs: Index, max_difference_px: Array) -> None:
+        if pairs.shape != (len(pairs), 2) or max_difference_px.shape != (len(pairs),):
+            raise ValueError(
+                f"pairs (p, 2) and a limit for each are wanted, not {pairs.shape}, {max_difference_px.shape}"
+            )
+        if len(pairs) and (pairs.min() < 0 or pairs.max() >= n):
+            raise ValueError(f"pairs: pins of 0 to {n - 1} are wanted, not {pairs.min()} to {pairs.max()}")
+        self.n = n
+        self.pairs = np.array(pairs, np.int32, order="C")
+        self.limit = np.array(max_difference_px, np.float64)
+
+    def pieces(self, motion: Array, known: Mask) -> Index:
+        """(n,) int32, one pin of the piece that each known pin belongs to; itself where it is unknown.
+
+        motion  (n, 2) float64, px; known (n,) bool
+        Raises  ValueError: sizes that do not fit
+        """
+        if motion.shape != (self.n, 2) or known.shape != (self.n,):
+            raise ValueError(
+                f"motion ({self.n}, 2) and known ({self.n},) are wanted, not {motion.shape} and {known.shape}"
+            )
+        label = np.arange(self.n, dtype=np.int32)
+        self._join(np.ascontiguousarray(motion, np.float64), known.astype(np.uint8), label)
+        return label
+
+    def largest_piece(self, motion: Array, known: Mask) -> Mask:
+        """(n,) the known pins of the largest piece; as `pieces`."""
+        label = self.pieces(motion, known)
+        return np.asarray(label == np.bincount(label[known], minlength=1).argmax()) if known.any() else known
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _join(
+        self, motion: cython.const[cython.double][:, ::1], known: cython.uchar[::1], label: cython.int[::1]
+    ) -> cython.void:
+        c: cython.Py_ssize_t
+        a: cython.Py_ssize_t
+        b: cython.Py_ssize_t
+        dx: cython.double
+        dy: cython.double
+        for c in range(self.pairs.shape[0]):
+            a = self.pairs[c, 0]
+            b = self.pairs[c, 1]
+            if not known[a] or not known[b]:
+                continue
+            dx = motion[a, 0] - motion[b, 0]
+            dy = motion[a, 1] - motion[b, 1]
+            if dx * dx + dy * dy < self.limit[c] * self.limit[c]:
+                a = _root(label, a)
+                label[a] = _root(label, b)
+        for a in range(self.n):
+            label[a] = _root(label, a)
+
+
+@cython.cfunc
+@cython.inline
+@cython.exceptval(check=False)
+def _root(label: cython.int[::1], i: cython.Py_ssize_t) -> cython.int:
+    while label[i] != i:
+        label[i] = label[label[i]]
+        i = label[i]
+    return i
+
+
+def assign(cost: Array) -> Index:
+    """(n,) int32, the column of each row; no column twice, the sum of their costs the least that there is.
+
+    One row after the other takes a column; those before it move on along the path that costs least. Prices
+    of rows and columns keep all reduced costs at 0 and above, so that path is found as a shortest one
+    (Dijkstra).
+
+    cost    (n, m) float64
+    Raises  ValueError: fewer columns than rows, a cost that is not finite
+    Source  Kuhn, The Hungarian method for the assignment problem, Naval Research Logistics Quarterly 2, 1955;
+            Edmonds and Karp, Theoretical improvements in algorithmic efficiency for network flow problems,
+            Journal of the ACM 19, 1972
+    """
+    cost = np.ascontiguousarray(cost, np.float64)
+    if cost.ndim != 2 or cost.shape[0] > cost.shape[1] or not np.isfinite(cost).all():
+        raise ValueError(f"finite costs (n, m >= n) are wanted, not {cost.shape}")
+    n, m = cost.shape
+    # The last column is where the search for a row begins.
+    row_of, before = np.full(m + 1, -1, np.int32), np.empty(m + 1, np.int32)
+    _assign(cost, row_of, before, np.zeros(n), np.zeros(m + 1), np.empty(m + 1), np.empty(m + 1, np.uint8))
+    column = np.empty(n, np.int32)
+    taken = np.flatnonzero(row_of[:m] >= 0)
+    column[row_of[taken]] = taken
+    return column
+
+
+@cython.cfunc
+@cython.exceptval(check=False)
+def _assign(
+    cost: cython.const[cython.double][:, ::1],
+    row_of: cython.int[::1],
+    before: cython.int[::1],
+    row_price: cython.double[::1],
+    column_price: cython.double[::1],
+    distance: cython.double[::1],
+    reached: cython.uchar[::1],
+) -> cython.void:
+    """row_of     of each column the row that has it, -1: none
+    before     the column before it on the shortest path
+    distance   of each column that is not yet reached
+    """
+    m: cython.Py_ssize_t = cost.shape[1]
+    i: cython.Py_ssize_t
+    j: cython.Py_ssize_t
+    at: cython.Py_ssize_t
+    row: cython.Py_ssize_t
+    next_: cython.Py_ssize_t
+    step: cython.double
+    reduced: cython.double
+    for i in range(cost.shape[0]):
+        for j in range(m + 1):
+            distance[j] = HUGE_VAL
+            reached[j] = False
+        at = m
+        row_of[m] = i
+        while row_of[at] >= 0:
+            reached[at] = True
+            row = row_of[at]
+            next_ = at
+            step = HUGE_VAL
+            for j in range(m):
+                if reached[j]:
+                    continue
+                reduced = cost[row, j] - row_price[row] - column_price[j]
+                if reduced < distance[j]:
+                    distance[j] = reduced
+                    before[j] = at
+                if distance[j] < step:
+                    step = distance[j]
+                    next_ = j
+            for j in range(m + 1):
+                if reached[j]:
+                    row_price[row_of[j]] += step
+                    column_price[j] -= step
+                else:
+                    distance[j] -= step
+            at = next_
+        while at != m:
+            row_of[at] = row_of[before[at]]
+            at = before[at]

@@ -9,7 +9,7 @@ cdef class PhotometricFilter:
     cdef unsigned char[::1] suspect, trusted
 
     cdef bint find_suspects(
-        self, const float[:, ::1] residual, const unsigned char[::1] seen
+        self, const float[::1] residual, const unsigned char[::1] seen
     ) noexcept nogil
     cdef void filter(
         self, const double[::1] brightness, const double[::1] sigma, const double[:, ::1] motion,

@@ -21,7 +21,6 @@ from edge.tracking.params import TrackingParams
 from edge.types import Array, Mask, Pins
 
 if cython.compiled:
-    from cython.cimports.edge.geometry.pin_loops import beyond
     from cython.cimports.edge.geometry.select import select_kth
     from cython.cimports.edge.tracking.affine import Fit, LocalAffine
     from cython.cimports.libc.math import HUGE_VAL, fabs
@@ -29,7 +28,6 @@ else:
     from math import fabs
     from math import inf as HUGE_VAL  # noqa: N812
 
-    from edge.geometry.pin_loops import beyond
     from edge.geometry.select import select_kth
     from edge.tracking.affine import Fit, LocalAffine
 
@@ -89,7 +87,7 @@ class PhotometricFilter:
         if sizes != {n} or motion.shape != (n, 2) or residual.shape != (n, 2):
             raise ValueError(f"arrays of {n} pins are wanted, not of {sorted(sizes)}")
         is_seen = np.array(seen, np.bool_).view(np.uint8)
-        if self.find_suspects(np.ascontiguousarray(residual, np.float32), is_seen):
+        if self.find_suspects(residual.astype(np.float32).ravel(), is_seen):
             self.filter(
                 np.ascontiguousarray(pins.brightness, np.float64),
                 np.ascontiguousarray(pins.sigma_px, np.float64),
@@ -101,11 +99,22 @@ class PhotometricFilter:
 
     def find_suspects(
         self,
-        residual: cython.const[cython.float][:, ::1],
+        residual: cython.const[cython.float][::1],
         seen: cython.const[cython.uchar][::1],
     ) -> cython.bint:
         """The seen pins whose residual is so large that they must not be outliers; whether there are any."""
-        return beyond(residual, self.most2, seen, self.suspect)
+        most2: cython.double[::1] = self.most2
+        suspect: cython.uchar[::1] = self.suspect
+        i: cython.Py_ssize_t
+        x: cython.double
+        y: cython.double
+        some: cython.uchar = 0
+        for i in range(self.n):
+            x = residual[2 * i]
+            y = residual[2 * i + 1]
+            suspect[i] = (x * x + y * y > most2[i]) & seen[i]
+            some |= suspect[i]
+        return some != 0
 
     def filter(
         self,

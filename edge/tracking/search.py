@@ -28,8 +28,7 @@ import numpy as np
 from edge.geometry.layout import affine_terms
 from edge.tracking.coarse import CoarseFit
 from edge.tracking.hypothesis import Hypothesis, certain_match
-from edge.tracking.links import Links
-from edge.tracking.match import NearestBlob, RegionGrower
+from edge.tracking.match import Links, NearestBlob, RegionGrower
 from edge.tracking.motion_model import MotionModel
 from edge.tracking.tip import TrackedTip
 from edge.types import Array, Index, Mask

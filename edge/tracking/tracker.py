@@ -32,6 +32,7 @@ class Tracker:
         self._params, self._n = self._tip.params, len(self._tip)
         self._full_share_min = self._params.full_share_min
         self._follower = Follower(self._tip.lattice, self._tip.photometric, self._params)
+        self._expected = self._follower.predict()  # the follower's memory
         self._identifier = Identifier(self._tip)
         self.forget()
 
@@ -48,7 +49,7 @@ class Tracker:
 
     def predict(self) -> Array | None:
         """(n, 2) px, where each pin is expected in the next frame; None: identities are not held."""
-        return self._follower.predict() if self._held else None
+        return self._expected if self._held else None
 
     def follow(self, pins: Pins) -> Tracks:
         """Check what was found at the predicted places.
@@ -58,14 +59,15 @@ class Tracker:
         far off, and the whole frame is to be searched.
         """
         p = self._params
-        xy, sigma, seen, seen_n, innovation, autocorrelation = self._follower.follow(
+        xy, sigma, seen, seen_n, leapt, strayed, autocorrelation = self._follower.follow(
             pins.xy_img, pins.sigma_px, pins.brightness
         )
         share = seen_n / self._n
         tracks = Tracks(xy, sigma, seen, self._confidence, autocorrelation)
         self._frames_since_search += 1
-        continues = self._continues(innovation, share)
-        refused = not continues or self._too_few(share, innovation)
+        # Each pin went on to its own place and not its neighbour's; most are to tell where the others are.
+        continues = 2.0 * share >= 1.0 and not strayed
+        refused = not continues or self._too_few(share, leapt)
         self._baseline_share += (share - self._baseline_share) / p.baseline_frames
         if refused:
             self._held = False
@@ -90,10 +92,9 @@ class Tracker:
         self._frames_since_search = 0
         share = float(np.count_nonzero(seen)) / self._n
         confidence = identity.confidence
-        if self._fresh:
-            innovation = self._follower.median_innovation(now)
-            if self._continues(innovation, identity.known_n / self._n):
-                confidence = max(confidence, self._confidence)
+        # Most pins are to tell where the others are.
+        if self._fresh and 2 * identity.known_n >= self._n and not self._follower.strayed(now):
+            confidence = max(confidence, self._confidence)
         if fallback is not None and fallback.n_seen > np.count_nonzero(seen):
             confidence = 0.0
         if confidence >= Tracks.LOW_CONFIDENCE:
@@ -131,7 +132,7 @@ class Tracker:
             xy[~seen], sigma[~seen] = np.nan, np.nan
         return xy, sigma
 
-    def _too_few(self, share: float, innovation: float) -> bool:
+    def _too_few(self, share: float, leapt: bool) -> bool:
         """Whether so few pins are seen, against the baseline, that the identities are given up.
 
         If a third vanish at once, the rest may be a lattice that slipped. A region that was lost as a whole
@@ -141,14 +142,5 @@ class Tracker:
         p = self._params
         vanished = share < p.baseline_share_min * self._baseline_share
         incomplete = share < self._full_share_min * self._found_share
-        leapt = innovation > p.leap_innovation and share < self._full_share_min * self._baseline_share
+        leapt = leapt and share < self._full_share_min * self._baseline_share
         return vanished or (incomplete and self._frames_since_search >= p.research_frames) or leapt
-
-    def _continues(self, innovation: float, share: float) -> bool:
-        """Whether the pins went on from where they were last seen, each to its own place and not its
-        neighbour's.
-
-        innovation  median over the pins of the motion that was not predicted, in local pitches
-        share       of the pins that were seen; most of them are to tell where the others are
-        """
-        return 2.0 * share >= 1.0 and innovation <= self._params.gate

@@ -13,7 +13,6 @@ class ViewParams:
     full_change: float = 0.5  # area change that gets the full colour
     change_exponent: float = 0.7  # of an area change; below 1 it emphasises small ones, where a touch begins
     colour_steps: int = 255  # on each side of no change
-    page_colour_steps: int = 50  # the same of the live page, whose table is sent to each viewer
     # --- vectors
     local_gain: float = 2.0  # of each pin's motion
     global_gain: float = 6.0  # of the mean motion, which is small beside the largest

@@ -18,10 +18,11 @@ import cv2
 import numpy as np
 
 from edge.cells import cell_polygons
-from edge.pipeline import Result
-from edge.types import Array, Frame, Rest
+from edge.types import Array, Frame, Rest, Result
 from edge.view.palette import PAPER, SAFE, Palette, cell_colours, cell_rgba
 from edge.view.params import PARAMS
+from hostlink.wire import FIELDS
+from hostlink.wire.shown import live_charts, live_fields, page_numbers
 
 __all__ = ["CHART", "Arrays", "camera", "hello", "touch"]
 
@@ -29,21 +30,7 @@ Arrays = dict[str, tuple[str, bytes]]
 
 
 #: What the charts show of every sample, in this order; the page finds them by name.
-CHART = (
-    "time_s",
-    "displacement_mm",
-    "shear_x_mm",
-    "shear_y_mm",
-    "torsion_deg",
-    "force_n",
-    "force_x_n",
-    "force_y_n",
-    "slip_margin",
-    "latency_ms",
-    "volume_px2",
-    "shear_x_px",
-    "shear_y_px",
-)
+CHART = ("time_s", *live_fields(FIELDS), "latency_ms", "volume_px2", "shear_x_px", "shear_y_px")
 
 
 def hello(source: str, serial: str) -> dict[str, Any]:
@@ -52,6 +39,8 @@ def hello(source: str, serial: str) -> dict[str, Any]:
         "source": source,
         "serial": serial,
         "chart": CHART,
+        "charts": live_charts(FIELDS),
+        "numbers": page_numbers(FIELDS),
         "palettes": {"paper": _colours(PAPER), "safe": _colours(SAFE)},
         "full_change": PARAMS.full_change,
         "local_gain": PARAMS.local_gain,
@@ -63,7 +52,7 @@ def _colours(palette: Palette) -> dict[str, Any]:
     """By name, red first; "cells" from fully expanded to fully compressed."""
     named = {name: list(getattr(palette, name)[::-1]) for name in Palette.__dataclass_fields__}
     steps = cell_colours(
-        np.linspace(-PARAMS.full_change, PARAMS.full_change, 2 * PARAMS.page_colour_steps + 1), palette
+        np.linspace(-PARAMS.full_change, PARAMS.full_change, 2 * PARAMS.colour_steps + 1), palette
     )
     return {**named, "cells": steps[:, ::-1].tolist()}
 

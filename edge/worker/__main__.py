@@ -31,6 +31,7 @@ from edge.runtime.process import limit_resources
 limit_resources()
 
 from edge.errors import EdgeError  # noqa: E402  (after the number of library threads is set)
+from edge.params import PARAMS as RUNTIME  # noqa: E402
 from edge.recording import TOPICS, Recorder  # noqa: E402
 from edge.recording.frame_recorder import FrameRecorder  # noqa: E402
 from edge.runtime.process import run_and_exit  # noqa: E402
@@ -170,7 +171,8 @@ class Worker:
         self._pending[number] = future
         self._send(Ask(number, what, force))
         try:
-            refused = future.result(PARAMS.tare_answer_s if what == "tare" else PARAMS.command_answer_s)
+            # Longer than the loop waits, so that a late answer is not lost.
+            refused = future.result(PARAMS.command_s + RUNTIME.patience_s)
         except TimeoutError:
             refused = "the loop does not answer"
         if refused:

@@ -133,7 +133,7 @@ class WorkerClient:
             loop.session.recorder = None
         self._close_channel(Stopped())
         if self.process is not None:
-            _end(self.process, PARAMS.disk_s if self._recorded else PARAMS.end_s)
+            _end(self.process, PARAMS.end_s)
         if self._thread is not None:
             self._thread.join()
         feed = self.recording
@@ -275,7 +275,7 @@ class WorkerClient:
     def _tare(self, force: bool) -> str:
         """Have a new rest frame taken; "" or why the previous one stays in use."""
         try:
-            outcome = self._loop.request_tare(force).done.result(PARAMS.tare_s)
+            outcome = self._loop.request_tare(force).done.result(PARAMS.command_s)
         except TareBusy as error:
             return str(error)
         except TimeoutError:

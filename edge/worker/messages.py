@@ -9,8 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from edge.pipeline import Result
-from edge.types import Frame, Rest
+from edge.types import Frame, Rest, Result
 from hostlink.web import Listen
 from hostlink.wire import State
 

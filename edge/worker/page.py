@@ -7,7 +7,7 @@
 Rules
 - Charts show every sample, not only those whose picture was drawn: `recent` holds the samples since the last
   packet, and is bounded.
-- Without a new result packets are still sent, `keepalive_hz` a second: with the camera's image if there is
+- Without a new result packets are still sent, one each `report_s`: with the camera's image if there is
   one (to aim and to focus before pins are found), and with the faults.
 """
 
@@ -16,57 +16,24 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from math import nan
 from typing import Any
 
 import numpy as np
 
 from edge.errors import InputError
-from edge.pipeline import Result
-from edge.types import Frame, Rest
+from edge.types import Frame, Rest, Result
 from edge.view.scene import CHART, Arrays, camera, hello, touch
 from edge.worker.messages import Show
+from edge.worker.params import PARAMS
 from hostlink.web import Listen, PageServer, WebError, pack_packet
-from hostlink.wire import State
+from hostlink.wire import FIELDS, State
 
 __all__ = ["LivePage"]
 
 
-@dataclass(frozen=True, slots=True)
-class PageParams:
-    """Parameters by name; evidence in docs/tuning.md, "Finger's page"."""
-
-    recent_n: int = 256  # samples between two packets; a viewer that was slow loses the older ones
-    keepalive_hz: float = 4.0  # packets a second without a new result
-    stale_s: float = 0.5  # without a result for this long, the camera's image is shown alone
-    overlap_s: float = 0.3  # charts' rows are sent this long
-    rate_s: float = 0.5  # the rate is counted over this time
-
-
-PARAMS = PageParams()
-#: Numbers beside the picture; fields of the state frame.
-VALUES = (
-    "displacement_mm",
-    "displacement_sigma_mm",
-    "force_n",
-    "force_x_n",
-    "force_y_n",
-    "force_xy_sigma_n",
-    "torque_z_nmm",
-    "torque_z_sigma_nmm",
-    "friction",
-    "slip_margin",
-    "shear_x_mm",
-    "shear_y_mm",
-    "shear_sigma_mm",
-    "torsion_deg",
-    "tilt_x_deg",
-    "tilt_y_deg",
-    "slip_probability",
-    "contact_n",
-    "latency_us",
-)
+#: What the page has of a sample: the measured values.
+VALUES = tuple(f.name for f in FIELDS if not f.plain)
 
 
 class LivePage:
@@ -154,7 +121,7 @@ class LivePage:
     def _make(self, wants: frozenset[str]) -> bytes | None:
         now_s = time.monotonic()
         seen_n, last_s = self._made.get(wants, (-1, 0.0))
-        if not self._about or (self._seen_n == seen_n and now_s - last_s < 1 / PARAMS.keepalive_hz):
+        if not self._about or (self._seen_n == seen_n and now_s - last_s < PARAMS.report_s):
             return None
         self._made[wants] = (self._seen_n, now_s)
         self._take_rows(now_s)
@@ -164,7 +131,7 @@ class LivePage:
         if latest is not None and rest is not None:
             result, state = latest
             # Show frames without a result too (a tare, a tip that went dark).
-            if frame is None or frame.capture_ns - result.frame.capture_ns < PARAMS.stale_s * 1e9:
+            if frame is None or frame.capture_ns - result.frame.capture_ns < PARAMS.recent_s * 1e9:
                 frame = result.frame
             if len(result.tracks.seen) == len(rest):  # not if it is from before a tare of another tip
                 part, arrays = touch(result, rest, wants)
@@ -187,14 +154,13 @@ class LivePage:
             self._rows.append(self._recent.popleft())
             self._rows_n += 1
         since_s, since_n = self._counted
-        if now_s - since_s >= PARAMS.rate_s:
+        if now_s - since_s >= PARAMS.recent_s:
             self._rate_hz = (self._seen_n - since_n) / (now_s - since_s)
             self._counted = (now_s, self._seen_n)
 
     def _chart(self, now_s: float) -> Arrays:
         """The last rows: overlapping packets, so that a viewer that missed one has no gap."""
-        recent = [row for row in self._rows if now_s - row[0] < PARAMS.overlap_s]
-        recent = [row for row in self._rows if now_s - row[0] < PARAMS.overlap_s]
+        recent = [row for row in self._rows if now_s - row[0] < PARAMS.recent_s]
         rows = np.array(recent).reshape(-1, len(CHART))
         rows[:, 0] -= now_s  # small numbers: float32 holds them to the microsecond
         return {"rows": ("f4", rows.astype("<f4").tobytes())}

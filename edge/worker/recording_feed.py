@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 from edge.worker.messages import Event, RecordingReport, Take
 
 if TYPE_CHECKING:
-    from edge.pipeline import Result
-    from edge.types import Frame
+    from edge.types import Frame, Result
     from hostlink.wire import State
 
 __all__ = ["RecordingFeed"]

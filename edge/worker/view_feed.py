@@ -6,21 +6,25 @@ import time
 from collections import deque
 from collections.abc import Callable
 from math import nan
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 from edge.worker.messages import Show
 from edge.worker.params import PARAMS
-from hostlink.wire import FAULTS
+from hostlink.web.limits import WebLimits
+from hostlink.wire import FAULTS, FIELDS
+from hostlink.wire.shown import live_fields
 
 if TYPE_CHECKING:
-    from edge.pipeline import Result
     from edge.runtime.loop import Loop
-    from edge.types import Features, Frame, Rest
+    from edge.types import Features, Frame, Rest, Result
     from hostlink.wire import State
 
 __all__ = ["ViewFeed"]
 
+_charted = attrgetter(*live_fields(FIELDS))
 _MEANING = {fault.code: fault.meaning for fault in FAULTS}
+_PERIOD_S = 1.0 / WebLimits().rate_hz
 
 
 class ViewFeed:
@@ -38,7 +42,7 @@ class ViewFeed:
         self._result_s = time.monotonic()
         self._latest: tuple[Result, State] | None = None
         self._rows: deque[tuple[float, ...]] = deque(maxlen=PARAMS.recent_n)
-        self._due_s = 0.0
+        self._due_s = self._sent_s = 0.0
         self._shown: tuple[Frame | None, Result | None, Rest | None] = (None, None, None)
 
     @property
@@ -64,7 +68,7 @@ class ViewFeed:
         rest = loop.pipeline.rest if loop.pipeline else None
         frame_shown, result_shown, rest_shown = self._shown
         is_idle = frame is frame_shown and result is result_shown and not self._rows
-        if is_idle and now_s < self._due_s - PARAMS.show_s + PARAMS.keepalive_s:
+        if is_idle and now_s < self._sent_s + PARAMS.report_s:
             return
         is_new = result is not result_shown
         show = Show(
@@ -78,7 +82,9 @@ class ViewFeed:
             None if rest is rest_shown else rest,
             self._about(),
         )
-        self._due_s = now_s + PARAMS.show_s
+        # Due by the clock, not a period after this frame: so as many are sent as the page draws.
+        self._due_s = max(self._due_s, now_s - _PERIOD_S) + _PERIOD_S
+        self._sent_s = now_s
         if self._put(show):
             self._shown = (frame, result, rest)
             self._rows.clear()
@@ -117,14 +123,7 @@ def _row(at_s: float, state: State, features: Features | None) -> tuple[float, .
     volume = None if features is None else features.volume_px2
     return (
         at_s,
-        state.displacement_mm,
-        state.shear_x_mm,
-        state.shear_y_mm,
-        state.torsion_deg,
-        state.force_n,
-        state.force_x_n,
-        state.force_y_n,
-        state.slip_margin,
+        *_charted(state),
         state.latency_us / 1e3,
         nan if volume is None else volume,
         *((nan, nan) if shear is None else shear.tolist()),

@@ -607,12 +607,12 @@ int vt_classic_part3_pack(
     uint16_t force_n;
     uint16_t force_x_n;
     uint16_t force_y_n;
-    uint16_t orientation_deg;
     uint16_t pressure_kpa;
     uint16_t tilt_x_deg;
     uint16_t tilt_y_deg;
     uint16_t torque_z_nmm;
     uint16_t torsion_deg;
+    uint8_t orientation_deg;
     uint8_t temperature_degc;
 
     if (size < 8u) {
@@ -658,9 +658,9 @@ int vt_classic_part3_pack(
     case 3:
         dst_p[3] |= pack_left_shift_u16(src_p->contact_area_mm2, 0u, 0xffu);
         dst_p[4] |= pack_right_shift_u16(src_p->contact_area_mm2, 8u, 0xffu);
-        orientation_deg = (uint16_t)src_p->orientation_deg;
-        dst_p[5] |= pack_left_shift_u16(orientation_deg, 0u, 0xffu);
-        dst_p[6] |= pack_right_shift_u16(orientation_deg, 8u, 0xffu);
+        orientation_deg = (uint8_t)src_p->orientation_deg;
+        dst_p[5] |= pack_left_shift_u8(orientation_deg, 0u, 0xffu);
+        dst_p[6] |= pack_left_shift_u8(src_p->vibration_mm, 0u, 0xffu);
         break;
 
     case 4:
@@ -715,12 +715,12 @@ int vt_classic_part3_unpack(
     uint16_t force_n;
     uint16_t force_x_n;
     uint16_t force_y_n;
-    uint16_t orientation_deg;
     uint16_t pressure_kpa;
     uint16_t tilt_x_deg;
     uint16_t tilt_y_deg;
     uint16_t torque_z_nmm;
     uint16_t torsion_deg;
+    uint8_t orientation_deg;
     uint8_t temperature_degc;
 
     if (size < 8u) {
@@ -764,9 +764,9 @@ int vt_classic_part3_unpack(
     case 3:
         dst_p->contact_area_mm2 = unpack_right_shift_u16(src_p[3], 0u, 0xffu);
         dst_p->contact_area_mm2 |= unpack_left_shift_u16(src_p[4], 8u, 0xffu);
-        orientation_deg = unpack_right_shift_u16(src_p[5], 0u, 0xffu);
-        orientation_deg |= unpack_left_shift_u16(src_p[6], 8u, 0xffu);
-        dst_p->orientation_deg = (int16_t)orientation_deg;
+        orientation_deg = unpack_right_shift_u8(src_p[5], 0u, 0xffu);
+        dst_p->orientation_deg = (int8_t)orientation_deg;
+        dst_p->vibration_mm = unpack_right_shift_u8(src_p[6], 0u, 0xffu);
         break;
 
     case 4:
@@ -1146,19 +1146,19 @@ bool vt_classic_part3_pressure_kpa_is_in_phys_range(float value)
     return ((value >= -1600.0f) && (value <= 1600.0f));
 }
 
-int16_t vt_classic_part3_orientation_deg_encode(float value)
+int8_t vt_classic_part3_orientation_deg_encode(float value)
 {
-    return (int16_t)(roundf(value / 0.01f));
+    return (int8_t)(roundf(value / 0.75f));
 }
 
-float vt_classic_part3_orientation_deg_decode(int16_t value)
+float vt_classic_part3_orientation_deg_decode(int8_t value)
 {
-    return ((float)value * 0.01f);
+    return ((float)value * 0.75f);
 }
 
-bool vt_classic_part3_orientation_deg_is_in_range(int16_t value)
+bool vt_classic_part3_orientation_deg_is_in_range(int8_t value)
 {
-    return ((value >= -9000) && (value <= 9000));
+    return ((value >= -120) && (value <= 120));
 }
 
 bool vt_classic_part3_orientation_deg_is_in_phys_range(float value)
@@ -1244,6 +1244,26 @@ bool vt_classic_part3_torque_z_sigma_nmm_is_in_range(uint8_t value)
 bool vt_classic_part3_torque_z_sigma_nmm_is_in_phys_range(float value)
 {
     return ((value >= 0.0f) && (value <= 25.4f));
+}
+
+uint8_t vt_classic_part3_vibration_mm_encode(float value)
+{
+    return (uint8_t)(cantools_unsigned_from_double(roundf(value / 0.002f)));
+}
+
+float vt_classic_part3_vibration_mm_decode(uint8_t value)
+{
+    return ((float)value * 0.002f);
+}
+
+bool vt_classic_part3_vibration_mm_is_in_range(uint8_t value)
+{
+    return (value <= 254u);
+}
+
+bool vt_classic_part3_vibration_mm_is_in_phys_range(float value)
+{
+    return ((value >= 0.0f) && (value <= 0.508f));
 }
 
 uint8_t vt_classic_part3_friction_encode(float value)

@@ -99,7 +99,7 @@ extern "C" {
 
 #define VT_CLASSIC_PART3_PRESSURE_KPA_INVALID_CHOICE (-32768)
 
-#define VT_CLASSIC_PART3_ORIENTATION_DEG_INVALID_CHOICE (-32768)
+#define VT_CLASSIC_PART3_ORIENTATION_DEG_INVALID_CHOICE (-128)
 
 #define VT_CLASSIC_PART3_TILT_Y_DEG_INVALID_CHOICE (-32768)
 
@@ -108,6 +108,8 @@ extern "C" {
 #define VT_CLASSIC_PART3_FORCE_Y_N_INVALID_CHOICE (-32768)
 
 #define VT_CLASSIC_PART3_TORQUE_Z_SIGMA_NMM_INVALID_CHOICE (255u)
+
+#define VT_CLASSIC_PART3_VIBRATION_MM_INVALID_CHOICE (255u)
 
 #define VT_CLASSIC_PART3_FRICTION_INVALID_CHOICE (255u)
 
@@ -201,6 +203,7 @@ extern "C" {
 #define VT_CLASSIC_PART3_SLIP_SPEED_MM_S_NAME "slip_speed_mm_s"
 #define VT_CLASSIC_PART3_FORCE_Y_N_NAME "force_y_n"
 #define VT_CLASSIC_PART3_TORQUE_Z_SIGMA_NMM_NAME "torque_z_sigma_nmm"
+#define VT_CLASSIC_PART3_VIBRATION_MM_NAME "vibration_mm"
 #define VT_CLASSIC_PART3_FRICTION_NAME "friction"
 #define VT_CLASSIC_PART3_CHECK_NAME "check"
 #define VT_CLASSIC_PART3_TEMPERATURE_DEGC_NAME "temperature_degc"
@@ -535,11 +538,11 @@ struct vt_classic_part3_t {
     /**
      * direction of the long axis of the contact (edge), from x towards y, in (-90, 90]
      *
-     * Range: -9000..9000 (-90..90 deg)
-     * Scale: 0.01
+     * Range: -120..120 (-90..90 deg)
+     * Scale: 0.75
      * Offset: 0
      */
-    int16_t orientation_deg;
+    int8_t orientation_deg;
 
     /**
      * tilt of the touched surface about y, right-handed
@@ -576,6 +579,15 @@ struct vt_classic_part3_t {
      * Offset: 0
      */
     uint8_t torque_z_sigma_nmm;
+
+    /**
+     * rms motion of the contact's pins above 10 Hz, up to half the rate of images; 0: no contact
+     *
+     * Range: 0..254 (0..0.508 mm)
+     * Scale: 0.002
+     * Offset: 0
+     */
+    uint8_t vibration_mm;
 
     /**
      * largest tangential over normal load that this contact has held, its torque included
@@ -2195,7 +2207,7 @@ bool vt_classic_part3_pressure_kpa_is_in_phys_range(float value);
  *
  * @return Encoded signal.
  */
-int16_t vt_classic_part3_orientation_deg_encode(float value);
+int8_t vt_classic_part3_orientation_deg_encode(float value);
 
 /**
  * Decode given signal by applying scaling and offset.
@@ -2204,7 +2216,7 @@ int16_t vt_classic_part3_orientation_deg_encode(float value);
  *
  * @return Decoded signal.
  */
-float vt_classic_part3_orientation_deg_decode(int16_t value);
+float vt_classic_part3_orientation_deg_decode(int8_t value);
 
 /**
  * Check that given signal is in allowed range.
@@ -2213,7 +2225,7 @@ float vt_classic_part3_orientation_deg_decode(int16_t value);
  *
  * @return true if in range, false otherwise.
  */
-bool vt_classic_part3_orientation_deg_is_in_range(int16_t value);
+bool vt_classic_part3_orientation_deg_is_in_range(int8_t value);
 
 /**
  * Check that given physical value is in allowed range before encoding.
@@ -2387,6 +2399,46 @@ bool vt_classic_part3_torque_z_sigma_nmm_is_in_range(uint8_t value);
  * @return true if in range, false otherwise.
  */
 bool vt_classic_part3_torque_z_sigma_nmm_is_in_phys_range(float value);
+
+/**
+ * Encode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to encode.
+ *
+ * @return Encoded signal.
+ */
+uint8_t vt_classic_part3_vibration_mm_encode(float value);
+
+/**
+ * Decode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to decode.
+ *
+ * @return Decoded signal.
+ */
+float vt_classic_part3_vibration_mm_decode(uint8_t value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_classic_part3_vibration_mm_is_in_range(uint8_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_classic_part3_vibration_mm_is_in_phys_range(float value);
 
 /**
  * Encode given signal by applying scaling and offset.

@@ -32,12 +32,12 @@
 extern "C" {
 #endif
 
-#define VT_VERSION                       2u             /* layout version; byte 3 of the state frame */
-#define VT_SCHEMA_HASH                   0x87D5F64Cu    /* object 0x2000:2 must have this value */
+#define VT_VERSION                       3u             /* layout version; byte 3 of the state frame */
+#define VT_SCHEMA_HASH                   0x915188D4u    /* object 0x2000:2 must have this value */
 #define VT_STATE_SIZE                    64u            /* bytes */
-#define VT_DATA_ID_STATE                 0xF64Cu        /* profile 5 */
-#define VT_DATA_ID_DETAIL                0xF64Du        /* profile 5 */
-#define VT_DATA_ID_PART                  0x2D0u         /* profile 11C; or'ed with the part's index */
+#define VT_DATA_ID_STATE                 0x88D4u        /* profile 5 */
+#define VT_DATA_ID_DETAIL                0x88D5u        /* profile 5 */
+#define VT_DATA_ID_PART                  0x350u         /* profile 11C; or'ed with the part's index */
 #define VT_PARTS                         12u            /* classic parts, at most */
 #define VT_BASE_STATE                    0x180u         /* CAN FD; + node id; classic: TPDO1 */
 #define VT_BASE_DETAIL                   0x480u         /* CAN FD; + node id; classic: TPDO4 */
@@ -107,7 +107,8 @@ extern "C" {
 #define VT_INVALID_CONTACT1_X_MM         (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
 #define VT_INVALID_CONTACT1_Y_MM         (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
 #define VT_INVALID_CONTACT1_DEPTH_MM     255u           /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_ORIENTATION_DEG       (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_ORIENTATION_DEG       (-128)         /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_VIBRATION_MM          255u           /* raw value of an invalid field, 64-byte frame */
 #define VT_INVALID_TEMPERATURE_DEGC      (-128)         /* raw value of an invalid field, 64-byte frame */
 #define VT_OBJECT_PIN_N                  0x200005u      /* unsigned16, ro */
 #define VT_OBJECT_CAMERA_RATE_HZ         0x200007u      /* real32, ro */

@@ -151,7 +151,6 @@ int vt_fd_state_pack(
     uint16_t force_n;
     uint16_t force_x_n;
     uint16_t force_y_n;
-    uint16_t orientation_deg;
     uint16_t pressure_kpa;
     uint16_t shear_x_mm;
     uint16_t shear_y_mm;
@@ -159,6 +158,7 @@ int vt_fd_state_pack(
     uint16_t tilt_y_deg;
     uint16_t torque_z_nmm;
     uint16_t torsion_deg;
+    uint8_t orientation_deg;
     uint8_t temperature_degc;
 
     if (size < 64u) {
@@ -241,9 +241,9 @@ int vt_fd_state_pack(
     dst_p[56] |= pack_left_shift_u16(contact1_y_mm, 0u, 0xffu);
     dst_p[57] |= pack_right_shift_u16(contact1_y_mm, 8u, 0xffu);
     dst_p[58] |= pack_left_shift_u8(src_p->contact1_depth_mm, 0u, 0xffu);
-    orientation_deg = (uint16_t)src_p->orientation_deg;
-    dst_p[59] |= pack_left_shift_u16(orientation_deg, 0u, 0xffu);
-    dst_p[60] |= pack_right_shift_u16(orientation_deg, 8u, 0xffu);
+    orientation_deg = (uint8_t)src_p->orientation_deg;
+    dst_p[59] |= pack_left_shift_u8(orientation_deg, 0u, 0xffu);
+    dst_p[60] |= pack_left_shift_u8(src_p->vibration_mm, 0u, 0xffu);
     temperature_degc = (uint8_t)src_p->temperature_degc;
     dst_p[61] |= pack_left_shift_u8(temperature_degc, 0u, 0xffu);
     dst_p[62] |= pack_left_shift_u16(src_p->check, 0u, 0xffu);
@@ -265,7 +265,6 @@ int vt_fd_state_unpack(
     uint16_t force_n;
     uint16_t force_x_n;
     uint16_t force_y_n;
-    uint16_t orientation_deg;
     uint16_t pressure_kpa;
     uint16_t shear_x_mm;
     uint16_t shear_y_mm;
@@ -273,6 +272,7 @@ int vt_fd_state_unpack(
     uint16_t tilt_y_deg;
     uint16_t torque_z_nmm;
     uint16_t torsion_deg;
+    uint8_t orientation_deg;
     uint8_t temperature_degc;
 
     if (size < 64u) {
@@ -353,9 +353,9 @@ int vt_fd_state_unpack(
     contact1_y_mm |= unpack_left_shift_u16(src_p[57], 8u, 0xffu);
     dst_p->contact1_y_mm = (int16_t)contact1_y_mm;
     dst_p->contact1_depth_mm = unpack_right_shift_u8(src_p[58], 0u, 0xffu);
-    orientation_deg = unpack_right_shift_u16(src_p[59], 0u, 0xffu);
-    orientation_deg |= unpack_left_shift_u16(src_p[60], 8u, 0xffu);
-    dst_p->orientation_deg = (int16_t)orientation_deg;
+    orientation_deg = unpack_right_shift_u8(src_p[59], 0u, 0xffu);
+    dst_p->orientation_deg = (int8_t)orientation_deg;
+    dst_p->vibration_mm = unpack_right_shift_u8(src_p[60], 0u, 0xffu);
     temperature_degc = unpack_right_shift_u8(src_p[61], 0u, 0xffu);
     dst_p->temperature_degc = (int8_t)temperature_degc;
     dst_p->check = unpack_right_shift_u16(src_p[62], 0u, 0xffu);
@@ -1085,24 +1085,44 @@ bool vt_fd_state_contact1_depth_mm_is_in_phys_range(float value)
     return ((value >= 0.0f) && (value <= 6.35f));
 }
 
-int16_t vt_fd_state_orientation_deg_encode(float value)
+int8_t vt_fd_state_orientation_deg_encode(float value)
 {
-    return (int16_t)(roundf(value / 0.01f));
+    return (int8_t)(roundf(value / 0.75f));
 }
 
-float vt_fd_state_orientation_deg_decode(int16_t value)
+float vt_fd_state_orientation_deg_decode(int8_t value)
 {
-    return ((float)value * 0.01f);
+    return ((float)value * 0.75f);
 }
 
-bool vt_fd_state_orientation_deg_is_in_range(int16_t value)
+bool vt_fd_state_orientation_deg_is_in_range(int8_t value)
 {
-    return ((value >= -9000) && (value <= 9000));
+    return ((value >= -120) && (value <= 120));
 }
 
 bool vt_fd_state_orientation_deg_is_in_phys_range(float value)
 {
     return ((value >= -90.0f) && (value <= 90.0f));
+}
+
+uint8_t vt_fd_state_vibration_mm_encode(float value)
+{
+    return (uint8_t)(cantools_unsigned_from_double(roundf(value / 0.002f)));
+}
+
+float vt_fd_state_vibration_mm_decode(uint8_t value)
+{
+    return ((float)value * 0.002f);
+}
+
+bool vt_fd_state_vibration_mm_is_in_range(uint8_t value)
+{
+    return (value <= 254u);
+}
+
+bool vt_fd_state_vibration_mm_is_in_phys_range(float value)
+{
+    return ((value >= 0.0f) && (value <= 0.508f));
 }
 
 int8_t vt_fd_state_temperature_degc_encode(float value)

@@ -121,7 +121,9 @@ extern "C" {
 
 #define VT_FD_STATE_CONTACT1_DEPTH_MM_INVALID_CHOICE (255u)
 
-#define VT_FD_STATE_ORIENTATION_DEG_INVALID_CHOICE (-32768)
+#define VT_FD_STATE_ORIENTATION_DEG_INVALID_CHOICE (-128)
+
+#define VT_FD_STATE_VIBRATION_MM_INVALID_CHOICE (255u)
 
 #define VT_FD_STATE_TEMPERATURE_DEGC_INVALID_CHOICE (-128)
 
@@ -264,6 +266,7 @@ extern "C" {
 #define VT_FD_STATE_CONTACT1_Y_MM_NAME "contact1_y_mm"
 #define VT_FD_STATE_CONTACT1_DEPTH_MM_NAME "contact1_depth_mm"
 #define VT_FD_STATE_ORIENTATION_DEG_NAME "orientation_deg"
+#define VT_FD_STATE_VIBRATION_MM_NAME "vibration_mm"
 #define VT_FD_STATE_TEMPERATURE_DEGC_NAME "temperature_degc"
 #define VT_FD_STATE_CHECK_NAME "check"
 #define VT_FD_DETAIL_CRC_NAME "crc"
@@ -340,7 +343,7 @@ struct vt_fd_state_t {
     uint8_t counter;
 
     /**
-     * layout version, 2 here; check before use
+     * layout version, 3 here; check before use
      *
      * Range: 0..255 (0..255 -)
      * Scale: 1
@@ -639,11 +642,20 @@ struct vt_fd_state_t {
     /**
      * direction of the long axis of the contact (edge), from x towards y, in (-90, 90]
      *
-     * Range: -9000..9000 (-90..90 deg)
-     * Scale: 0.01
+     * Range: -120..120 (-90..90 deg)
+     * Scale: 0.75
      * Offset: 0
      */
-    int16_t orientation_deg;
+    int8_t orientation_deg;
+
+    /**
+     * rms motion of the contact's pins above 10 Hz, up to half the rate of images; 0: no contact
+     *
+     * Range: 0..254 (0..0.508 mm)
+     * Scale: 0.002
+     * Offset: 0
+     */
+    uint8_t vibration_mm;
 
     /**
      * temperature of the board
@@ -689,7 +701,7 @@ struct vt_fd_detail_t {
     uint8_t counter;
 
     /**
-     * layout version, 2 here; check before use
+     * layout version, 3 here; check before use
      *
      * Range: 0..255 (0..255 -)
      * Scale: 1
@@ -2561,7 +2573,7 @@ bool vt_fd_state_contact1_depth_mm_is_in_phys_range(float value);
  *
  * @return Encoded signal.
  */
-int16_t vt_fd_state_orientation_deg_encode(float value);
+int8_t vt_fd_state_orientation_deg_encode(float value);
 
 /**
  * Decode given signal by applying scaling and offset.
@@ -2570,7 +2582,7 @@ int16_t vt_fd_state_orientation_deg_encode(float value);
  *
  * @return Decoded signal.
  */
-float vt_fd_state_orientation_deg_decode(int16_t value);
+float vt_fd_state_orientation_deg_decode(int8_t value);
 
 /**
  * Check that given signal is in allowed range.
@@ -2579,7 +2591,7 @@ float vt_fd_state_orientation_deg_decode(int16_t value);
  *
  * @return true if in range, false otherwise.
  */
-bool vt_fd_state_orientation_deg_is_in_range(int16_t value);
+bool vt_fd_state_orientation_deg_is_in_range(int8_t value);
 
 /**
  * Check that given physical value is in allowed range before encoding.
@@ -2593,6 +2605,46 @@ bool vt_fd_state_orientation_deg_is_in_range(int16_t value);
  * @return true if in range, false otherwise.
  */
 bool vt_fd_state_orientation_deg_is_in_phys_range(float value);
+
+/**
+ * Encode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to encode.
+ *
+ * @return Encoded signal.
+ */
+uint8_t vt_fd_state_vibration_mm_encode(float value);
+
+/**
+ * Decode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to decode.
+ *
+ * @return Decoded signal.
+ */
+float vt_fd_state_vibration_mm_decode(uint8_t value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_fd_state_vibration_mm_is_in_range(uint8_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_fd_state_vibration_mm_is_in_phys_range(float value);
 
 /**
  * Encode given signal by applying scaling and offset.

@@ -6,7 +6,7 @@
 
 #include <stdint.h>
 
-#define VT_FIELD_N         36u
+#define VT_FIELD_N         37u
 #define VT_PARTS_ALWAYS    0x000Fu /* bit i: part i comes with every sample */
 #define VT_SAMPLE_LOW_BITS 5u
 #define VT_AT_SAMPLE       4u /* in the frame */
@@ -46,7 +46,8 @@ static const vt_part_field_t vt_part_fields[VT_FIELD_N] = {
     {4u, 8u, 16u, 19u, 2u, VT_SIGNED}, /* force_n */
     {4u, 24u, 16u, 31u, 2u, VT_SIGNED}, /* pressure_kpa */
     {5u, 8u, 16u, 33u, 2u, VT_UNSIGNED}, /* contact_area_mm2 */
-    {5u, 24u, 16u, 59u, 2u, VT_SIGNED}, /* orientation_deg */
+    {5u, 24u, 8u, 59u, 1u, VT_SIGNED}, /* orientation_deg */
+    {5u, 32u, 8u, 60u, 1u, VT_UNSIGNED}, /* vibration_mm */
     {6u, 8u, 16u, 42u, 2u, VT_SIGNED}, /* tilt_x_deg */
     {6u, 24u, 16u, 44u, 2u, VT_SIGNED}, /* tilt_y_deg */
     {7u, 8u, 16u, 40u, 2u, VT_SIGNED}, /* torsion_deg */
@@ -73,7 +74,7 @@ static const uint8_t vt_unknown[VT_UNKNOWN_N] = {
     0x00u, 0x80u, 0xFFu, 0x00u, 0x80u, 0x00u, 0x80u, 0x00u, 0x80u, 0xFFu, 0x00u, 0x80u,
     0xFFu, 0xFFu, 0xFFu, 0x00u, 0x80u, 0xFFu, 0xFFu, 0x00u, 0x80u, 0x00u, 0x80u, 0xFFu,
     0x00u, 0x80u, 0x00u, 0x80u, 0x00u, 0x80u, 0xFFu, 0xFFu, 0xFFu, 0x00u, 0x80u, 0x00u,
-    0x80u, 0xFFu, 0x00u, 0x80u, 0x00u, 0x80u, 0xFFu, 0x00u, 0x80u, 0x80u
+    0x80u, 0xFFu, 0x00u, 0x80u, 0x00u, 0x80u, 0xFFu, 0x80u, 0xFFu, 0x80u
 };
 
 #endif

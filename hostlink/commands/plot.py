@@ -29,6 +29,8 @@ from hostlink.input_file import open_input
 from hostlink.mcap_chunk import UNPACKED_MAX, unpack_chunk
 from hostlink.output_file import check_output, writing
 from hostlink.recording import READ_SUFFIXES, check_suffix, decode_recording
+from hostlink.wire.fields import FIELDS, field_named
+from hostlink.wire.shown import Chart, Shown, charts_of
 
 __all__ = ["PANELS", "Series", "draw", "plot", "read_series"]
 
@@ -45,40 +47,14 @@ _WRAP_US = 1 << 32
 _GAP_S = 0.25
 
 
-@dataclass(frozen=True, slots=True)
-class Panel:
-    """title   what the axis is called
-    fields  of the state frame; two are x and y
-    unit    as the axis has it
-    sigma   field with the standard deviation of all of them; "": none
-    scale   the axis' unit in the wire's
-    counts  whole numbers that jump
-    """
-
-    title: str
-    fields: tuple[str, ...]
-    unit: str
-    sigma: str = ""
-    scale: float = 1.0
-    counts: bool = False
-
-
 PANELS = (
-    Panel("displacement", ("displacement_mm",), "mm", "displacement_sigma_mm"),
-    Panel("shear", ("shear_x_mm", "shear_y_mm"), "mm", "shear_sigma_mm"),
-    Panel("normal force", ("force_n",), "N"),
-    Panel("tangential force", ("force_x_n", "force_y_n"), "N", "force_xy_sigma_n"),
-    Panel("torque", ("torque_z_nmm",), "N mm", "torque_z_sigma_nmm"),
-    Panel("slip margin", ("slip_margin", "friction"), ""),
-    Panel("pressure", ("pressure_kpa",), "kPa"),
-    Panel("contact area", ("contact_area_mm2",), "mm²"),
-    Panel("torsion", ("torsion_deg",), "°"),
-    Panel("tilt", ("tilt_x_deg", "tilt_y_deg"), "°"),
-    Panel("slip speed", ("slip_speed_mm_s",), "mm/s"),
-    Panel("contacts", ("contact_n",), "number", counts=True),
-    Panel("latency", ("latency_us",), "ms", scale=1e-3),
+    *charts_of(FIELDS),
+    Chart(("contact_n",), "number", Shown("contacts")),
+    Chart(("latency_us",), "ms", Shown("latency")),
 )
-_COLUMNS = tuple(dict.fromkeys(f for p in PANELS for f in (*p.fields, p.sigma) if f))
+#: Where an axis has another unit than the wire.
+_SCALES = {"latency_us": 1e-3}
+_COLUMNS = tuple(dict.fromkeys(f for p in PANELS for f in (*p.fields, p.how.sigma) if f))
 
 
 @dataclass(slots=True)
@@ -224,7 +200,7 @@ def draw(series: dict[int, Series], out: Path, title: str = "") -> tuple[str, ..
     if title:
         figure.suptitle(title, fontsize=9)
     figure.savefig(out, dpi=200)
-    return tuple(p.title for p in panels)
+    return tuple(p.how.title for p in panels)
 
 
 #: Okabe and Ito, without the yellow, which is invisible on paper; dashes show the axis in grey print too.
@@ -232,8 +208,9 @@ _COLOURS = ("#0060a8", "#c24a00", "#007a5a", "#b0609a", "#000000", "#4aa3d8")
 _DASHES: tuple[Any, ...] = ("-", (0, (4, 2)))
 
 
-def _panel(axes: Any, panel: Panel, series: dict[int, Series]) -> None:
+def _panel(axes: Any, panel: Chart, series: dict[int, Series]) -> None:
     several = len(series) > 1
+    sigma_name, counts = panel.how.sigma, field_named(panel.fields[0]).plain
     for k, (node, one) in enumerate(sorted(series.items())):
         for i, name in enumerate(panel.fields):
             if not one.known(name):
@@ -242,8 +219,8 @@ def _panel(axes: Any, panel: Panel, series: dict[int, Series]) -> None:
             colour = _COLOURS[(k if several else i) % len(_COLOURS)]
             axis = f" {'xy'[i]}" if len(panel.fields) == 2 else ""
             label = f"finger {node}{axis}" if several else axis.strip() or None
-            values = [v * panel.scale for v in one.values[name]]
-            style = "steps-post" if panel.counts else "default"
+            values = [v * _SCALES.get(name, 1.0) for v in one.values[name]]
+            style = "steps-post" if counts else "default"
             axes.plot(
                 one.time_s,
                 values,
@@ -257,12 +234,12 @@ def _panel(axes: Any, panel: Panel, series: dict[int, Series]) -> None:
             axes.plot(
                 [one.time_s[j] for j in alone], [values[j] for j in alone], ".", color=colour, markersize=3
             )
-            if panel.sigma and one.known(panel.sigma):
-                sigma = one.values[panel.sigma]
+            if sigma_name and one.known(sigma_name):
+                sigma = one.values[sigma_name]
                 low, high = ([v + sign * s for v, s in zip(values, sigma, strict=True)] for sign in (-1, 1))
                 axes.fill_between(one.time_s, low, high, color=colour, alpha=0.18, linewidth=0)
-    axes.set_ylabel(f"{panel.title}\n({panel.unit})", fontsize=8)
-    if panel.counts:
+    axes.set_ylabel(f"{panel.how.title}\n({panel.unit})", fontsize=8)
+    if counts:
         axes.yaxis.get_major_locator().set_params(integer=True)
     axes.tick_params(labelsize=7)
     axes.grid(linewidth=0.4, color="#dddddd")

@@ -23,22 +23,13 @@ from hostlink.client import Connection, Sample
 from hostlink.commands.monitor import Board, FingerRow
 from hostlink.errors import LinkError, VersionMismatch
 from hostlink.web import CommandRefused, Listen, PageServer, pack_packet
+from hostlink.wire.fields import FIELDS
+from hostlink.wire.shown import live_charts, live_fields
 
 __all__ = ["HandView"]
 
-#: Fields of the state frame that the charts show.
-CHARTED = (
-    "displacement_mm",
-    "shear_x_mm",
-    "shear_y_mm",
-    "force_n",
-    "force_x_n",
-    "force_y_n",
-    "slip_margin",
-    "torsion_deg",
-)
-CHART = ("time_s", *CHARTED, "latency_ms")
-_charted = attrgetter(*CHARTED)
+CHART = ("time_s", *live_fields(FIELDS), "latency_ms")
+_charted = attrgetter(*live_fields(FIELDS))
 RECENT = 256  # samples of a finger between two packets; normally 8, at 30 packets a second
 OVERLAP_S = 0.3  # rows are sent this long: a viewer that missed a packet has no gap
 UPDATE_S = 0.5  # rates and counts over less are noise
@@ -67,7 +58,13 @@ class HandView:
         self._series: dict[int, deque[tuple[float, ...]]] = {}
         self._counts: dict[int, int] = {}
         self._remove = connection.on_sample(self._keep)
-        hello = {"address": str(connection.address), "chart": CHART, "hand": list(hand), "left": left}
+        hello = {
+            "address": str(connection.address),
+            "chart": CHART,
+            "charts": live_charts(FIELDS),
+            "hand": list(hand),
+            "left": left,
+        }
         self.server = PageServer(
             listen, "hostlink.view", self._make, hello, {"tare": self._tare}, self._on_wants
         )

@@ -28,7 +28,8 @@ from typing import Final
 
 from hostlink.wire.e2e import check_p5, protect_p5
 from hostlink.wire.errors import CorruptFrame
-from hostlink.wire.fields import DATA_ID, STATE_SIZE, VERSION
+from hostlink.wire.fields import HEADER_SIZE, OLDER, STATE_SIZE, VERSION
+from hostlink.wire.serial import Message, data_id_of
 
 __all__ = [
     "PINS_MAX",
@@ -49,7 +50,6 @@ AREA_BITS: Final = 8
 
 _HEAD: Final = struct.Struct("<HBBHBBH")
 _ROWS_SIZE: Final = STATE_SIZE - _HEAD.size
-_SEGMENT_DATA_ID: Final = DATA_ID + 1 & 0xFFFF  # as a serial message of type DETAIL
 # (step, bits) of dx, dy, da
 _COLUMNS: Final = (
     (DISPLACEMENT_STEP_PX, DISPLACEMENT_BITS),
@@ -121,18 +121,18 @@ def pack_detail(sample: int, rows: Iterable[Row], counter: int) -> tuple[bytes, 
     for k in range(segment_n):
         head = _HEAD.pack(0, 0, VERSION, sample & 0xFFFF, k, segment_n, len(table))
         frame = bytearray(head + _pack_rows(padded[k * PINS_PER_SEGMENT : (k + 1) * PINS_PER_SEGMENT]))
-        protect_p5(frame, counter + k, _SEGMENT_DATA_ID)
+        protect_p5(frame, counter + k, data_id_of(Message.DETAIL))
         segments.append(bytes(frame))
     return tuple(segments)
 
 
 def unpack_segment(frame: bytes) -> Segment:
     """Raises CorruptFrame: length, CRC, or numbers that contradict each other."""
-    if len(frame) != STATE_SIZE or not check_p5(frame, _SEGMENT_DATA_ID):
+    if len(frame) != STATE_SIZE or not check_p5(frame, data_id_of(Message.DETAIL, frame[HEADER_SIZE - 1])):
         raise CorruptFrame("detail segment with a wrong length or CRC")
     _, counter, version, sample, index, segment_n, pin_n = _HEAD.unpack_from(frame)
     expected_n = max(1, -(-pin_n // PINS_PER_SEGMENT))
-    if version != VERSION or segment_n != expected_n or index >= segment_n:
+    if version not in (VERSION, *OLDER) or segment_n != expected_n or index >= segment_n:
         raise CorruptFrame("detail segment whose numbers contradict each other")
     return Segment(counter, sample, index, segment_n, pin_n, tuple(_unpack_rows(frame[_HEAD.size :])))
 

@@ -14,10 +14,10 @@
     +--------+--------+----+--------+--------+--------+--------+----+
     | shear x| shear y|sigm| torsion| tilt x | tilt y | slip   |prob|
     +--------+--------+----+--------+--------+--------+--------+----+
-    49          54          59       61   62       64
-    +-----------+-----------+--------+----+--------+
-    | contact 0 | contact 1 | orient.|temp| check  |
-    +-----------+-----------+--------+----+--------+
+    49          54          59   60   61   62       64
+    +-----------+-----------+----+----+----+--------+
+    | contact 0 | contact 1 |ori.|vibr|temp| check  |
+    +-----------+-----------+----+----+----+--------+
 
 Rules
 - A finite value saturates at the field's range. NaN is the type's most negative value, or the largest
@@ -27,16 +27,19 @@ Rules
 - The first four bytes (CRC, counter, version) stay where they are in every future version.
 - `check` is the low half of the CRC-32 (zlib) over version and fields: the CRC-16 alone would let one in
   33,000 of the frames with 4, 6 or 8 flipped bits pass.
+- Decoders take the version before too: `OLDER`.
 - A change of any table here changes `SCHEMA_HASH`, and with it the CRC of every frame.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from hashlib import sha256
-from struct import calcsize
+from struct import Struct, calcsize
 from typing import Final
 
+from hostlink.wire.shown import Shown
 from hostlink.wire.status import STATUS
 
 __all__ = [
@@ -45,20 +48,24 @@ __all__ = [
     "CONTACTS_MAX",
     "DATA_ID",
     "DATA_ID_CLASSIC",
+    "FEATURES",
     "FIELDS",
     "HEADER_SIZE",
     "LAYOUT",
+    "OLDER",
     "PARTS",
+    "SCHEMA",
     "SCHEMA_HASH",
     "SCHEMA_TEXT",
     "STATE_SIZE",
     "VERSION",
     "Field",
     "Part",
+    "Schema",
     "field_named",
 ]
 
-VERSION: Final = 2  # of the layout; at most 255. Its low 4 bits travel in every classic part.
+VERSION: Final = 3  # of the layout; at most 255. Its low 4 bits travel in every classic part.
 HEADER_SIZE: Final = 4  # E2E profile 5 (3 bytes) and the version
 CHECK_SIZE: Final = 2  # at the end of the state frame
 STATE_SIZE: Final = 64  # the largest CAN FD frame
@@ -84,6 +91,7 @@ class Field:
     bits       width on classic CAN
     meaning    quantity, frame of reference, sign
     why        why this type, scale and range
+    shown      how viewers show it; None: tables only
     """
 
     name: str
@@ -95,6 +103,7 @@ class Field:
     bits: int
     meaning: str
     why: str
+    shown: Shown | None = None
 
     @property
     def signed(self) -> bool:
@@ -129,6 +138,7 @@ class Field:
 
 
 _F = Field
+_S = Shown
 
 
 def _contact(i: int) -> tuple[Field, ...]:
@@ -162,54 +172,74 @@ LAYOUT: Final = (
        "more than are listed may exist, and a controller should know"),
     _F("displacement_mm", "h", 0.002, "mm", -16, 16, 14,
        "depth by which the skin is pressed in, along z; positive is into the tip",
-       "signed, so that noise about zero stays unbiased; 2 um is 1/20 of the sensor's noise"),
+       "signed, so that noise about zero stays unbiased; 2 um is 1/20 of the sensor's noise",
+       _S("displacement", "Depth", sigma="displacement_sigma_mm", least=0.5, always=True)),
     _F("displacement_sigma_mm", "B", 0.008, "mm", 0, 2.032, 8, "standard deviation of the displacement",
        "lets a filter weigh the value; above 2 mm its weight is nil"),
     _F("force_n", "h", 0.002, "N", -65, 65, 16, "normal force on the tip; positive presses the tip",
-       "needs a calibration with a force gauge"),
+       "needs a calibration with a force gauge",
+       _S("normal force", "Force", least=0.5)),
     _F("force_x_n", "h", 0.002, "N", -65, 65, 16,
        "friction force on the tip along x (tip frame): what drags the skin towards x is positive",
-       "as the normal force: a controller divides the two"),
+       "as the normal force: a controller divides the two",
+       _S("tangential force", "Force x", sigma="force_xy_sigma_n", least=0.2)),
     _F("force_y_n", "h", 0.002, "N", -65, 65, 16, "friction force on the tip along y (tip frame)",
-       "see force_x_n"),
+       "see force_x_n",
+       _S("tangential force", "Force y", sigma="force_xy_sigma_n", least=0.2)),
     _F("force_xy_sigma_n", "B", 0.01, "N", 0, 2.54, 8, "standard deviation of force_x_n and of force_y_n",
        "see displacement_sigma_mm"),
     _F("torque_z_nmm", "h", 0.02, "Nmm", -640, 640, 16,
        "torque of the friction on the tip about z, positive from x to y",
-       "10 N on a contact 8 mm in radius twist with some 50 N mm"),
+       "10 N on a contact 8 mm in radius twist with some 50 N mm",
+       _S("torque", "Torque", 1, sigma="torque_z_sigma_nmm")),
     _F("torque_z_sigma_nmm", "B", 0.1, "Nmm", 0, 25.4, 8, "standard deviation of the torque",
        "see displacement_sigma_mm"),
     _F("friction", "B", 0.02, "", 0, 5.08, 8,
        "largest tangential over normal load that this contact has held, its torque included",
-       "skin on most objects: 0.2..1.5; a lower bound until something slips"),
+       "skin on most objects: 0.2..1.5; a lower bound until something slips",
+       _S("friction", "Friction")),
     _F("slip_margin", "B", 0.004, "", 0, 1, 8,
        "1 less the present tangential over normal load in units of `friction`; 0: nothing more has been held",
-       "what a grasp controller regulates: grip harder when it falls"),
+       "what a grasp controller regulates: grip harder when it falls",
+       _S("slip margin", "Slip margin", least=1)),
     _F("pressure_kpa", "h", 0.05, "kPa", -1600, 1600, 16, "force over contact area",
-       "fingertips: 10..1000 kPa"),
+       "fingertips: 10..1000 kPa",
+       _S("pressure")),
     _F("contact_area_mm2", "H", 0.02, "mm2", 0, 1310, 16, "area of skin in contact, all contacts together",
-       "the whole face of a 40 mm tip is 1257 mm2"),
+       "the whole face of a 40 mm tip is 1257 mm2",
+       _S("contact area")),
     _F("shear_x_mm", "h", 0.002, "mm", -16, 16, 14, "motion of the contact along x (tip frame) since contact",
-       "same step as the displacement: a grasp controller compares the two"),
+       "same step as the displacement: a grasp controller compares the two",
+       _S("shear", "Shear x", sigma="shear_sigma_mm", least=0.2, always=True)),
     _F("shear_y_mm", "h", 0.002, "mm", -16, 16, 14, "motion of the contact along y (tip frame) since contact",
-       "see shear_x_mm"),
+       "see shear_x_mm",
+       _S("shear", "Shear y", sigma="shear_sigma_mm", least=0.2, always=True)),
     _F("shear_sigma_mm", "B", 0.008, "mm", 0, 2.032, 8, "standard deviation of each axis of the shear",
        "see displacement_sigma_mm"),
     _F("torsion_deg", "h", 0.01, "deg", -180, 180, 16, "twist of the contact about z, positive from x to y",
-       "one type for all angles"),
+       "one type for all angles",
+       _S("torsion", "Torsion", 1, least=2, always=True)),
     _F("tilt_x_deg", "h", 0.01, "deg", -180, 180, 16, "tilt of the touched surface about x, right-handed",
-       "what tactile servoing steers by"),
+       "what tactile servoing steers by",
+       _S("tilt", "Tilt x", 1)),
     _F("tilt_y_deg", "h", 0.01, "deg", -180, 180, 16, "tilt of the touched surface about y, right-handed",
-       "see tilt_x_deg"),
+       "see tilt_x_deg",
+       _S("tilt", "Tilt y", 1)),
     _F("slip_speed_mm_s", "H", 0.01, "mm/s", 0, 655, 16, "speed of the skin beyond what the load explains",
-       "holds an object falling for 67 ms"),
+       "holds an object falling for 67 ms",
+       _S("slip speed")),
     _F("slip_probability", "B", 0.004, "", 0, 1, 8,
        "probability that more than half of the contact's area slides, 0..1; it slides from the rim inwards",
-       "announces that all of it will slide; a threshold on it is the controller's choice"),
+       "announces that all of it will slide; a threshold on it is the controller's choice",
+       _S("slip probability", "Slip")),
     *_contact(0), *_contact(1),
-    _F("orientation_deg", "h", 0.01, "deg", -90, 90, 16,
+    _F("orientation_deg", "b", 0.75, "deg", -90, 90, 8,
        "direction of the long axis of the contact (edge), from x towards y, in (-90, 90]",
-       "an axis has no head: 180 degrees hold it all"),
+       "an axis has no head: 180 degrees hold it all; the step is a quarter of the direction's error"),
+    _F("vibration_mm", "B", 0.002, "mm", 0, 0.508, 8,
+       "rms motion of the contact's pins above 10 Hz, up to half the rate of images; 0: no contact",
+       "textures and stick-slip move skin by 0.01..0.3 mm; slower motion is shear",
+       _S("vibration", "Vibration", 3)),
     _F("temperature_degc", "b", 1.0, "degC", -40, 125, 8, "temperature of the board",
        "explains drift and faults; one degree is enough for that"),
 )  # fmt: skip
@@ -244,7 +274,7 @@ PARTS: Final = (
     Part(2, 3, 0, ("capture_time_us", "check"), always=True),
     Part(3, 3, 1, ("displacement_sigma_mm", "shear_sigma_mm", "latency_us", "temperature_degc"), always=True),
     Part(4, 3, 2, ("force_n", "pressure_kpa")),
-    Part(5, 3, 3, ("contact_area_mm2", "orientation_deg")),
+    Part(5, 3, 3, ("contact_area_mm2", "orientation_deg", "vibration_mm")),
     Part(6, 3, 4, ("tilt_x_deg", "tilt_y_deg")),
     Part(7, 3, 5, ("torsion_deg", "slip_speed_mm_s", "slip_probability")),
     Part(8, 3, 6, ("force_x_n", "force_y_n", "force_xy_sigma_n")),
@@ -258,30 +288,86 @@ PARTS: Final = (
 # Widths of fields of the classic layout only; plain integers.
 CLASSIC_BITS: Final = {"sample_high": 16 - SAMPLE_LOW_BITS, "part_n": 4, "check": 8}
 
+#: What can be asked for, by the bit of the object `features`; names of `edge.types.Feature`.
+FEATURES: Final = (
+    "displacement", "force", "pressure", "contact_area", "contacts", "shear", "torsion", "tilt", "slip",
+    "orientation", "vibration",
+)  # fmt: skip
+
 # Those that are attributes of `State`; the contacts are tuples there.
 FIELDS: Final = tuple(f for f in LAYOUT if not f.contact)
 
-_BY_NAME: Final = {f.name: f for f in LAYOUT}
+
+@dataclass(frozen=True, eq=False)
+class Schema:
+    """One version of the layout; fields and parts as `LAYOUT` and `PARTS` have them."""
+
+    version: int
+    layout: tuple[Field, ...]
+    parts: tuple[Part, ...]
+
+    @cached_property
+    def text(self) -> str:
+        """All that decides how bits become values, in a canonical form."""
+        lines = [f"version {self.version} size {STATE_SIZE} check {CHECK_SIZE}"]
+        lines += [
+            f"{f.name} {f.code} {f.scale!r} {f.unit} {f.low!r} {f.high!r} {f.bits}" for f in self.layout
+        ]
+        lines += [f"part {p.index} {p.tpdo} {p.page} {' '.join(p.fields)} {p.always}" for p in self.parts]
+        lines += [f"status {s.bit.value:#06x} {s.bit.name}" for s in STATUS]
+        return "\n".join(lines) + "\n"
+
+    @cached_property
+    def hash(self) -> int:
+        """32 bits of the text's."""
+        return int.from_bytes(sha256(self.text.encode()).digest()[:4], "big")
+
+    @cached_property
+    def data_id(self) -> int:
+        """E2E profile 5: 16 bits of the hash."""
+        return self.hash & 0xFFFF
+
+    @cached_property
+    def data_id_classic(self) -> int:
+        """Profile 11C: version (the nibble that is sent) and 8 bits of the hash, of which the low 4 are left
+        free for the part's index.
+        """
+        return (self.version & 0xF) << 8 | self.hash >> 16 & 0xF0
+
+    @cached_property
+    def body(self) -> Struct:
+        """Version and fields, as they lie in the state frame."""
+        return Struct("<B" + "".join(f.code for f in self.layout))
+
+    def field_named(self, name: str) -> Field:
+        """The row of the table with this name. Raises KeyError."""
+        return self._by_name[name]
+
+    @cached_property
+    def _by_name(self) -> dict[str, Field]:
+        return {f.name: f for f in self.layout}
 
 
-def field_named(name: str) -> Field:
-    """The row of the table with this name. Raises KeyError."""
-    return _BY_NAME[name]
+SCHEMA: Final = Schema(VERSION, LAYOUT, PARTS)
+field_named: Final = SCHEMA.field_named
 
 
-def _schema_text() -> str:
-    """All that decides how bits become values, in a canonical form."""
-    lines = [f"version {VERSION} size {STATE_SIZE} check {CHECK_SIZE}"]
-    lines += [f"{f.name} {f.code} {f.scale!r} {f.unit} {f.low!r} {f.high!r} {f.bits}" for f in LAYOUT]
-    lines += [f"part {p.index} {p.tpdo} {p.page} {' '.join(p.fields)} {p.always}" for p in PARTS]
-    lines += [f"status {s.bit.value:#06x} {s.bit.name}" for s in STATUS]
-    return "\n".join(lines) + "\n"
+def _version_2() -> Schema:
+    """The direction in 16 bits, and no vibration."""
+    new = "vibration_mm"
+    layout = tuple(
+        replace(f, code="h", scale=0.01, bits=16) if f.name == "orientation_deg" else f
+        for f in LAYOUT
+        if f.name != new
+    )
+    parts = tuple(replace(p, fields=tuple(name for name in p.fields if name != new)) for p in PARTS)
+    return Schema(2, layout, parts)
 
 
-SCHEMA_TEXT: Final = _schema_text()
-SCHEMA_HASH: Final = int.from_bytes(sha256(SCHEMA_TEXT.encode()).digest()[:4], "big")
+#: By version, what receivers still decode besides this one.
+OLDER: Final = {schema.version: schema for schema in (_version_2(),)}
 
-# E2E data ids. Profile 5: 16 bits of the hash. Profile 11C: version (the nibble that is sent) and 8 bits
-# of the hash, of which the low 4 are left free for the part's index.
-DATA_ID: Final = SCHEMA_HASH & 0xFFFF
-DATA_ID_CLASSIC: Final = (VERSION & 0xF) << 8 | SCHEMA_HASH >> 16 & 0xF0
+SCHEMA_TEXT: Final = SCHEMA.text
+SCHEMA_HASH: Final = SCHEMA.hash
+DATA_ID: Final = SCHEMA.data_id
+DATA_ID_CLASSIC: Final = SCHEMA.data_id_classic

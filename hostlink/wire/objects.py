@@ -21,7 +21,7 @@ from math import isfinite
 from typing import Final
 
 from hostlink.wire.errors import CorruptFrame
-from hostlink.wire.fields import SCHEMA_HASH, VERSION
+from hostlink.wire.fields import FEATURES, SCHEMA_HASH, VERSION
 
 __all__ = [
     "ABORTS",
@@ -177,18 +177,7 @@ REST_FRAME_REASONS: Final = {
 }
 
 # Bits of `features`: what the sensor computes and sends; names of `edge.types.Feature`.
-FEATURE_BITS: Final = {
-    "displacement": 1 << 0,
-    "force": 1 << 1,
-    "pressure": 1 << 2,
-    "contact_area": 1 << 3,
-    "contacts": 1 << 4,
-    "shear": 1 << 5,
-    "torsion": 1 << 6,
-    "tilt": 1 << 7,
-    "slip": 1 << 8,
-    "orientation": 1 << 9,
-}
+FEATURE_BITS: Final = {name: 1 << bit for bit, name in enumerate(FEATURES)}
 _ALL_FEATURES: Final = sum(FEATURE_BITS.values())
 
 # Product code in 0x1018: 1 = fingertip. We have no vendor id of CiA's: 0 is "none" there.

@@ -34,12 +34,15 @@ from hostlink.wire.fields import (
     CLASSIC_BITS,
     DATA_ID_CLASSIC,
     LAYOUT,
+    OLDER,
     PAGE_BITS,
     PARTS,
     SAMPLE_LOW_BITS,
+    SCHEMA,
+    VERSION,
     Field,
     Part,
-    field_named,
+    Schema,
 )
 from hostlink.wire.state import State, check_of, quantise, restore
 
@@ -66,11 +69,11 @@ class _Slot:
     nan_narrow: int | None
 
 
-def _slots(part: Part) -> tuple[_Slot, ...]:
+def _slots(part: Part, schema: Schema) -> tuple[_Slot, ...]:
     shift = SAMPLE_LOW_BITS + (0 if part.page is None else PAGE_BITS)
     slots = []
     for name in part.fields:
-        field: Field | None = None if name in CLASSIC_BITS else field_named(name)
+        field: Field | None = None if name in CLASSIC_BITS else schema.field_named(name)
         bits = CLASSIC_BITS[name] if field is None else field.bits
         measured = field is not None and not field.plain
         slots.append(
@@ -88,7 +91,11 @@ def _slots(part: Part) -> tuple[_Slot, ...]:
     return tuple(slots)
 
 
-_SLOTS: Final = tuple(_slots(part) for part in PARTS)
+_SLOTS: Final = {
+    schema.version: tuple(_slots(part, schema) for part in schema.parts)
+    for schema in (SCHEMA, *OLDER.values())
+}
+_BY_NIBBLE: Final = {schema.version & 0xF: schema for schema in OLDER.values()}
 _PAGED: Final = {(p.tpdo, p.page): p for p in PARTS}
 _UNPAGED: Final = {p.tpdo for p in PARTS if p.page is None}
 _NAMES: Final = tuple(f.name for f in LAYOUT)
@@ -104,7 +111,7 @@ def tpdo_of(index: int) -> int:
 
 def _pack(part: Part, raws: dict[str, int], counter: int) -> bytes:
     bits = raws["sample"] & _LOW_MASK | (part.page or 0) << SAMPLE_LOW_BITS
-    for slot in _SLOTS[part.index]:
+    for slot in _SLOTS[VERSION][part.index]:
         raw = raws[slot.name]
         if raw == slot.nan_wide and slot.nan_narrow is not None:
             raw = slot.nan_narrow
@@ -136,16 +143,19 @@ class PartFrame:
     counter     0..14
     sample_low  low 5 bits of the sample number
     raws        raw values by name, NaN as in the 64-byte frame
+    schema      the sender's
     """
 
     part: Part
     counter: int
     sample_low: int
     raws: dict[str, int]
+    schema: Schema
 
     def values(self) -> dict[str, float]:
         """Physical values of its measured fields, NaN where invalid, without reassembly."""
-        rows = ((name, field_named(name), raw) for name, raw in self.raws.items() if name not in CLASSIC_BITS)
+        field = self.schema.field_named
+        rows = ((name, field(name), raw) for name, raw in self.raws.items() if name not in CLASSIC_BITS)
         return {
             name: raw if f.plain else float("nan") if raw == f.raw_nan(8 * f.size) else raw * f.scale
             for name, f, raw in rows
@@ -162,16 +172,17 @@ def unpack_part(tpdo: int, frame: bytes) -> PartFrame:
     bits = int.from_bytes(frame[P11_HEADER:], "little")
     page = None if tpdo in _UNPAGED else bits >> SAMPLE_LOW_BITS & (1 << PAGE_BITS) - 1
     part = _PAGED.get((tpdo, page))
+    schema = _BY_NIBBLE.get(frame[1] >> 4, SCHEMA)
     if part is None:
         raise CorruptFrame(f"TPDO{tpdo} with unknown page {page}")
-    if not check_p11(frame, DATA_ID_CLASSIC | part.index):
+    if not check_p11(frame, schema.data_id_classic | part.index):
         raise CorruptFrame(f"TPDO{tpdo} with a wrong CRC")
     raws = {}
-    for slot in _SLOTS[part.index]:
+    for slot in _SLOTS[schema.version][part.index]:
         raw = bits >> slot.shift & slot.mask
         raw -= (raw & slot.sign) << 1
         raws[slot.name] = slot.nan_wide if raw == slot.nan_narrow and slot.nan_wide is not None else raw
-    return PartFrame(part, frame[1] & 0xF, bits & _LOW_MASK, raws)
+    return PartFrame(part, frame[1] & 0xF, bits & _LOW_MASK, raws, schema)
 
 
 class Assembler:
@@ -185,9 +196,11 @@ class Assembler:
         self.dropped_n = 0
         self.stray_n = 0
         self._raws: dict[str, int] = {}
-        self._key: tuple[int, int] | None = None  # counter, low bits of the sample; None: no sample begun
+        self._key: tuple[int, int, int] | None = (
+            None  # version, counter, low bits of the sample; None: no sample begun
+        )
         self._taken = 0  # bit i: part i
-        self._dropped_key: tuple[int, int] | None = None
+        self._dropped_key: tuple[int, int, int] | None = None
         self._interleaved_n = 0  # parts of a sample dropped for a newer one, since one was complete
 
     @property
@@ -200,11 +213,11 @@ class Assembler:
 
         Raises CorruptFrame: complete, but the parts do not fit together
         """
-        key = (frame.counter, frame.sample_low)
+        key = (frame.schema.version, frame.counter, frame.sample_low)
         if frame.part.index == 0:
             self._dropped_key = self._key
             self.drop()
-            self._raws = dict(_NAN_WIDE)
+            self._raws = {f.name: f.raw_nan(8 * f.size) for f in frame.schema.layout if not f.plain}
             self._key, self._taken = key, 0
         elif key != self._key or self._taken >> frame.part.index:  # another sample's, or out of order
             self._interleaved_n += key == self._dropped_key
@@ -217,7 +230,7 @@ class Assembler:
             return None
         self._key = self._dropped_key = None
         self._interleaved_n = 0
-        return self._state(frame.sample_low)
+        return self._state(frame.sample_low, frame.schema)
 
     def drop(self) -> None:
         """Drops an incomplete sample, and counts it."""
@@ -225,12 +238,12 @@ class Assembler:
             self._key = None
             self.dropped_n += 1
 
-    def _state(self, sample_low: int) -> State:
+    def _state(self, sample_low: int, schema: Schema) -> State:
         raws = self._raws
         if self._taken & _ALWAYS != _ALWAYS:
             raise CorruptFrame("classic sample that claims to be complete without parts that each sample has")
         raws["sample"] = raws["sample_high"] << SAMPLE_LOW_BITS | sample_low
-        values = [raws[name] for name in _NAMES]
-        if check_of(values) & _CHECK_MASK != raws["check"]:
+        values = [raws[f.name] for f in schema.layout]
+        if check_of(values, schema) & _CHECK_MASK != raws["check"]:
             raise CorruptFrame("classic sample whose content does not fit its check")
-        return restore(values)
+        return restore(values, schema)

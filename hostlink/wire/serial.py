@@ -28,7 +28,7 @@ from zlib import crc32
 from hostlink.wire import cobs
 from hostlink.wire.e2e import check_p5, protect_p5
 from hostlink.wire.errors import CorruptFrame
-from hostlink.wire.fields import DATA_ID, HEADER_SIZE, VERSION
+from hostlink.wire.fields import DATA_ID, HEADER_SIZE, OLDER, VERSION
 
 __all__ = [
     "BODY_MAX",
@@ -66,9 +66,9 @@ class Message(IntEnum):
     SYNC = 7  # host to node: empty
 
 
-def data_id_of(kind: Message) -> int:
-    """Data id of a payload of this type."""
-    return DATA_ID + kind & 0xFFFF
+def data_id_of(kind: Message, version: int = VERSION) -> int:
+    """Data id of a payload of this type; of a version that is not decoded, as of this one."""
+    return (OLDER[version].data_id if version in OLDER else DATA_ID) + kind & 0xFFFF
 
 
 def encode_frame(kind: Message, payload: bytes) -> bytes:
@@ -100,7 +100,9 @@ def pack_message(kind: Message, body: bytes, counter: int) -> bytes:
 
 def unpack_message(kind: Message, payload: bytes) -> tuple[int, bytes]:
     """(counter, body) of a protected payload. Raises CorruptFrame."""
-    if not HEADER_SIZE <= len(payload) <= HEADER_SIZE + BODY_MAX or not check_p5(payload, data_id_of(kind)):
+    if not HEADER_SIZE <= len(payload) <= HEADER_SIZE + BODY_MAX or not check_p5(
+        payload, data_id_of(kind, payload[HEADER_SIZE - 1])
+    ):
         raise CorruptFrame(f"serial {kind.name} frame with a wrong length or CRC")
     return payload[2], payload[HEADER_SIZE:]
 

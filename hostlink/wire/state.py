@@ -6,7 +6,6 @@ along them and one `struct` call each way. Layout and rules: `fields`.
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from functools import cache
@@ -23,8 +22,11 @@ from hostlink.wire.fields import (
     DATA_ID,
     HEADER_SIZE,
     LAYOUT,
+    OLDER,
+    SCHEMA,
     STATE_SIZE,
     VERSION,
+    Schema,
 )
 from hostlink.wire.status import Status
 
@@ -100,7 +102,7 @@ def _contacts_of(raws: Sequence[int]) -> tuple[Contact, ...]:
     )
 
 
-_BODY: Final = struct.Struct("<B" + "".join(f.code for f in LAYOUT))  # version, fields
+_BODY: Final = SCHEMA.body
 _BODY_AT: Final = HEADER_SIZE - 1
 _CHECK_AT: Final = STATE_SIZE - CHECK_SIZE
 assert _BODY_AT + _BODY.size == _CHECK_AT
@@ -158,6 +160,7 @@ class State:
     slip_speed_mm_s: float = nan
     slip_probability: float = nan
     orientation_deg: float = nan
+    vibration_mm: float = nan
     temperature_degc: float = nan
     contacts: tuple[Contact, ...] = ()
 
@@ -206,16 +209,32 @@ def quantise(state: State) -> Sequence[int]:
     return made
 
 
-def restore(raws: Sequence[int]) -> State:
-    """The inverse of `quantise`. The sample keeps the raw values, and decodes a field when it is read."""
+def restore(raws: Sequence[int], schema: Schema = SCHEMA) -> State:
+    """The inverse of `quantise`. The sample keeps the raw values, and decodes a field when it is read.
+
+    An older schema's values are decoded at once.
+    """
+    if schema.version in OLDER:
+        return _restore_older(raws, schema)
     state = State()
     vars(state)["raws"] = raws
     return state
 
 
-def check_of(raws: Sequence[int]) -> int:
-    """The 16-bit check of raw values in the order of LAYOUT."""
-    return crc32(_BODY.pack(VERSION, *raws)) & 0xFFFF
+def _restore_older(raws: Sequence[int], schema: Schema) -> State:
+    values: dict[str, Any] = {
+        f.name: raw if f.plain else nan if raw == f.raw_nan(8 * f.size) else raw * f.scale
+        for f, raw in zip(schema.layout, raws, strict=True)
+    }
+    places = [values.pop(f.name) for f in schema.layout if f.contact]
+    rows = (places[i : i + _CONTACT_SIZE] for i in range(0, len(places), _CONTACT_SIZE))
+    values["status"] = _status(values["status"])
+    return State(**values, contacts=tuple(Contact(*row) for row in rows if row[0] == row[0]))
+
+
+def check_of(raws: Sequence[int], schema: Schema = SCHEMA) -> int:
+    """The 16-bit check of raw values in the order of the schema's layout."""
+    return crc32(schema.body.pack(schema.version, *raws)) & 0xFFFF
 
 
 def pack_state(state: State, counter: int) -> bytes:
@@ -238,10 +257,12 @@ def unpack_state(frame: bytes) -> State:
     """
     if len(frame) != STATE_SIZE:
         raise CorruptFrame(f"state frame of {len(frame)} bytes instead of {STATE_SIZE}")
-    if not check_p5(frame, DATA_ID):
+    older = OLDER.get(frame[HEADER_SIZE - 1])
+    if not check_p5(frame, DATA_ID if older is None else older.data_id):
         raise CorruptFrame("state frame with a wrong CRC")
-    if frame[HEADER_SIZE - 1] != VERSION:
+    if older is None and frame[HEADER_SIZE - 1] != VERSION:
         raise CorruptFrame("state frame whose version does not fit its CRC")
     if crc32(frame[_BODY_AT:_CHECK_AT]) & 0xFFFF != frame[_CHECK_AT] | frame[_CHECK_AT + 1] << 8:
         raise CorruptFrame("state frame whose content does not fit its check")
-    return restore(_BODY.unpack_from(frame, _BODY_AT)[1:])
+    schema = older or SCHEMA
+    return restore(schema.body.unpack_from(frame, _BODY_AT)[1:], schema)

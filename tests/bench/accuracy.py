@@ -33,7 +33,7 @@ from calib.fit import ModelKind, Search, fit
 from calib.targets import Targets
 from edge.calibration import Calibration
 from edge.calibration.inputs import FRAME_INPUTS
-from edge.pipeline import Pipeline
+from edge.frame import Pipeline
 from edge.sources import read_image
 from edge.types import Array, Feature, Frame, Image, Rest
 from tests.bench.counter import counted as count_between_marks

@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from edge.calibration import Calibration
+from edge.frame import Pipeline
 from edge.pins import take_rest
-from edge.pipeline import Pipeline
 from edge.types import Feature, Frame
 from tests.bench.marks import Marks
 from tests.bench.reference import Reference

@@ -34,9 +34,9 @@ from calib.fit import ModelKind, Search, fit
 from calib.targets import Targets
 from edge.calibration import Calibration
 from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, contact_inputs, frame_inputs
-from edge.pipeline import Pipeline, Result
+from edge.frame import Pipeline
 from edge.rest.tare import tare
-from edge.types import Array, Feature, Frame, Rest, Tracks
+from edge.types import Array, Feature, Frame, Rest, Result, Tracks
 from tests.bench.flat_gel import RADIUS_MM, FlatGel
 from tests.bench.half_space import Ball, Bar, own_depths_mm
 from tests.bench.output import show, text_of, write_json, writes_results

@@ -28,7 +28,7 @@ from calib.sim.mechanics import Deformation
 from calib.sim.render import Renderer
 from calib.simulated_calibration import calibrate_simulated
 from edge.calibration import Calibration
-from edge.pipeline import Pipeline
+from edge.frame import Pipeline
 from edge.rest.tare import tare
 from edge.types import Array, Feature, Frame, Image, Tracks
 from tests.bench.output import show, write_json, writes_results

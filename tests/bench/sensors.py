@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edge.cells import cell_polygons
+from edge.frame import Pipeline
 from edge.pins import take_rest
-from edge.pipeline import Pipeline, Result
 from edge.rest.choice import rest_of_source
 from edge.sources import open_source, read_image
-from edge.types import Frame, Rest
+from edge.types import Frame, Rest, Result
 from edge.view.palette import PAPER
 from edge.view.panels import View, draw_touch
 from tests.bench.output import writes_results

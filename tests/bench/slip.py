@@ -23,8 +23,8 @@ import cv2
 import numpy as np
 
 from calib.sim import Camera, Simulator, Tip, Tool, ToolPose, deform
+from edge.frame import Pipeline
 from edge.pins import take_rest
-from edge.pipeline import Pipeline
 from edge.types import Array, Feature, Frame, Rest, Tracks
 from tests.bench.output import show, write_json, writes_results
 from tests.bench.recordings import REAL

@@ -61,17 +61,17 @@ from rich.console import Console
 from calib.sim.source import SceneSource
 from edge.calibration import Calibration
 from edge.faults.registry import FaultRegistry
+from edge.frame import Pipeline
 from edge.link.media import open_bus
 from edge.link.node import Node
 from edge.link.settings import SettingsFile
 from edge.link.sinks import CanFdSink
-from edge.pipeline import Pipeline, Result
 from edge.rest.tare import tare
 from edge.runtime.board_monitor import BoardMonitor
 from edge.runtime.device import LoopDevice
 from edge.runtime.loop import Loop
 from edge.sources import Paced, open_source
-from edge.types import Feature
+from edge.types import Feature, Result
 from edge.worker import WorkerClient, WorkerConfig
 from hostlink import connect
 from hostlink.client import Connection, Sample

@@ -31,10 +31,10 @@ import cv2
 import numpy as np
 
 from edge.calibration import Calibration
+from edge.frame import ALL, Pipeline
 from edge.link.sample import to_state
-from edge.pipeline import ALL, Pipeline, Result
 from edge.rest.tare import tare
-from edge.types import Feature, Frame
+from edge.types import Feature, Frame, Result
 from hostlink.wire import Status, pack_state
 from tests.bench.frames import GRASP, REST_FRAMES, back_and_forth, calibration_of, scene
 from tests.bench.output import show, write_json, writes_results
@@ -115,7 +115,7 @@ def stages(frames: list[Frame], pipeline: Pipeline, rounds: int) -> Series:
             tracks = timed(times["track"], pipeline.tracker.follow, pins)
             cells = timed(times["tessellate"], pipeline._tessellator.cells, tracks)
             extract, calibration = pipeline._extractor.extract, pipeline.calibration
-            features = timed(times["features"], extract, tracks, cells, pipeline.demand)
+            features = timed(times["features"], extract, tracks, cells, pipeline._plan.features)
             if calibration is not None:
                 reading = timed(times["calibrate"], calibration.apply, features, pipeline.rest.pattern)
                 timed(times["pack"], packed, Result(frame, tracks, cells, features, reading, False))

@@ -23,9 +23,9 @@ import click
 import cv2
 import numpy as np
 
+from edge.frame import Pipeline
 from edge.geometry.layout import affine_terms
 from edge.pins import CentroidRefiner, detect, take_rest
-from edge.pipeline import Pipeline
 from edge.tracking import Tracker
 from edge.tracking.tip import TrackedTip
 from edge.types import Array, Feature, Frame, Image, Rest, Tracks

@@ -25,8 +25,8 @@ from calib.sim.mechanics import ToolPose
 from calib.targets import Targets
 from edge.calibration import Calibration
 from edge.calibration.inputs import FRAME_INPUTS
+from edge.frame import Pipeline
 from edge.pins import take_rest
-from edge.pipeline import Pipeline
 from edge.types import Array, Image, Index, Rest
 from tests.support.synthetic import REST, make, targets
 

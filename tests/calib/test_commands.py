@@ -17,8 +17,8 @@ from calib.sim.of_sensor import camera_of
 from calib.simulated_calibration import mm_per_px
 from edge.calibration import Calibration
 from edge.errors import ConfigError
+from edge.frame import Pipeline
 from edge.pins import take_rest
-from edge.pipeline import Pipeline
 from edge.rest.tip_match import in_order_of
 from edge.sensors import load_sensor
 from hostlink.output_file import WriteError

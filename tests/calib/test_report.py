@@ -18,9 +18,9 @@ from calib.report.pairs import pairs, resolvable_mm, shares
 from calib.report.sections import Requirement
 from calib.rig.simulated import Simulation
 from calib.sim import Camera, Simulator, Tip, Tool, ToolPose
-from edge.pipeline import Pipeline, Result
+from edge.frame import Pipeline
 from edge.rest.tare import tare
-from edge.types import Frame, Rest
+from edge.types import Frame, Rest, Result
 from tests.support.synthetic import REST, make, targets
 
 DEPTHS = np.linspace(0.5, 4.0, 24)

@@ -8,6 +8,7 @@ import pytest
 
 from edge.config import Config, load_config
 from edge.errors import ConfigError
+from edge.limits import FILE_BYTES
 from edge.types import Feature
 
 
@@ -35,12 +36,12 @@ def test_keys_are_read(tmp_path: Path) -> None:
         ("[sensor]\nnode_id = 'one'\n", '[sensor] node_id = "one": give a whole number from 1 to 127'),
         ("[sensor]\nserial = 42\n", "[sensor] serial = 42: give text in quotes, 32 characters at most"),
         ("sensor = 3\n", "sensor = 3: a table is written [sensor], with keys below it"),
-        ("[source]\nrate_hz = nan\n", "[source] rate_hz = NaN: give a number from 0 to 2000"),
+        ("[source]\nrate_hz = nan\n", "[source] rate_hz = NaN: give a number from 0 to 100000"),
         ("[tare]\nsteady_px = 0\n", "[tare] steady_px = 0: give a number from 0.01 to 100"),
         ("[tare]\nsteady_px = inf\n", "[tare] steady_px = Infinity: give a number from 0.01 to 100"),
         ("[tare]\nsteady_px = nan\n", "[tare] steady_px = NaN: give a number from 0.01 to 100"),
         ("[source]\nspec = " + "[" * 20_000, "nested too deeply"),
-        ("#" * 70_000, "larger than 64 KiB"),
+        ("#" * (FILE_BYTES + 1), "larger than 2048 KiB"),
         ('"a\\nb" = 1\n', r"unknown key 'a\nb' in the top level"),
         ("[link]\nsinks = 'can:can0'\n", '[link] sinks = "can:can0": give a list, each of it text in quotes'),
         ("[link]\nsinks = ['memory:', 2]\n", "[link] sinks[1] = 2: give text in quotes"),

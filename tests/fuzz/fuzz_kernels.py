@@ -153,8 +153,8 @@ def play() -> None:
     from edge.calibration.gaussian_process import ProcessKernel
     from edge.calibration.inputs import contact_inputs, evaluate_terms, frame_inputs
     from edge.faults import frame_counts
+    from edge.frame import Pipeline
     from edge.geometry import select
-    from edge.pipeline import Pipeline
     from edge.rest.tare import tare
     from tests.bench.frames import REST_FRAMES, calibration_of, scene
     from tests.edge.calibration.test_gaussian_process import INPUTS, MODELS

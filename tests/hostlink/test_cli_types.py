@@ -7,37 +7,33 @@ import pytest
 
 from hostlink.cli_types import FiniteFloat, WholeNumber, counted
 
+ABOVE_0, TO_127 = FiniteFloat(min=0, min_open=True), WholeNumber(1, 127)
+NUMBER = "is not a number; give a number above 0"
+FINITE = "is not finite; give a number above 0"
+WHOLE = "is not a whole number; give a whole number from 1 to 127"
 
-@pytest.mark.parametrize("text", ["nan", "NaN", "abc", "", "0x10"])
-def test_non_numbers_are_refused(text: str) -> None:
-    with pytest.raises(click.BadParameter, match="is not a number; give a number above 0"):
-        FiniteFloat(min=0, min_open=True).convert(text, None, None)
+
+@pytest.mark.parametrize(
+    ("kind", "text", "message"),
+    [
+        *((ABOVE_0, text, NUMBER) for text in ("nan", "NaN", "abc", "", "0x10")),
+        *((ABOVE_0, text, FINITE) for text in ("inf", "-inf", "1e999")),
+        *((TO_127, text, WHOLE) for text in ("nan", "inf", "1.5", "abc", "1e3")),
+        (FiniteFloat(0, 2), "2.1", "out of range"),
+        (ABOVE_0, "0", "out of range"),
+        (WholeNumber(1, 3), "4", "out of range"),
+    ],
+)
+def test_other_numbers_are_refused(kind: click.ParamType[float], text: str, message: str) -> None:
+    with pytest.raises(click.BadParameter, match=message):
+        kind.convert(text, None, None)
 
 
-@pytest.mark.parametrize("text", ["inf", "-inf", "1e999"])
-def test_non_finite_numbers_are_refused(text: str) -> None:
-    with pytest.raises(click.BadParameter, match="is not finite; give a number above 0"):
-        FiniteFloat(min=0, min_open=True).convert(text, None, None)
+def test_numbers_within_the_limits_are_taken() -> None:
+    assert FiniteFloat(0, 2).convert("1.5", None, None) == 1.5
+    assert FiniteFloat().convert("-1e300", None, None) == -1e300
+    assert TO_127.convert("127", None, None) == 127
 
 
 def test_one_of_a_thing_is_singular() -> None:
     assert [counted(n, "frame") for n in (0, 1, 2)] == ["0 frames", "1 frame", "2 frames"]
-
-
-@pytest.mark.parametrize("text", ["nan", "inf", "1.5", "abc", "1e3"])
-def test_non_whole_numbers_are_refused(text: str) -> None:
-    with pytest.raises(click.BadParameter, match="is not a whole number; give a whole number from 1 to 127"):
-        WholeNumber(1, 127).convert(text, None, None)
-
-
-def test_limits_hold() -> None:
-    assert FiniteFloat(0, 2).convert("1.5", None, None) == 1.5
-    assert FiniteFloat().convert("-1e300", None, None) == -1e300
-    assert WholeNumber(1, 127).convert("127", None, None) == 127
-    for kind, text in (
-        (FiniteFloat(0, 2), "2.1"),
-        (FiniteFloat(0, min_open=True), "0"),
-        (WholeNumber(1, 3), "4"),
-    ):
-        with pytest.raises(click.BadParameter):
-            kind.convert(text, None, None)

@@ -1,15 +1,9 @@
-"""slcan adapters over ptys, classic and FD, with noise; drivers and callbacks that raise anything; addresses;
-modules that `import hostlink` does not load.
-"""
+"""slcan adapters over ptys, with noise; drivers and callbacks that raise anything; addresses."""
 
 from __future__ import annotations
 
 import os
-import select
-import subprocess
 import sys
-import threading
-import tty
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -29,55 +23,33 @@ from hostlink.wire import pack_state, unpack_state
 from hostlink.wire.address import Address, AddressError, parse_address
 from tests.edge.link.test_node import UNFORESEEN
 from tests.hostlink.test_client import make_node, state
+from tests.support.ptys import Ptys
 from tests.support.waiting import SOON_S, until
 
 
-class Adapters:
+class Adapters(Ptys):
     """Two slcan adapters on one imagined bus: what one sends, the other receives.
 
     Speaks what python-can's slcan does: S, Y, O, C; t (classic), d and b (FD without, with rate switch).
     """
 
     def __init__(self, directory: Path) -> None:
-        self.paths = [directory / "edge", directory / "host"]
         self.commands: list[list[str]] = [[], []]
-        self._masters, self._slaves = [], []
-        for path in self.paths:
-            master, slave = os.openpty()
-            tty.setraw(slave)
-            path.symlink_to(os.ttyname(slave))
-            self._masters.append(master)
-            self._slaves.append(slave)
-        self._wake, self._stop = os.pipe()
-        self._thread = threading.Thread(target=self._run, daemon=True)
-        self._thread.start()
+        self._begun = [b"", b""]
+        super().__init__(directory)
 
-    def _run(self) -> None:
-        buffers = [b"", b""]
-        while True:
-            ready, _, _ = select.select([*self._masters, self._wake], [], [])
-            if self._wake in ready:
-                return
-            for k in range(2):
-                if self._masters[k] not in ready:
-                    continue
-                *lines, buffers[k] = (buffers[k] + os.read(self._masters[k], 65536)).split(b"\r")
-                for text in lines:
-                    if text[:1] in (b"t", b"d", b"b"):
-                        os.write(self._masters[1 - k], text + b"\r")
-                    else:
-                        self.commands[k].append(text.decode())
+    def carry(self, k: int, data: bytes) -> None:
+        *lines, self._begun[k] = (self._begun[k] + data).split(b"\r")
+        for text in lines:
+            if text[:1] in (b"t", b"d", b"b"):
+                super().carry(k, text + b"\r")
+            else:
+                self.commands[k].append(text.decode())
 
     def noise(self, data: bytes) -> None:
         """Both adapters give these bytes."""
-        for master in self._masters:
+        for master in self.masters:
             os.write(master, data)
-
-    def close(self) -> None:
-        os.close(self._stop)
-        self._thread.join()
-        for number in (*self._masters, *self._slaves, self._wake):
-            os.close(number)
 
 
 @pytest.fixture
@@ -224,6 +196,7 @@ def test_a_callback_may_exit_or_ask_and_the_link_goes_on(request: pytest.Fixture
     bus = f"virtual:{request.node.name}"
     node, _ = make_node(f"{bus}?node=9")
     refused: list[str] = []
+    ended: list[hostlink.Sample] = []
     received: list[hostlink.Sample] = []
     with hostlink.connect(bus) as hand:
 
@@ -239,7 +212,10 @@ def test_a_callback_may_exit_or_ask_and_the_link_goes_on(request: pytest.Fixture
                 refused.append(str(caught.value))
 
         getattr(hand, kind)(lambda *what: sys.exit("done"))
+        getattr(hand, kind)(lambda *what: 1 // 0)
+        end = hand.on_sample(ended.append)
         until(lambda: node.send(state(0)) and hand.latest(9) is not None, "the finger")
+        end()
         getattr(hand, kind)(ask)
         hand.on_sample(received.append)
         hand.finger(9).set("detail_divider", 1)
@@ -250,6 +226,7 @@ def test_a_callback_may_exit_or_ask_and_the_link_goes_on(request: pytest.Fixture
         assert hand.up
         assert hand.reconnects == 0
     node.close()
+    assert {sample.state.sample for sample in ended} == {0}, "after its end it is called no more"
     assert {message.count("\n") for message in refused} == {0}
     assert "callback" in refused[0]
 
@@ -295,16 +272,6 @@ def test_an_invalid_address_is_one_line(text: str) -> None:
     with pytest.raises(AddressError) as caught:
         parse_address(text)
     assert "\n" not in str(caught.value)
-
-
-def test_importing_loads_no_heavy_library() -> None:
-    code = (
-        "import sys, hostlink\n"
-        "heavy = {'numpy', 'cv2', 'can', 'serial', 'canopen', 'rich', 'click', 'edge'}\n"
-        "print(*sorted(heavy & set(sys.modules)))"
-    )
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert run.stdout.split() == []
 
 
 def test_rates_that_no_timing_gives_are_one_line() -> None:

@@ -48,7 +48,9 @@ def run(code: str) -> str:
 
 
 def test_importing_the_package_imports_none_of_its_modules() -> None:
+    heavy = "{'numpy', 'cv2', 'can', 'serial', 'canopen', 'rich', 'click', 'edge'}"
     assert run("import sys, hostlink; print([m for m in sys.modules if m.startswith('hostlink.')])") == "[]\n"
+    assert run(f"import sys, hostlink; print({heavy} & set(sys.modules))") == "set()\n"
     assert run("import hostlink; print(hostlink.errors.LinkError.__name__)") == "LinkError\n"
     assert run("from hostlink import *; print(connect.__name__)") == "connect\n"
 

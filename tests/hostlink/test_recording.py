@@ -8,19 +8,23 @@ import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import datetime
+from functools import partial
 from itertools import islice
 from math import nan
 from pathlib import Path
 from random import Random
 
 import can
+import numpy as np
 import pytest
 
+from edge.recording import Recorder
+from edge.types import Clock, Frame
 from hostlink.decoder import CanDecoder, Sample, SerialDecoder
 from hostlink.errors import LinkError, LogError, UsageError
 from hostlink.log_formats import HEAD_N
 from hostlink.recording import LogWriter, SerialWriter, decode_recording, read_log, read_serial
-from hostlink.wire import Message, State, encode_frame, pack_parts, pack_state
+from hostlink.wire import Message, State, encode_frame, pack_parts, pack_state, unpack_state
 from tests.support.seeds import SEED
 from tests.support.states import random_state
 
@@ -46,13 +50,18 @@ def traffic(n: int) -> list[can.Message]:
     return messages
 
 
+def write_log(path: Path, messages: list[can.Message]) -> LogWriter:
+    with LogWriter(path) as writer:
+        for message in messages:
+            writer.write(message)
+    return writer
+
+
 @pytest.mark.parametrize("suffix", [".log", ".blf"])
 def test_exact_round_trip(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"bus{suffix}"
     messages = traffic(300)
-    with LogWriter(path) as writer:
-        for message in messages:
-            writer.write(message)
+    writer = write_log(path, messages)
     assert (writer.written_n, writer.stepped_n) == (len(messages), 0)
     back = list(read_log(path))
     assert len(back) == len(messages)
@@ -69,12 +78,11 @@ def test_exact_round_trip(tmp_path: Path, suffix: str) -> None:
 @pytest.mark.parametrize("suffix", [".log", ".blf"])
 def test_time_never_runs_backwards(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"bus{suffix}"
-    with LogWriter(path) as writer:
-        for time_s in (10.0, 12.0, 11.0, 13.0000004):
-            writer.write(can.Message(timestamp=time_s + START_S, arbitration_id=1, data=b"x"))
+    times = (10.0, 12.0, 11.0, 13.0000004)
+    writer = write_log(path, [can.Message(START_S + time_s, 1, data=b"x") for time_s in times])
     assert writer.stepped_n == 1
-    times = [round(m.timestamp - START_S, 5) for m in read_log(path)]
-    assert times == [10.0, 12.0, 12.0, 13.0]
+    read = [round(m.timestamp - START_S, 5) for m in read_log(path)]
+    assert read == [10.0, 12.0, 12.0, 13.0]
 
 
 @pytest.mark.parametrize("name", ["a.asc", "a.csv", "a.db", "a.trc", "a.mf4", "a.log.gz", "a.txt", "a"])
@@ -134,8 +142,7 @@ def test_decoder_of_the_wrong_kind(tmp_path: Path) -> None:
 
 def test_a_channel_with_a_long_number_is_recorded(tmp_path: Path) -> None:
     message = can.Message(timestamp=1.5, arbitration_id=0x181, data=b"12345678", channel="bus-1d1372d93861")
-    with LogWriter(tmp_path / "bus.blf") as writer:
-        writer.write(message)
+    write_log(tmp_path / "bus.blf", [message])
     assert message.channel == "bus-1d1372d93861"
     (back,) = read_log(tmp_path / "bus.blf")
     assert (back.arbitration_id, bytes(back.data), back.channel) == (0x181, b"12345678", 0)
@@ -329,6 +336,14 @@ def write_buses(path: Path, finger_of: dict[int, int], late: int = 0, samples_n:
     writer.stop() if isinstance(writer, can.ASCWriter) else writer.close()
 
 
+def write_edge(path: Path, states: list[State], finger: int = 1) -> None:
+    """Samples 10 ms apart in a recording of the finger itself."""
+    with Recorder(path) as recorder:
+        for k, state in enumerate(states):
+            frame = Frame(np.zeros((4, 4), np.uint8), k * 10_000_000, k, Clock.HOST)
+            recorder.sample(frame, finger, partial(unpack_state, pack_state(state, k)))
+
+
 def blf_of(container: bytes, stated: int | None = None) -> bytes:
     """A file with one container; the length in its header may be wrong."""
     body = struct.pack("<H6xL4x", 2, 0) + container
@@ -366,9 +381,7 @@ def test_an_object_of_no_length_costs_what_follows_it(
 ) -> None:
     """A reader that trusts it goes on from it to itself, for ever; it may reach into the next container."""
     path = tmp_path / "a.blf"
-    with LogWriter(path) as writer:
-        for message in traffic(5):
-            writer.write(message)
+    write_log(path, traffic(5))
     (good,) = unpacked(path.read_bytes())
     endless = struct.pack("<4sHHLL", b"LOBJ", 32, version, 0, 1) + bytes(48)
     content = good + endless + good
@@ -393,17 +406,17 @@ def unpacked(data: bytes) -> list[bytes]:
     return found
 
 
-def test_damage_within_a_container_costs_what_follows_it(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("cut", "why"), [(False, "at byte"), (True, "cut off at byte")])
+def test_damage_in_a_blf_file_costs_what_follows_it(tmp_path: Path, cut: bool, why: str) -> None:
+    """Within a container, or a file that was cut off."""
     path = tmp_path / "a.blf"
-    with LogWriter(path) as writer:
-        for message in traffic(100):
-            writer.write(message)
-    data = bytearray(path.read_bytes())
-    data[len(data) // 2 :] = bytes(len(data) - len(data) // 2)
-    path.write_bytes(data)
+    write_log(path, traffic(200))
+    data = path.read_bytes()
+    half = len(data) // 2
+    path.write_bytes(data[:half] if cut else data[:half] + bytes(len(data) - half))
     messages = read_log(path)
     assert len(list(islice(messages, 100))) == 100
-    with pytest.raises(LogError, match="at byte"):
+    with pytest.raises(LogError, match=why):
         list(messages)
 
 
@@ -418,19 +431,6 @@ def test_fd_messages_of_both_kinds_of_object_are_read(tmp_path: Path) -> None:
     assert (message.is_fd, message.bitrate_switch, bytes(message.data)) == (True, True, data)
     (event,) = decode_recording(path)
     assert isinstance(event, Sample)
-
-
-def test_a_truncated_blf_file_is_read_up_to_its_end(tmp_path: Path) -> None:
-    path = tmp_path / "a.blf"
-    with LogWriter(path) as writer:
-        for message in traffic(300):
-            writer.write(message)
-    data = path.read_bytes()
-    path.write_bytes(data[: len(data) * 3 // 4])
-    messages = read_log(path)
-    assert len(list(islice(messages, 300))) == 300
-    with pytest.raises(LogError, match="cut off at byte"):
-        list(messages)
 
 
 @contextmanager

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import csv
-import subprocess
-import sys
 from math import isnan
 from pathlib import Path
 from random import Random
 
-import can
 import numpy as np
 import pandas as pd
 import pyarrow.parquet
@@ -20,7 +17,8 @@ from hostlink import Sample, decode_recording
 from hostlink.recording import LogWriter, read_log
 from hostlink.table import COLUMNS, ROWS_PER_PIECE, write_parquet
 from hostlink.wire import State, pack_state
-from tests.hostlink.commands.test_cli import run
+from tests.support.bus import message
+from tests.support.commands import run_host as run
 from tests.support.states import random_state
 
 SAMPLES = 200
@@ -32,12 +30,7 @@ def log(tmp_path: Path) -> Path:
     with LogWriter(path) as writer:
         for i in range(SAMPLES):
             data = pack_state(random_state(rng, i // 2), i // 2)
-            writer.write(
-                can.Message(
-                    timestamp=1e9 + i * 0.004, arbitration_id=0x181 + i % 2, data=data,
-                    is_fd=True, is_extended_id=False,
-                )
-            )  # fmt: skip
+            writer.write(message(0x181 + i % 2, data, 1e9 + i * 0.004))
     return path
 
 
@@ -120,48 +113,3 @@ def test_a_damaged_recording_is_read_up_to_the_damage(
     assert run("decode", str(damaged), f"--{kind}", str(out)) == 2
     assert f"damaged after {SAMPLES} messages" in capsys.readouterr().err
     assert len(pd.read_csv(out) if kind == "csv" else pd.read_parquet(out)) == SAMPLES
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ("--csv out.parquet", "out.parquet: the name must end in .csv"),
-        ("--csv out.csv --parquet out.parquet", "give one of them"),
-        ("--parquet there.parquet", "exists already"),
-        ("--csv out.csv --finger 9", "no sample of finger 9; it holds those of 1, 2"),
-        ("--csv nowhere/out.csv", "there is no folder nowhere"),
-    ],
-)
-def test_mistakes_write_nothing(
-    log: Path,
-    arguments: str,
-    message: str,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.chdir(log.parent)
-    Path("there.parquet").write_text("mine")
-    assert run("decode", log.name, *arguments.split()) == 2
-    err = capsys.readouterr().err
-    assert message in err
-    assert err.count("\n") == 1
-    assert sorted(p.name for p in Path().iterdir()) == ["hand.log", "there.parquet"]
-    assert Path("there.parquet").read_text() == "mine"
-
-
-def test_without_the_extra_it_is_one_line(log: Path) -> None:
-    """Like an installation without extras: the libraries cannot be imported."""
-    program = (
-        "import sys; sys.modules.update(dict.fromkeys(['numpy', 'pandas', 'pyarrow', 'pyarrow.parquet']));"
-        "from hostlink.commands.cli import main; main(sys.argv[1:])"
-    )
-    command = [sys.executable, "-c", program, "decode", str(log)]
-    out = log.with_suffix(".parquet")
-    refused = subprocess.run([*command, "--parquet", str(out)], capture_output=True, text=True, check=False)
-    assert refused.returncode == 2
-    assert refused.stderr.count("\n") == 1
-    assert 'pip install "voronoi-touch[data]"' in refused.stderr
-    assert not out.exists()
-    written = log.with_suffix(".csv")
-    subprocess.run([*command, "--csv", str(written)], check=True, capture_output=True)  # needs no library
-    assert written.exists()

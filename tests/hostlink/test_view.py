@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 
 import hostlink
-from hostlink.commands.cli import main
 from hostlink.commands.monitor import Board
 from hostlink.view import HandView, hand
 from hostlink.web import pack_packet, parse_listen
 from hostlink.wire import Contact, State
 from tests.edge.worker.test_page import unpack
 from tests.hostlink.test_client import Application, make_node
+from tests.support.commands import run_host
 from tests.support.waiting import SOON_S, until
 
 BUS = f"udp:239.0.0.8?port={23_000 + os.getpid() % 20_000}"
@@ -157,27 +157,6 @@ def test_packets_keep_numbers_in_their_places() -> None:
     assert packet["arrays"]["b"].tolist() == [0, 1, 2]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--listen", "0.0.0.0:1"], "give a token"),
-        (["--hand", "a,b"], "--hand a,b"),
-        (["--token", "short"], "shorter than 8"),
-    ],
-)
-def test_mistakes_are_one_line(
-    capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
-) -> None:  # fmt: skip
-    with pytest.raises(SystemExit) as caught:
-        main(["view", BUS, *arguments])
-    assert caught.value.code == 2
-    output = capsys.readouterr().err
-    assert message in output
-    assert len(output.strip().splitlines()) == 1
-
-
 def test_the_command(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as caught:
-        main(["view", BUS, "--listen", "127.0.0.1:0", "--seconds", "0.2"])
-    assert caught.value.code == 0
+    assert run_host("view", BUS, "--listen", "127.0.0.1:0", "--seconds", "0.2") == 0
     assert "live page: http://127.0.0.1:" in capsys.readouterr().err

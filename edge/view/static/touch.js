@@ -21,42 +21,35 @@ let palette = remember("palette") === "safe" ? "safe" : "paper";
 
 // ---- numbers and charts: what, where from, how it is shown ------------------------------------------------
 
+// What comes from the table of fields is in `hello`; these are what a page knows besides.
 const NUMBERS = [
-  ["Depth", "mm", (p) => [p.values?.displacement_mm, 2, p.values?.displacement_sigma_mm]],
-  ["Force", "N", (p) => [p.values?.force_n, 2]],
-  ["Force x", "N", (p) => [p.values?.force_x_n, 2, p.values?.force_xy_sigma_n]],
-  ["Force y", "N", (p) => [p.values?.force_y_n, 2, p.values?.force_xy_sigma_n]],
-  ["Torque", "N mm", (p) => [p.values?.torque_z_nmm, 1, p.values?.torque_z_sigma_nmm]],
-  ["Friction", "", (p) => [p.values?.friction, 2]],
-  ["Slip margin", "%", (p) => [p.values?.slip_margin == null ? null : 100 * p.values.slip_margin, 0]],
-  ["Shear x", "mm", (p) => [p.values?.shear_x_mm, 2, p.values?.shear_sigma_mm]],
-  ["Shear y", "mm", (p) => [p.values?.shear_y_mm, 2, p.values?.shear_sigma_mm]],
-  ["Torsion", "°", (p) => [p.values?.torsion_deg, 1]],
-  ["Tilt x", "°", (p) => [p.values?.tilt_x_deg, 1]],
-  ["Tilt y", "°", (p) => [p.values?.tilt_y_deg, 1]],
-  ["Slip", "%", (p) => [p.values?.slip_probability == null ? null : 100 * p.values.slip_probability, 0]],
   ["Contacts", "", (p) => [p.contacts?.length ?? null, 0]],
   ["Pins held", "", (p) => [p.held_n ?? null, 0, null, p.pins_n ? `of ${p.pins_n}` : ""]],
   ["Rate", "Hz", (p) => [p.rate_hz, 0]],
   ["Latency", "ms", (p) => [p.values?.latency_us == null ? null : p.values.latency_us / 1000, 1]],
 ];
-
-// Without a calibration there are no millimetres; then the same is shown in the camera's own px.
 const CHARTS = [
-  { title: "Displacement", unit: "mm", least: 0.5, of: ["displacement_mm"],
-    raw: { title: "Volume of deformation", unit: "px²", least: 100, of: ["volume_px2"] } },
-  { title: "Shear", unit: "mm", least: 0.2, names: ["x", "y"], of: ["shear_x_mm", "shear_y_mm"],
-    raw: { title: "Mean motion of the pins", unit: "px", least: 1, names: ["x", "y"], of: ["shear_x_px", "shear_y_px"] } },
-  { title: "Torsion", unit: "°", least: 2, of: ["torsion_deg"] },
-  { title: "Tangential force", unit: "N", least: 0.2, names: ["x", "y"], of: ["force_x_n", "force_y_n"],
-    optional: true },
-  { title: "Slip margin", unit: "", least: 1, of: ["slip_margin"], optional: true },
   { title: "Rate", unit: "Hz", least: 50, of: null },
   { title: "Latency", unit: "ms", least: 2, of: ["latency_ms"] },
-]; // prettier-ignore
+];
+// Without a calibration there are no millimetres; then the same is shown in the camera's own px.
+const RAW = {
+  Displacement: { title: "Volume of deformation", unit: "px²", least: 100, of: ["volume_px2"] },
+  Shear: { title: "Mean motion of the pins", unit: "px", least: 1, names: ["x", "y"], of: ["shear_x_px", "shear_y_px"] },
+}; // prettier-ignore
+
+/** A row of the table of fields as a row of NUMBERS. */
+function numberOf({ name, unit, of, sigma, factor, digits }) {
+  const read = ({ values }) => [values?.[of] == null ? null : factor * values[of], digits, sigma && values?.[sigma]];
+  return [name, unit, read];
+}
+
+let numbers = NUMBERS;
 
 function makeNumbers() {
-  for (const [name, unit] of NUMBERS) {
+  numbers = [...hello.numbers.map(numberOf), ...NUMBERS];
+  $("numbers").replaceChildren();
+  for (const [name, unit] of numbers) {
     const box = document.createElement("div");
     box.innerHTML = `<dt>${name}<small class="unit">${unit}</small></dt><dd><span></span><small class="unit"></small></dd>`;
     $("numbers").append(box);
@@ -64,7 +57,7 @@ function makeNumbers() {
 }
 
 function showNumbers(packet) {
-  NUMBERS.forEach(([, , read], i) => {
+  numbers.forEach(([, , read], i) => {
     const [value, digits, sigma, after] = read(packet);
     const box = $("numbers").children[i];
     box.querySelector("span").textContent = number(value, digits);
@@ -77,8 +70,8 @@ let charts = [];
 
 function makeCharts(calibrated) {
   $("charts").replaceChildren();
-  charts = CHARTS.map((row) => {
-    const what = calibrated || !row.raw ? row : row.raw;
+  charts = [...hello.charts, ...CHARTS].map((row) => {
+    const what = (!calibrated && RAW[row.title]) || row;
     const box = document.createElement("section");
     box.className = "card chart";
     box.innerHTML = `<h2><span></span></h2><canvas role="img"></canvas>`;
@@ -356,6 +349,7 @@ const line = new Line(
       $("local_gain").textContent = said.local_gain;
       $("global_gain").textContent = said.global_gain;
       charts = [];
+      makeNumbers();
       drawBar();
       mayDo();
     },
@@ -401,5 +395,4 @@ $("safe").onclick = () => {
 $("hold").onclick = () => press("hold", $("hold").ariaPressed !== "true");
 press("safe", palette === "safe");
 addEventListener("resize", schedule);
-makeNumbers();
 keys();

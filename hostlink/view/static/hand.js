@@ -15,14 +15,8 @@ const PALETTES = {
   paper: { compressed: [214, 30, 38], contact: [10, 30, 200], shear: [0, 0, 0], halo: [255, 255, 255] },
   safe: { compressed: [230, 140, 0], contact: [0, 110, 90], shear: [0, 0, 0], halo: [255, 255, 255] },
 };
+// Charts of values come from the table of fields, in `hello`; these are what a page knows besides.
 const CHARTS = [
-  { title: "Displacement", unit: "mm", least: 0.5, of: ["displacement_mm"] },
-  { title: "Shear", unit: "mm", least: 0.2, names: ["x", "y"], of: ["shear_x_mm", "shear_y_mm"] },
-  { title: "Force", unit: "N", least: 0.5, of: ["force_n"] },
-  { title: "Tangential force", unit: "N", least: 0.2, names: ["x", "y"], of: ["force_x_n", "force_y_n"],
-    optional: true },
-  { title: "Slip margin", unit: "", least: 1, of: ["slip_margin"], optional: true },
-  { title: "Torsion", unit: "°", least: 2, of: ["torsion_deg"] },
   { title: "Rate", unit: "Hz", least: 50, of: null },
   { title: "Latency to this host", unit: "ms", least: 2, of: ["latency_ms"] },
 ];
@@ -43,7 +37,10 @@ let palette = remember("palette") === "safe" ? "safe" : "paper";
 const cards = new Map(); // node -> {box, canvas, ...}
 const series = new Map(); // node -> {seen, charts}
 
-const charts = CHARTS.map((what) => {
+let rows = CHARTS; // all charts
+let charts = []; // their canvases
+
+function makeChart(what) {
   const box = document.createElement("section");
   box.className = "card chart";
   box.innerHTML = `<h2><span>${what.title} <small>${what.unit}</small></span></h2><canvas role="img"></canvas>`;
@@ -58,26 +55,32 @@ const charts = CHARTS.map((what) => {
   box.hidden = Boolean(what.optional); // until there is a value
   $("charts").append(box);
   return box.querySelector("canvas");
-});
+}
+
+function makeCharts() {
+  $("charts").replaceChildren();
+  rows = [...hello.charts, ...CHARTS];
+  charts = rows.map(makeChart);
+}
 
 function seriesOf(node) {
   if (!series.has(node))
-    series.set(node, { seen: 0, charts: CHARTS.map((what, i) => new Chart(charts[i], what)) });
+    series.set(node, { seen: 0, charts: rows.map((what, i) => new Chart(charts[i], what)) });
   return series.get(node);
 }
 
 function takeRows(finger) {
   const mine = seriesOf(finger.node);
   const width = hello.chart.length;
-  const rows = packet.arrays[`rows${finger.node}`];
-  const n = rows.length / width;
+  const values = packet.arrays[`rows${finger.node}`];
+  const n = values.length / width;
   const first = finger.rows_n - n;
   for (let i = Math.max(0, mine.seen - first); i < n; i++)
-    CHARTS.forEach(({ of }, k) => {
-      if (of) mine.charts[k].add(packet.now_s + rows[i * width], of.map((name) => rows[i * width + hello.chart.indexOf(name)]));
+    rows.forEach(({ of }, k) => {
+      if (of) mine.charts[k].add(packet.now_s + values[i * width], of.map((name) => values[i * width + hello.chart.indexOf(name)]));
     });
   mine.seen = finger.rows_n;
-  CHARTS.forEach(({ of }, k) => of || mine.charts[k].add(packet.now_s, [finger.rate_hz]));
+  rows.forEach(({ of }, k) => of || mine.charts[k].add(packet.now_s, [finger.rate_hz]));
 }
 
 // ---- fingers ----------------------------------------------------------------------------------------------
@@ -223,6 +226,7 @@ const line = new Line({
   hello(said, allowed) {
     [hello, may] = [said, allowed];
     series.clear();
+    makeCharts();
     $("source").textContent = said.address;
     document.title = `${said.address} – voronoi-touch`;
     $("tare").disabled = !may.includes("tare");

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from edge.calibration.outputs import OutputRow
+from edge.calibration.polynomial import OutputRow
 
 
 def row() -> OutputRow:

@@ -10,14 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from edge.cells import Tessellator, cell_polygons
-from edge.cells.params import PARAMS
 from edge.errors import DegenerateLayout
 from edge.types import Cells
 from tests.bench import stability
 from tests.support.cell_checks import (
     Points,
     bounded_polygon_area,
-    fresh_areas,
     random_walks,
     worst_relative,
 )
@@ -138,13 +136,12 @@ def test_a_moved_image_has_moved_cells(tip: str, angle: float, shift: float, sca
 def test_a_moved_tip_changes_areas_by_its_scale_only(
     tip: str, angle: float, shift: float, scale: float
 ) -> None:
-    """Compared with the tip at rest: the boundary moves with the rim. Near rest areas are of first order."""
+    """Compared with the tip at rest: the boundary moves with the rim."""
     rest = TIPS[tip]()
     tessellator = Tessellator(rest_of(rest))
     cells = tessellator.cells(tracks_of(moved(rest, angle, scale, shift)))
     wanted = cells.rest_area_px2 * scale**2
-    assert worst_relative(fresh_areas(tessellator), wanted) <= 1e-10
-    assert worst_relative(cells.area_px2, wanted) <= PARAMS.first_order_error
+    assert worst_relative(cells.area_px2, wanted) <= 1e-10
 
 
 def test_rim_cells_hold_when_the_rim_moves_far() -> None:

@@ -10,7 +10,7 @@ import resource
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from contextlib import closing
 from dataclasses import fields
 from importlib.metadata import version
 from itertools import count
@@ -25,7 +25,6 @@ from calib.sim.camera import Camera
 from calib.sim.mechanics import ToolPose
 from calib.sim.simulator import Simulator
 from calib.sim.tip import Tip
-from edge.__main__ import main
 from edge.cli.options import LoopOptions
 from edge.recording import Recorder, read_messages
 from edge.runtime.loop import Loop
@@ -33,28 +32,17 @@ from edge.runtime.statistics import LoopStatistics
 from edge.sensors import load_sensor
 from edge.sources import open_source
 from hostlink.interrupt import ENDING
+from hostlink.wire import Status
+from tests.edge.cli.conftest import Command
+from tests.support.processes import edge, python
 from tests.support.waiting import SOON_S, until
-
-
-def run(monkeypatch: pytest.MonkeyPatch, *arguments: str | Path) -> int:
-    """Exit code of a command line."""
-    monkeypatch.setattr("sys.argv", ["edge", *map(str, arguments)])
-    try:
-        main()
-    except SystemExit as end:
-        return end.code if isinstance(end.code, int) else 1
-    return 0
 
 
 @pytest.fixture
 def tip_image(data_dir: Path, tmp_path: Path) -> Path:
     """The first frame of a bundled recording as a picture."""
-    source = open_source(str(data_dir / "nothing.mcap"))
-    frame = next(iter(source))
-    source.close()
-    path = tmp_path / "tip.png"
-    cv2.imwrite(str(path), frame.image)
-    return path
+    with closing(open_source(str(data_dir / "nothing.mcap"))) as source:
+        return write(tmp_path / "tip.png", next(iter(source)).image)
 
 
 def write(path: Path, image: np.ndarray) -> Path:
@@ -62,80 +50,67 @@ def write(path: Path, image: np.ndarray) -> Path:
     return path
 
 
-def test_inspect_lists_the_pins(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tip_image: Path, tmp_path: Path
+def test_inspect_lists_the_pins_and_names_the_sensor(
+    command: Command, tip_image: Path, tmp_path: Path
 ) -> None:
-    assert run(monkeypatch, "inspect", tip_image, "--json", "--overlay", tmp_path / "seen") == 0
-    (found,) = json.loads(capsys.readouterr().out)
+    done = command("inspect", tip_image, "--json", "--overlay", tmp_path / "seen")
+    assert done.code == 0
+    (found,) = json.loads(done.out)
     assert found["image"] == str(tip_image)
     assert found["n_pins"] == len(found["xy_px"]) == 127
     assert (tmp_path / "seen" / "tip_pins.png").is_file()
-
-
-def test_inspect_names_the_sensor_and_its_scale(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tip_image: Path
-) -> None:
-    assert run(monkeypatch, "inspect", tip_image) == 0
-    assert "127 bright pins, as of TacTip, 127 pins (tactip-127), 0." in capsys.readouterr().out
-    assert run(monkeypatch, "inspect", tip_image, "--sensor", "tactip-331") == 0
-    assert "not as of TacTip, 331 pins: 127 pins found" in capsys.readouterr().out
+    assert "127 bright pins, as of TacTip, 127 pins (tactip-127), 0." in command("inspect", tip_image).out
+    other = command("inspect", tip_image, "--sensor", "tactip-331")
+    assert other.code == 0
+    assert "not as of TacTip, 331 pins: 127 pins found" in other.out
 
 
 def test_a_sensor_of_ones_own_is_made_from_one_image_and_one_length(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tip_image: Path, tmp_path: Path
+    command: Command, tip_image: Path, tmp_path: Path
 ) -> None:
     mine = tmp_path / "mine.toml"
-    assert run(monkeypatch, "sensor", tip_image, "-o", mine, "--across-mm", "36", "--title", "my tip") == 0
+    assert command("sensor", tip_image, "-o", mine, "--across-mm", "36", "--title", "my tip").code == 0
     made = load_sensor(str(mine))
-    assert (made.title, made.pins.count, made.pins.layout, made.pins.polarity) == (
-        "my tip",
-        127,
-        "hex",
-        "bright",
-    )
+    pins = made.pins
+    assert (made.title, pins.count, pins.layout, pins.polarity) == ("my tip", 127, "hex", "bright")
     # Twelve pitches across; the lens of the picture makes those outside narrower.
-    assert made.pins.pitch_mm == pytest.approx(3.0, rel=0.04)
+    assert pins.pitch_mm == pytest.approx(3.0, rel=0.04)
     before = mine.read_bytes()
-    assert run(monkeypatch, "sensor", tip_image, "-o", mine) == 2
+    assert command("sensor", tip_image, "-o", mine).code == 2
     assert mine.read_bytes() == before
-    capsys.readouterr()
-    assert run(monkeypatch, "inspect", tip_image, "--sensor", mine, "--json") == 0
-    (found,) = json.loads(capsys.readouterr().out)
+    (found,) = json.loads(command("inspect", tip_image, "--sensor", mine, "--json").out)
     assert found["sensor"] == "mine"
-    pins = np.array(found["xy_px"])
-    across_px = np.hypot(*(pins[:, None] - pins).transpose(2, 0, 1)).max()
+    xy = np.array(found["xy_px"])
+    across_px = np.hypot(*(xy[:, None] - xy).transpose(2, 0, 1)).max()
     assert found["mm_per_px"] * across_px == pytest.approx(36.0, rel=0.001)
 
 
 def test_a_sensor_from_a_touched_image_is_made_with_a_warning(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], real_dir: Path, tmp_path: Path
+    command: Command, real_dir: Path, tmp_path: Path
 ) -> None:
     for image, touched in (("tactip331_gray/frames/image_1.png", True), ("tactip331_binary/rest.png", False)):
         made = tmp_path / f"{touched}.toml"
-        assert run(monkeypatch, "sensor", real_dir / image, "-o", made) == 0
-        assert ("something touches the tip" in capsys.readouterr().err) == touched
+        done = command("sensor", real_dir / image, "-o", made)
+        assert done.code == 0
+        assert ("something touches the tip" in done.err) == touched
         assert load_sensor(str(made)).pins.count == 331
 
 
 def test_run_warns_of_fewer_pins_than_the_sensor_has(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    command: Command, caplog: pytest.LogCaptureFixture
 ) -> None:
     source = "sim:nothing?sensor=tactip-127&paced=0"
-    assert (
-        run(monkeypatch, "run", "--source", source, "--sink", "memory:", "--sensor", "tactip-331", "-q") == 0
-    )
-    missing = [
-        message for message in caplog.messages if "127 pins found, TacTip, 331 pins has 331" in message
-    ]
-    assert len(missing) == 1
+    run = command("run", "--source", source, "--sink", "memory:", "--sensor", "tactip-331", "-q")
+    assert run.code == 0
+    assert sum("127 pins found, TacTip, 331 pins has 331" in message for message in caplog.messages) == 1
 
 
 @pytest.mark.parametrize(
-    "command",
+    "line",
     ["replay {data}/nothing.mcap --loop --speed 100", "run --source sim:nothing?rate_hz=1000&{size}"],
 )
 def test_memory_does_not_grow_with_the_samples(
-    monkeypatch: pytest.MonkeyPatch, data_dir: Path, command: str
+    command: Command, monkeypatch: pytest.MonkeyPatch, data_dir: Path, line: str
 ) -> None:
     early_n, late_n, window_n = 300, 1300, 200
     blocks = dict[int, int]()  # by the number of the sample
@@ -159,18 +134,16 @@ def test_memory_does_not_grow_with_the_samples(
         return min(blocks[n] for n in range(from_n, from_n + window_n, 10))  # what other threads hold differs
 
     monkeypatch.setattr(Loop, "run", watched)
-    line = command.format(data=data_dir, size="width=160&height=160")
-    assert run(monkeypatch, *line.split(), "--sink", "virtual:memory", "-q") == 0
+    line = line.format(data=data_dir, size="width=160&height=160")
+    assert command(*line.split(), "--sink", "virtual:memory", "-q").code == 0
     assert least(late_n) - least(early_n) < 0.5 * (late_n - early_n)
 
 
-def test_replay_prints_what_was_held_and_sent(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], data_dir: Path
-) -> None:
+def test_replay_prints_what_was_held_and_sent(command: Command, data_dir: Path) -> None:
     arguments = ("replay", data_dir / "press_shear.mcap", "--speed", "max", "--sink", "memory:", "--json")
-    calibration = ("--calibration", data_dir / "hex127_flat.json")
-    assert run(monkeypatch, *arguments, *calibration) == 0
-    table = json.loads(capsys.readouterr().out)
+    done = command(*arguments, "--calibration", data_dir / "hex127_flat.json")
+    assert done.code == 0
+    table = json.loads(done.out)
     assert table["frames_n"] == table["sent_n"] == 40
     assert table["pins_held_min"] == table["pins_n"] == 127
     assert table["displacement_max_mm"] == pytest.approx(3.0, abs=0.15)
@@ -178,66 +151,44 @@ def test_replay_prints_what_was_held_and_sent(
     assert table["shear_peak_deg"] == pytest.approx(np.degrees(np.arctan2(-0.9, 1.2)), abs=3.0)
 
 
-def test_replay_prints_samples_as_json_lines(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], data_dir: Path
-) -> None:
-    assert run(monkeypatch, "replay", data_dir / "nothing.mcap", "--speed", "max", "--samples", "--json") == 0
-    *samples, summary = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
-    assert len(samples) == summary["frames_n"] - 7  # frames that became the rest frame have no result
-    assert all(sample["contact_n"] == 0 for sample in samples)
-
-
-def test_a_recording_of_a_replay_replays_the_same(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], data_dir: Path, tmp_path: Path
-) -> None:
-    first = ("replay", data_dir / "press_shear.mcap", "--speed", "max", "--samples")
-    assert run(monkeypatch, *first, "--record", tmp_path / "again.mcap") == 0
-    once = capsys.readouterr().out.splitlines()
-    assert run(monkeypatch, "replay", tmp_path / "again.mcap", "--speed", "max", "--samples") == 0
-    again = capsys.readouterr().out.splitlines()
-
-    def values(lines: list[str]) -> list[dict[str, object]]:
-        samples = [json.loads(line) for line in lines if line.startswith("{")]
+def test_a_recording_of_a_replay_replays_the_same(command: Command, data_dir: Path, tmp_path: Path) -> None:
+    def values(recording: Path, *more: str | Path) -> list[dict[str, object]]:
+        done = command("replay", recording, "--speed", "max", "--samples", "--json", *more)
+        assert done.code == 0
+        *samples, summary = [json.loads(line) for line in done.out.splitlines()]
+        assert len(samples) == summary["frames_n"] - 7  # frames that became the rest frame have no result
         return [{k: v for k, v in s.items() if k not in ("latency_us", "capture_time_us")} for s in samples]
 
-    assert values(once) == values(again)
-    assert len(values(once)) == 33
+    once = values(data_dir / "press_shear.mcap", "--record", tmp_path / "again.mcap")
+    assert values(tmp_path / "again.mcap") == once
+    assert len(once) == 33
+
+
+RUN_ONE = ("run", "--source", "sim:nothing?pins=37&layout=hex&paced=0", "-q", "--frames", "1")
 
 
 @pytest.mark.parametrize(
     ("sink", "finger"), [("virtual:numbered?node=5", 5), ("virtual:numbered", 4), ("memory:", 4)]
 )
 def test_a_recording_numbers_the_finger_as_the_bus_does(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, sink: str, finger: int
+    command: Command, tmp_path: Path, sink: str, finger: int
 ) -> None:
     (tmp_path / "edge.toml").write_text("[sensor]\nnode_id = 4\n")
-    arguments = (
-        "run",
-        "--config",
-        tmp_path / "edge.toml",
-        "--source",
-        "sim:nothing?pins=37&layout=hex&paced=0",
-    )
     path = tmp_path / "a.mcap"
-    assert run(monkeypatch, *arguments, "--frames", "2", "-q", "--sink", sink, "--record", path) == 0
-    topics = {topic for topic, _, _ in read_messages(path)}
-    assert {topic for topic in topics if topic.startswith("/finger")} == {
-        f"/finger_{finger}/sample",
-        f"/finger_{finger}/contacts",
-    }
+    options = ("--config", tmp_path / "edge.toml", "--sink", sink, "--record", path)
+    assert command(*RUN_ONE, "--frames", "2", *options).code == 0
+    topics = {topic for topic, _, _ in read_messages(path) if topic.startswith("/finger")}
+    assert topics == {f"/finger_{finger}/sample", f"/finger_{finger}/contacts"}
 
 
 @pytest.mark.parametrize(("speed", "way_out"), [("100", "--loop plays it on"), ("max", "a longer one")])
 def test_a_recording_that_ends_within_its_tare_is_reported(
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    tip_image: Path,
-    speed: str,
-    way_out: str,
+    command: Command, tip_image: Path, speed: str, way_out: str
 ) -> None:
     """No values is no success."""
-    assert run(monkeypatch, "replay", tip_image, "--speed", speed, "-q") == 1
-    *_, output = capsys.readouterr().err.splitlines()
+    done = command("replay", tip_image, "--speed", speed, "-q")
+    assert done.code == 1
+    *_, output = done.err.splitlines()
     assert output.startswith(
         f"error: {tip_image}: ended while the rest frame was being taken (8 images and a search), no values"
     )
@@ -245,111 +196,111 @@ def test_a_recording_that_ends_within_its_tare_is_reported(
 
 
 def test_images_that_pass_during_the_tare_are_reported(
-    monkeypatch: pytest.MonkeyPatch,
-    caplog: pytest.LogCaptureFixture,
-    capsys: pytest.CaptureFixture[str],
-    data_dir: Path,
+    command: Command, caplog: pytest.LogCaptureFixture, data_dir: Path
 ) -> None:
     """A search takes longer than 40 images at a hundred times their rate, on a busy machine than all."""
-    ended = run(monkeypatch, "replay", data_dir / "press_shear.mcap", "--speed", "100", "-q")
+    done = command("replay", data_dir / "press_shear.mcap", "--speed", "100", "-q")
     warnings = [record.getMessage() for record in caplog.records if record.name == "edge"]
-    *_, error = ["", *capsys.readouterr().err.splitlines()]
-    (output,) = warnings if ended == 0 else [error]
+    (output,) = warnings if done.code == 0 else done.err.splitlines()[-1:]
     assert "while the rest frame was being taken" in output
     assert "--loop" in output
 
 
 def test_a_truncated_recording_is_reported_and_replayed(
-    monkeypatch: pytest.MonkeyPatch,
-    caplog: pytest.LogCaptureFixture,
-    capsys: pytest.CaptureFixture[str],
-    data_dir: Path,
-    tmp_path: Path,
+    command: Command, caplog: pytest.LogCaptureFixture, data_dir: Path, tmp_path: Path
 ) -> None:
-    with Recorder(tmp_path / "cut.mcap") as recorder:
+    cut = tmp_path / "cut.mcap"
+    with Recorder(cut) as recorder:
         for _ in range(3):  # more than one chunk
             for frame in open_source(str(data_dir / "press_shear.mcap")):
                 recorder.frame(frame)
-    os.truncate(tmp_path / "cut.mcap", (tmp_path / "cut.mcap").stat().st_size * 2 // 3)
-    assert run(monkeypatch, "replay", tmp_path / "cut.mcap", "--speed", "max", "--json") == 0
-    assert 8 < json.loads(capsys.readouterr().out)["frames_n"] < 120
-    output = f"{tmp_path}/cut.mcap: not whole (cut off at its end); what could be read was taken"
-    assert output in caplog.text
+    os.truncate(cut, cut.stat().st_size * 2 // 3)
+    warning = f"{cut}: not whole (cut off at its end); what could be read was taken"
+    done = command("replay", cut, "--speed", "max", "--json")
+    assert done.code == 0
+    assert 8 < json.loads(done.out)["frames_n"] < 120
+    assert warning in caplog.text
     caplog.clear()
-    assert run(monkeypatch, "render", tmp_path / "cut.mcap", "-o", tmp_path / "a.mkv", "-q") == 0
-    assert output in caplog.text
+    assert command("render", cut, "-o", tmp_path / "a.mkv", "-q").code == 0
+    assert warning in caplog.text
 
 
 def test_without_a_sink_a_warning_is_logged(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, tmp_path: Path
+    command: Command, caplog: pytest.LogCaptureFixture, tmp_path: Path
 ) -> None:
-    arguments = ("run", "--source", "sim:nothing?pins=37&layout=hex&paced=0", "--frames", "1", "-q")
-    assert run(monkeypatch, *arguments) == 0
-    assert "no sink: samples are not sent; give --sink can:can0" in caplog.text
-    caplog.clear()
-    assert run(monkeypatch, *arguments, "--sink", "memory:") == 0
-    assert run(monkeypatch, *arguments, "--record", tmp_path / "a.mcap") == 0
-    assert "no sink" not in caplog.text
+    for options in ((), ("--sink", "memory:"), ("--record", tmp_path / "a.mcap")):
+        caplog.clear()
+        assert command(*RUN_ONE, *options).code == 0
+        assert ("no sink: samples are not sent; give --sink can:can0" in caplog.text) == (not options)
 
 
 def test_inspect_shows_the_rest_frame_of_a_recording(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], data_dir: Path, tmp_path: Path
+    command: Command, data_dir: Path, tmp_path: Path
 ) -> None:
-    press = data_dir / "press.mcap"
-    assert run(monkeypatch, "inspect", press, "--rest", "auto", "--json", "--overlay", tmp_path) == 0
-    (found,) = json.loads(capsys.readouterr().out)
+    inspect = ("inspect", data_dir / "press.mcap", "--rest")
+    done = command(*inspect, "auto", "--json", "--overlay", tmp_path)
+    assert done.code == 0
+    (found,) = json.loads(done.out)
     assert found["untouched"] is True
     assert found["n_pins"] == 331
     assert "cells are" in found["rest"]
     assert (tmp_path / "press_pins.png").is_file()
-    calibration = data_dir / "rings331_ball.json"
-    assert run(monkeypatch, "inspect", press, "--rest", "none", "--calibration", calibration) == 0
-    assert "the calibration's rest pins are moved onto it" in capsys.readouterr().out
-    assert run(monkeypatch, "inspect", press, "--rest", "25", "--json") == 0
-    assert json.loads(capsys.readouterr().out)[0]["untouched"] is None
+    done = command(*inspect, "none", "--calibration", data_dir / "rings331_ball.json")
+    assert "the calibration's rest pins are moved onto it" in done.out
+    assert json.loads(command(*inspect, "25", "--json").out)[0]["untouched"] is None
 
 
 def test_replay_of_a_recording_that_begins_touched_corrects_its_rest_frame(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    command: Command, tmp_path: Path
 ) -> None:
     tip = Simulator(Camera(tip=Tip(n_pins=127, kind="hex"), size_px=(320, 320)))
     touch = (ToolPose(depth_mm=3.0, tilt_x_deg=15.0),)
     for number in range(24):
         write(tmp_path / f"{number}.png", tip.frame(touch if number < 8 else ()).image)
-    assert run(monkeypatch, "replay", tmp_path, "--sink", "memory:", "--speed", "max", "--samples", "-q") == 0
-    lines = capsys.readouterr().out.strip().splitlines()
-    contacts = [json.loads(line)["contact_n"] > 0 for line in lines]
+    done = command("replay", tmp_path, "--sink", "memory:", "--speed", "max", "--samples", "-q")
+    assert done.code == 0
+    contacts = [json.loads(line)["contact_n"] > 0 for line in done.out.splitlines()]
     assert contacts == [True] * 8 + [False] * 16
 
 
 BLACK, WHITE = np.zeros((240, 320), np.uint8), np.full((240, 320), 255, np.uint8)
 
 
-@pytest.mark.parametrize("image", [BLACK, WHITE], ids=["black", "white"])
-def test_inspect_reports_an_image_without_pins(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path, image: np.ndarray
+def test_inspect_reports_what_has_no_pins_and_goes_on(
+    command: Command, tmp_path: Path, tip_image: Path
 ) -> None:
-    path = write(tmp_path / "image.png", image)
-    assert run(monkeypatch, "inspect", path, "--json") == 2
-    output = capsys.readouterr()
-    assert json.loads(output.out)[0]["n_pins"] == 0
-    assert len(output.err.strip().splitlines()) == 1
-    assert str(path) in output.err
+    images = [tmp_path / name for name in ("black.png", "white.png", "absent.png")]
+    write(images[0], BLACK)
+    write(images[1], WHITE)
+    done = command("inspect", *images, tip_image, "--json")
+    assert done.code == 2
+    assert [entry["n_pins"] for entry in json.loads(done.out)] == [0, 0, 0, 127]
+    for image, line in zip(images, done.err.splitlines(), strict=True):
+        assert str(image) in line
 
 
-def test_inspect_goes_on_after_a_bad_image(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path, tip_image: Path
-) -> None:
-    assert run(monkeypatch, "inspect", tmp_path / "absent.png", tip_image, "--json") == 2
-    output = capsys.readouterr()
-    assert [entry["n_pins"] for entry in json.loads(output.out)] == [0, 127]
-    assert "absent.png" in output.err
-
-
-def _text(folder: Path, name: str, content: str) -> Path:
-    path = folder / name
-    path.write_text(content)
-    return path
+@pytest.fixture
+def mistaken(data_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The current folder, with files that are not what their names say."""
+    for name, text in {
+        "text.mcap": "this is a letter, not a recording\n",
+        "text.png": "this is a letter, not an image\n",
+        "bad.toml": "[source]\nspeck = 'v4l2:0'\n",
+        "nothing": "",
+        "there.mcap": "keep me",
+        "video.mp4": "keep me",
+    }.items():
+        (tmp_path / name).write_text(text)
+    whole = (data_dir / "press.mcap").read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(whole[: len(whole) // 2])
+    for folder in ("empty", "seen"):
+        (tmp_path / folder).mkdir()
+    for name in ("black.png", "seen/black_pins.png"):
+        write(tmp_path / name, BLACK)
+    write(tmp_path / "white.png", WHITE)
+    write(tmp_path / "float.tiff", np.full((240, 320), 0.5, np.float32))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
 
 
 @pytest.mark.parametrize(
@@ -438,52 +389,26 @@ def _text(folder: Path, name: str, content: str) -> Path:
     ids=lambda value: "_".join(value)[:40] if isinstance(value, list) else "",
 )
 def test_a_mistake_is_one_line_and_exit_code_2(
-    monkeypatch: pytest.MonkeyPatch,
-    capfd: pytest.CaptureFixture[str],
-    data_dir: Path,
-    tmp_path: Path,
-    arguments: list[str],
-    expected: str,
+    command: Command, mistaken: Path, data_dir: Path, arguments: list[str], expected: str
 ) -> None:
-    _text(tmp_path, "text.mcap", "this is a letter, not a recording\n")
-    _text(tmp_path, "text.png", "this is a letter, not an image\n")
-    _text(tmp_path, "bad.toml", "[source]\nspeck = 'v4l2:0'\n")
-    cv2.imwrite(str(tmp_path / "float.tiff"), np.full((240, 320), 0.5, np.float32))
-    whole = (data_dir / "press.mcap").read_bytes()
-    (tmp_path / "cut.mcap").write_bytes(whole[: len(whole) // 2])
-    (tmp_path / "empty").mkdir()
-    (tmp_path / "seen").mkdir()
-    write(tmp_path / "seen" / "black_pins.png", BLACK)
-    (tmp_path / "nothing").touch()
-    kept = {_text(tmp_path, name, "keep me").name: "keep me" for name in ("there.mcap", "video.mp4")}
-    write(tmp_path / "black.png", BLACK)
-    write(tmp_path / "white.png", WHITE)
-    places = {"press": str(data_dir / "press_shear.mcap"), "other": str(data_dir / "rings331_ball.json")}
-    monkeypatch.chdir(tmp_path)
-    assert run(monkeypatch, *[word.format(**places) for word in arguments]) == 2
-    error = capfd.readouterr().err.strip().splitlines()
-    assert len(error) == 1, error
-    assert error[0].startswith("error: ")
-    assert expected in error[0]
-    assert {name: (tmp_path / name).read_text() for name in kept} == kept
+    places = {"press": data_dir / "press_shear.mcap", "other": data_dir / "rings331_ball.json"}
+    done = command(*[word.format(**places) for word in arguments])
+    assert done.code == 2
+    (error,) = done.err.strip().splitlines()
+    assert error.startswith("error: ")
+    assert expected in error
+    assert {(mistaken / name).read_text() for name in ("there.mcap", "video.mp4")} == {"keep me"}
 
 
-def test_a_dark_period_is_a_status_bit_and_a_count(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], data_dir: Path, tmp_path: Path
-) -> None:
-    source = open_source(str(data_dir / "nothing.mcap"))
-    images = [frame.image for frame in source]
-    source.close()
-    folder = tmp_path / "frames"
-    folder.mkdir()
+def test_a_dark_period_is_a_status_bit_and_a_count(command: Command, data_dir: Path, tmp_path: Path) -> None:
+    images = [frame.image for frame in open_source(str(data_dir / "nothing.mcap"))]
     for i, image in enumerate([*images[:10], *[np.zeros_like(images[0])] * 4, *images[10:]]):
-        cv2.imwrite(str(folder / f"{i:03d}.png"), image)
-    assert run(monkeypatch, "replay", folder, "--speed", "max", "--samples", "--json") == 0
-    *samples, summary = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+        write(tmp_path / f"{i:03d}.png", image)
+    done = command("replay", tmp_path, "--speed", "max", "--samples", "--json")
+    assert done.code == 0
+    *samples, summary = [json.loads(line) for line in done.out.splitlines()]
     assert summary["unidentified_n"] == 4
     assert summary["faults"]["IMAGE_DARK"] == 1
-    from hostlink.wire import Status
-
     lost = [bool(Status(sample["status"]) & Status.TRACKER_LOST) for sample in samples]
     assert lost == [False] * 3 + [True] * 4 + [False] * (len(samples) - 7)
     assert samples[-1]["pins_tracked"] == 1.0
@@ -492,39 +417,32 @@ def test_a_dark_period_is_a_status_bit_and_a_count(
 # ---- files that are written, and readers that go away -------------------------------------------------
 
 
-def edge(*arguments: str | Path, **options: Any) -> subprocess.CompletedProcess[str]:
-    """The program in a process of its own."""
-    return subprocess.run(
-        [sys.executable, "-m", "edge", *map(str, arguments)],
-        capture_output=True, text=True, timeout=SOON_S, check=False, **options,
-    )  # fmt: skip
-
-
-def with_a_small_disk(n_bytes: int) -> Callable[[], None]:
+def small_disk(n_bytes: int) -> dict[str, Any]:
     """No file of the process may grow beyond this: like on a full disk, except for the error number."""
 
     def limit() -> None:
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (n_bytes, n_bytes))
 
-    return limit
+    return {"preexec_fn": limit}
 
 
 @pytest.mark.parametrize("suffix", [".mp4", ".mkv", ".avi", ".webm"])
 def test_a_video_that_does_not_fit_on_the_disk_is_one_line_and_no_file(
     data_dir: Path, tmp_path: Path, suffix: str
 ) -> None:
-    arguments = ("render", data_dir / "press_shear.mcap", "-o", tmp_path / f"a{suffix}", "--height", "240")
-    done = edge(*arguments, preexec_fn=with_a_small_disk(60_000))
+    path = tmp_path / f"a{suffix}"
+    done = edge("render", data_dir / "press_shear.mcap", "-o", path, "--height", "240", **small_disk(60_000))
     assert done.returncode == 1
     *noise, output = done.stderr.strip().splitlines()
-    assert output == f"error: {tmp_path}/a{suffix}: cannot be written: No space left on device"
+    assert output == f"error: {path}: cannot be written: No space left on device"
     assert all("codec id" in line for line in noise)  # OpenCV's message about a tag, which bypasses its log
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("fault", ["a.mcap: No space left on device", None])
 def test_a_recording_that_does_not_fit_on_the_disk_is_no_success(
+    command: Command,
     monkeypatch: pytest.MonkeyPatch,
     caplog: pytest.LogCaptureFixture,
     data_dir: Path,
@@ -533,15 +451,14 @@ def test_a_recording_that_does_not_fit_on_the_disk_is_no_success(
 ) -> None:
     """As the worker reports it."""
     monkeypatch.setattr("edge.worker.recording_feed.RecordingFeed.fault", property(lambda feed: fault))
-    arguments = ("replay", data_dir / "press_shear.mcap", "--speed", "max", "-q")
-    assert run(monkeypatch, *arguments, "--record", tmp_path / "a.mcap") == (1 if fault else 0)
+    replay = ("replay", data_dir / "press_shear.mcap", "--speed", "max", "-q")
+    assert command(*replay, "--record", tmp_path / "a.mcap").code == (1 if fault else 0)
     assert (f"recording: {fault}" in caplog.text) == (fault is not None)
 
 
 def test_a_recorder_without_shared_memory_is_one_line_and_no_file(data_dir: Path, tmp_path: Path) -> None:
     """A limit on the size of files holds for memory that is shared with the recorder's process, too."""
-    arguments = ("replay", data_dir / "press.mcap", "--record", tmp_path / "a.mcap")
-    done = edge(*arguments, preexec_fn=with_a_small_disk(20_000))
+    done = edge("replay", data_dir / "press.mcap", "--record", tmp_path / "a.mcap", **small_disk(20_000))
     assert done.returncode == 1
     assert re.fullmatch(r"error: shared memory of \d+ MB: File too large\n", done.stderr)
     assert list(tmp_path.iterdir()) == []
@@ -551,7 +468,7 @@ def test_a_video_is_complete_before_it_replaces_another(data_dir: Path, tmp_path
     path = tmp_path / "a.mp4"
     path.write_text("the old one")
     arguments = ("render", data_dir / "nothing.mcap", "-o", path, "--height", "240", "--overwrite", "-q")
-    assert edge(*arguments, preexec_fn=with_a_small_disk(20_000)).returncode == 1
+    assert edge(*arguments, **small_disk(20_000)).returncode == 1
     assert path.read_text() == "the old one"
     done = edge(*arguments)
     assert (done.returncode, done.stderr) == (0, "")
@@ -603,11 +520,7 @@ def test_closing_stdout_ends_the_replay(data_dir: Path, more: list[str]) -> None
 @pytest.mark.parametrize("samples", [["--samples", "-q"], ["--json"], []], ids=["samples", "json", "table"])
 def test_a_full_disk_behind_stdout_is_one_line(data_dir: Path, samples: list[str]) -> None:
     with open("/dev/full", "w") as full:
-        replay = ["replay", str(data_dir / "nothing.mcap"), "--speed", "max", *samples]
-        done = subprocess.run(
-            [sys.executable, "-m", "edge", *replay],
-            stdout=full, stderr=subprocess.PIPE, text=True, timeout=SOON_S, check=False,
-        )  # fmt: skip
+        done = edge("replay", data_dir / "nothing.mcap", "--speed", "max", *samples, stdout=full)
     assert done.returncode == 1
     assert done.stderr == "error: stdout: cannot be written: No space left on device\n"
 
@@ -638,10 +551,7 @@ def test_without_the_edge_extra_a_command_names_the_package(tmp_path: Path, miss
         "from edge.__main__ import main; main()"
     )
     for arguments in (["inspect", "a.png"], ["doctor"], ["replay", "a.mcap"], ["render", "a", "-o", "a.mp4"]):
-        done = subprocess.run(
-            [sys.executable, "-c", code, *arguments],
-            capture_output=True, text=True, timeout=SOON_S, check=False, cwd=tmp_path,
-        )  # fmt: skip
+        done = python("-c", code, *arguments, cwd=tmp_path)
         assert done.returncode == 2, done.stderr
         (output,) = done.stderr.splitlines()
         assert output.endswith("install voronoi-touch[edge]")
@@ -657,7 +567,8 @@ def test_a_token_can_be_kept_off_the_command_line(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, data_dir: Path
 ) -> None:
     """From the environment or a file; and then it is the page's."""
-    path = _text(tmp_path, "token", "from-a-file\nand more\n")
+    path = tmp_path / "token"
+    path.write_text("from-a-file\nand more\n")
 
     def token(**options: Any) -> str | None:
         given: dict[str, Any] = dict.fromkeys(field.name for field in fields(LoopOptions))

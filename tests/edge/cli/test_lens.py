@@ -12,7 +12,7 @@ import pytest
 from edge.geometry.lens import corrected
 from edge.sources.lens_file import load_lens
 from edge.types import Array, Image, Lens
-from tests.edge.cli.test_cli import run
+from tests.edge.cli.conftest import Command
 
 TRUE = Lens(
     size_px=(480, 360),
@@ -64,12 +64,11 @@ def pictures(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return paths
 
 
-def test_the_lens_of_the_pictures_is_found(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path, pictures: list[Path]
-) -> None:
+def test_the_lens_of_the_pictures_is_found(command: Command, tmp_path: Path, pictures: list[Path]) -> None:
     path = tmp_path / "lens.toml"
-    assert run(monkeypatch, "lens", *pictures, "-o", path) == 0
-    assert "8 pictures" in capsys.readouterr().out
+    done = command("lens", *pictures, "-o", path)
+    assert done.code == 0
+    assert "8 pictures" in done.out
     found = load_lens(path)
     assert found.focal_px == pytest.approx(TRUE.focal_px, rel=0.01)
     # What counts: distances of corrected points, which neither a shift nor a zoom of all changes.
@@ -83,23 +82,19 @@ def test_the_lens_of_the_pictures_is_found(
     assert np.abs(off).max() < 0.3
 
 
-def test_mistakes_are_one_line(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path, pictures: list[Path]
-) -> None:
-    path = tmp_path / "lens.toml"
-    assert run(monkeypatch, "lens", *pictures[:2], "-o", path) == 2
-    assert (
-        "2 of 2 images show all 9x6 inner corners of a board; at least 3 are needed"
-        in capsys.readouterr().err
-    )
-    assert run(monkeypatch, "lens", *pictures, "-o", path, "--board", "9") == 2
-    assert "'9' is no board; give its inner corners across and down, e.g. 9x6" in capsys.readouterr().err
-    small = tmp_path / "small.png"
+def test_mistakes_are_one_line(command: Command, tmp_path: Path, pictures: list[Path]) -> None:
+    path, small = tmp_path / "lens.toml", tmp_path / "small.png"
     cv2.imwrite(str(small), np.zeros((100, 100), np.uint8))
-    assert run(monkeypatch, "lens", pictures[0], small, "-o", path) == 2
-    assert "100x100, the ones before 480x360; keep one size" in capsys.readouterr().err
-    assert run(monkeypatch, "lens", tmp_path / "absent.png", "-o", path) == 2
+    for arguments, message in (
+        (pictures[:2], "2 of 2 images show all 9x6 inner corners of a board; at least 3 are needed"),
+        ([*pictures, "--board", "9"], "'9' is no board; give its inner corners across and down, e.g. 9x6"),
+        ([pictures[0], small], "100x100, the ones before 480x360; keep one size"),
+        ([tmp_path / "absent.png"], "absent.png"),
+    ):
+        done = command("lens", *arguments, "-o", path)
+        assert done.code == 2
+        assert message in done.err
     assert not path.exists()
     path.write_text("mine")
-    assert run(monkeypatch, "lens", *pictures, "-o", path) == 2
+    assert command("lens", *pictures, "-o", path).code == 2
     assert path.read_text() == "mine"

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import cv2
@@ -17,6 +15,7 @@ from edge.errors import CalibrationError, SinkError, SourceError
 from edge.pins import take_rest
 from edge.recording import RecordingSource
 from edge.view.panels import View, draw_camera
+from tests.edge.cli.conftest import Command
 
 
 def frames_of(path: Path) -> list[np.ndarray]:
@@ -66,32 +65,30 @@ def test_the_safe_palette_has_no_red(data_dir: Path, tmp_path: Path) -> None:
 
 
 def test_mistakes_are_reported(data_dir: Path, tmp_path: Path) -> None:
-    press = str(data_dir / "press.mcap")
-    with pytest.raises(SourceError, match="no such file"):
-        render_recording(str(tmp_path / "none.mcap"), tmp_path / "a.mp4")
-    with pytest.raises(SinkError, match=r"give \.mp4"):
-        render_recording(press, tmp_path / "a.gif")
-    with pytest.raises(SinkError, match="cannot be written"):
-        render_recording(press, tmp_path / "nowhere" / "a.mp4")
-    with pytest.raises(CalibrationError):
-        render_recording(
+    press, other = str(data_dir / "press.mcap"), Calibration.load(data_dir / "rings331_ball.json")
+    for error, match, recording, video, calibration in (
+        (SourceError, "no such file", str(tmp_path / "none.mcap"), "a.mp4", None),
+        (SinkError, r"give \.mp4", press, "a.gif", None),
+        (SinkError, "cannot be written", press, "nowhere/a.mp4", None),
+        (
+            CalibrationError,
+            "give the calibration of this tip",
             str(data_dir / "nothing.mcap"),
-            tmp_path / "a.mp4",
-            Calibration.load(data_dir / "rings331_ball.json"),
-        )
+            "a.mp4",
+            other,
+        ),
+    ):
+        with pytest.raises(error, match=match):
+            render_recording(recording, tmp_path / video, calibration)
 
 
-def test_the_command(data_dir: Path, tmp_path: Path) -> None:
-    run = [sys.executable, "-m", "edge", "render", str(data_dir / "nothing.mcap"), "--height", "120"]
-    done = subprocess.run(
-        [*run, "-o", str(tmp_path / "a.mp4"), "--json"], capture_output=True, text=True, check=True
-    )
-    assert json.loads(done.stdout)["frames_n"] == len(list(RecordingSource(data_dir / "nothing.mcap")))
-    assert done.stderr == ""
-    done = subprocess.run(
-        [*run, "-o", str(tmp_path / "b.mp4"), "-q"], capture_output=True, text=True, check=True
-    )
-    assert done.stdout == ""
-    done = subprocess.run([*run, "-o", str(tmp_path / "b.txt")], capture_output=True, text=True)
-    assert done.returncode == 2
-    assert len(done.stderr.strip().splitlines()) == 1
+def test_the_command(command: Command, data_dir: Path, tmp_path: Path) -> None:
+    render = ("render", data_dir / "nothing.mcap", "--height", "120", "-o")
+    done = command(*render, tmp_path / "a.mp4", "--json")
+    assert (done.code, done.err) == (0, "")
+    assert json.loads(done.out)["frames_n"] == len(list(RecordingSource(data_dir / "nothing.mcap")))
+    done = command(*render, tmp_path / "b.mp4", "-q")
+    assert (done.code, done.out) == (0, "")
+    done = command(*render, tmp_path / "b.txt")
+    assert done.code == 2
+    assert len(done.err.splitlines()) == 1

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from edge.cells import Tessellator
-from edge.features import FeatureExtractor
+from edge.features import FeatureExtractor, FeaturePlan
 from edge.features.extract import NEEDS
 from edge.pins import detect, take_rest
 from edge.tracking import Tracker
@@ -22,7 +22,7 @@ from tests.support.images import read_grey
 
 pytestmark = [pytest.mark.kernels, pytest.mark.compiled]
 
-ALL = frozenset(Feature)
+ALL = FeaturePlan(frozenset(Feature))
 OPTIONAL = ("shear_px", "modes_px", "volume_px2", "surface", "contacts", "torsion_rad", "slip_px")
 
 
@@ -60,7 +60,7 @@ def test_every_feature_has_its_needs() -> None:
 def test_only_the_demand_is_computed(demand: set[Feature], fields: set[str]) -> None:
     rest = tip(127)
     tracks, cells = frame(rest, rest.xy_img + push(rest, (0.0, 0.0), 60.0, 0.1))
-    got = extractor(rest).extract(tracks, cells, frozenset(demand))
+    got = extractor(rest).extract(tracks, cells, FeaturePlan(frozenset(demand)))
     assert got.in_contact
     assert given_fields(got) == fields
 

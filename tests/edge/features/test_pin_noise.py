@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from edge.features.pin_noise import PinNoise
+from edge.features.pin_motion import PinNoise
 from tests.support.fields import CENTRE, push, tip
 
 pytestmark = pytest.mark.kernels

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from edge.features.quantized_operator import QuantizedOperator
+from edge.features.contact_field import QuantizedOperator
 
 pytestmark = pytest.mark.kernels
 

@@ -10,7 +10,7 @@ import pytest
 from calib.sim import Camera, Tip, Tool, ToolPose, deform
 from edge.features.pin_motion import PinMotion
 from edge.features.slip import Slip, SlipState
-from edge.pipeline import Pipeline
+from edge.frame import Pipeline
 from edge.recording import RecordingSource
 from edge.rest.tare import tare
 from edge.types import Array, Feature

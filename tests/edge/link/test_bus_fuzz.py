@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -14,12 +13,13 @@ from edge.link import sdo_server
 from edge.link.can_frame import CanFrame
 from edge.link.nmt import NmtState
 from edge.link.node import Node
-from edge.link.params import PARAMS
 from edge.link.ports import CanPort
 from edge.link.settings import SettingsFile
 from edge.link.sinks import CanFdSink, SerialSink
 from hostlink.wire import OBJECTS, CanIds, Kind, Message, encode_frame, pack_message
+from hostlink.wire.serial import FRAME_MAX
 from tests.edge.link.test_node import Finger
+from tests.support.media import Wire
 from tests.support.waiting import SOON_S
 
 NODE = 3
@@ -31,27 +31,9 @@ FEW = settings(
 )
 
 
-class Wire:
-    """A medium that accepts everything, and receives nothing."""
-
-    instant, bus_off = False, False
-
-    def __init__(self) -> None:
-        self.items: list[Any] = []
-
-    def write(self, item: Any) -> None:
-        self.items.append(item)
-
-    def read(self, timeout_s: float) -> None:
-        return None
-
-    def close(self) -> None:
-        """Nothing to close."""
-
-
 @contextmanager
 def a_node(kind: type[CanFdSink] | type[SerialSink]) -> Iterator[tuple[Node, Finger, Wire]]:
-    wire, finger = Wire(), Finger()
+    wire, finger = Wire(instant=False), Finger()
     opener = lambda: wire  # noqa: E731
     sink = CanFdSink("wire", opener, NODE) if kind is CanFdSink else SerialSink("wire", opener)
     node = Node(sink, finger, SettingsFile(), NODE)
@@ -141,7 +123,7 @@ def test_serial(on_serial: tuple[Node, Finger, Wire], chunks: list[bytes]) -> No
     start = encode_frame(Message.NMT, pack_message(Message.NMT, bytes((1,)), 0))
     node.sink._split(b"\0" + start)
     assert node.state is NmtState.OPERATIONAL
-    assert len(node.sink._buffer) <= PARAMS.noise_bytes
+    assert len(node.sink._buffer) <= FRAME_MAX
 
 
 def test_an_endless_upload_is_refused(

@@ -74,11 +74,21 @@ def test_a_stray_download_segment_after_a_read_writes_nothing(bench: Bench) -> N
     assert code(bench.ask(bytes((0x60,)))) == Abort.TOGGLE  # the read has ended
 
 
-def test_after_an_abort_the_last_segment_applies_nothing(bench: Bench) -> None:
+@pytest.mark.parametrize(
+    ("between", "last"),
+    [
+        (head(0x80, LONG, bytes(4)), segment(1, b"89", last=True)),  # an abort
+        (segment(0, b"another"), segment(0, b"1234567")),  # no repetition of the segment before
+    ],
+)
+def test_after_the_end_of_a_transfer_its_last_segment_applies_nothing(
+    bench: Bench, between: bytes, last: bytes
+) -> None:
     bench.ask(head(0x21, LONG, (9).to_bytes(4, "little")))
     bench.ask(segment(0, b"1234567"))
-    assert bench.ask(head(0x80, LONG, bytes(4))) == b""
-    assert code(bench.ask(segment(1, b"89", last=True))) == Abort.TOGGLE
+    answer = bench.ask(between)
+    assert answer == b"" if between[0] == 0x80 else code(answer) == Abort.TOGGLE
+    assert code(bench.ask(last)) == Abort.TOGGLE
     assert bench.objects.written == []
 
 
@@ -121,14 +131,6 @@ def test_a_segment_repeated_because_its_answer_was_late_moves_nothing(bench: Ben
     assert answers[0] == answers[1]
     assert answers[2] == answers[3]
     assert answers[0][1:] + answers[2][1:] == CONTENT[OTHER][:14]
-
-
-def test_only_the_last_segment_may_be_repeated(bench: Bench) -> None:
-    bench.ask(head(0x21, LONG, (9).to_bytes(4, "little")))
-    bench.ask(segment(0, b"1234567"))
-    assert code(bench.ask(segment(0, b"another"))) == Abort.TOGGLE
-    assert code(bench.ask(segment(0, b"1234567"))) == Abort.TOGGLE  # the transfer has ended
-    assert bench.objects.written == []
 
 
 @pytest.mark.parametrize("size", [6, 10])
@@ -183,11 +185,8 @@ def test_a_short_write_repeated_because_its_answer_was_lost_is_done_once(
     bench.now_s = after_s
     assert bench.ask(head(0x2F, TARE, again)) == done
     assert len(bench.objects.written) == done_n
-
-
-def test_a_refused_write_is_judged_anew(bench: Bench) -> None:
-    bench.objects.refused = True
-    request = head(0x2F, TARE, b"\1\0\0\7")
+    bench.objects.refused = True  # a refused write is judged anew
+    request = head(0x2F, TARE, b"\1\0\0\x09")
     assert code(bench.ask(request)) == Abort.NOT_NOW
     bench.objects.refused = False
     assert bench.ask(request)[0] == 0x60
@@ -206,7 +205,9 @@ def test_a_refused_write_is_judged_anew(bench: Bench) -> None:
         (b"\xa2\x7f\x7f", head(0x80, (0, 0), b"\1\0\4\5")),
         (b"\xc5\x34\x12", head(0x80, (0, 0), b"\1\0\4\5")),
         (head(0xE0, SHORT), head(0x80, SHORT, b"\1\0\4\5")),
-        (b"\x60", head(0x80, (0, 0), b"\0\0\3\5")),
+        (b"\x60", head(0x80, (0, 0), b"\0\0\3\5")),  # segments of no transfer
+        (b"\x70", head(0x80, (0, 0), b"\0\0\3\5")),
+        (b"\x10", head(0x80, (0, 0), b"\0\0\3\5")),
         (head(0x22, (0x2020, 2), b"\3\0"), head(0x60, (0x2020, 2), bytes(4))),  # no size: the object's
     ],
 )  # fmt: skip

@@ -11,12 +11,12 @@ from hypothesis import given
 from hypothesis import settings as limits
 from hypothesis import strategies as st
 
+from edge.limits import FILE_BYTES
 from edge.link.settings import NodeSettings, SettingsFile
 from hostlink.output_file import OutputError
 from hostlink.wire import OBJECTS
 from tests.support.nasty import NASTY
 
-JSON_LIKE = '{}[]":,0123456789eE-.truefalsnidvr_hz'
 STORED = [o for o in OBJECTS if o.stored and o.type != "domain"]
 
 
@@ -38,7 +38,7 @@ STORED = [o for o in OBJECTS if o.stored and o.type != "domain"]
         "[" * 2000,
         '{"a":' * 500,
         "[" * 100_000,
-        '{"divider": 2' + " " * 5000 + "}",
+        '{"divider": 2' + " " * FILE_BYTES + "}",
         "\xff",
     ],
 )
@@ -97,15 +97,12 @@ def test_a_full_disk_leaves_the_old_file_and_nothing_else(
     assert file.trouble() == ""
 
 
-def test_a_value_out_of_its_limits_changes_nothing(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "value"), [("rate_hz", 1e-45), ("rate_hz", float("nan")), ("rate_hz", 1e9), ("divider", 0)]
+)
+def test_a_value_out_of_its_limits_changes_nothing(tmp_path: Path, name: str, value: float) -> None:
     file = SettingsFile(tmp_path / "settings.json")
-    for name, value in (("rate_hz", 1e-45), ("rate_hz", float("nan")), ("rate_hz", 1e9), ("divider", 0)):
-        with pytest.raises(ValueError, match=name):
-            file.change(**{name: value})
+    with pytest.raises(ValueError, match=name):
+        file.change(**{name: value})
     assert file.values == NodeSettings()
     assert not list(tmp_path.iterdir())
-
-
-def test_without_a_folder_settings_are_marked_as_not_stored(tmp_path: Path) -> None:
-    assert not SettingsFile().is_stored
-    assert SettingsFile(tmp_path / "settings.json").is_stored

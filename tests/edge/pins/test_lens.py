@@ -15,10 +15,10 @@ from calib.sim.simulator import Simulator
 from calib.sim.tip import Tip
 from edge.calibration.file import rest_of, sensor_of
 from edge.errors import CalibrationError, NoPins, SourceError
+from edge.frame import Pipeline
 from edge.geometry.lens import corrected, magnification, seen
 from edge.pins import take_rest
 from edge.pins.lens import pattern_as_seen, rest_as_seen
-from edge.pipeline import Pipeline
 from edge.rest.tip_match import match_rest
 from edge.sources import open_source
 from edge.sources.lens_file import load_lens, text_of

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from queue import Empty, Queue
 from typing import Any
 
@@ -15,6 +16,7 @@ from edge.sources import open_source
 from edge.sources.options import Options
 from edge.sources.picamera import PiCameraSource
 from edge.types import Clock, Frame
+from tests.support.waiting import SOON_S
 
 SIZE = (64, 40)
 PERIOD_US, EXPOSURE_US = 4000, 1500
@@ -48,11 +50,9 @@ class Request:
 class Camera:
     """A `Picamera2`. It runs freely until the test gives frames, by number; None: the camera goes."""
 
-    def __init__(
-        self, modes: list[dict[str, Any]], numbers: Queue[int | None], size: tuple[int, int] = SIZE
-    ) -> None:
-        self.sensor_modes = modes
-        self.numbers, self.size = numbers, size
+    def __init__(self, modes: list[dict[str, Any]], size: tuple[int, int] = SIZE) -> None:
+        self.sensor_modes, self.size = modes, size
+        self.numbers: Queue[int | None] = Queue()
         self.stream, self.format = "main", ""
         self.epoch_ns = 0
         self.released_n = 0
@@ -81,7 +81,7 @@ class Camera:
         return self.config
 
     def start(self) -> None:
-        self.epoch_ns = self.epoch_ns or time.monotonic_ns() - 1_000_000_000
+        self.epoch_ns = self.epoch_ns or time.monotonic_ns() - 100_000_000
         self.calls.append("start")
 
     def capture_request(self, wait: float | None = None) -> Request:
@@ -112,15 +112,13 @@ class Camera:
         self.calls.append("close")
 
 
-def opened(camera: Camera, **options: Any) -> PiCameraSource:
+@contextmanager
+def opened(camera: Camera, **options: Any) -> Iterator[PiCameraSource]:
+    """A source of it; closed, its thread, which waits for a frame, has ended."""
     asked = Options(**({"width": SIZE[0], "height": SIZE[1]} | options))
     source = PiCameraSource(lambda: camera, asked, retry_s=0.01)
     camera.free = False
-    return source
-
-
-def close(source: PiCameraSource, camera: Camera) -> None:
-    """Close, and see the thread end, which waits for a frame."""
+    yield source
     source._closing.set()
     camera.numbers.put(None)
     source.close()
@@ -133,7 +131,7 @@ def read(source: PiCameraSource, camera: Camera, skip: int = 0) -> tuple[Frame, 
     camera.count = number + 1
     camera.numbers.put(number)
     while True:
-        frame = source.read(10.0)
+        frame = source.read(SOON_S)
         assert frame is not None
         if (frame.capture_ns - camera.epoch_ns) // (1000 * PERIOD_US) == number:
             return frame, number
@@ -150,10 +148,9 @@ def read(source: PiCameraSource, camera: Camera, skip: int = 0) -> tuple[Frame, 
 def test_pixels_without_padding_and_the_start_of_exposure(
     modes: list[dict[str, Any]], asked: str, dtype: type, bits: int, level: int
 ) -> None:
-    camera = Camera(modes, Queue())
-    source = opened(camera, format=asked)
-    frame, number = read(source, camera)
-    close(source, camera)
+    camera = Camera(modes)
+    with opened(camera, format=asked) as source:
+        frame, number = read(source, camera)
     assert frame.image.shape == (SIZE[1], SIZE[0])
     assert frame.image.dtype == dtype
     assert (frame.image == (level + number) % (1 << bits)).all()
@@ -165,51 +162,44 @@ def test_pixels_without_padding_and_the_start_of_exposure(
 
 
 def test_settings_are_given_in_picamera2_s_units() -> None:
-    camera = Camera([R8], Queue())
-    source = opened(camera, rate_hz=250.0, exposure_us=1500, gain=4)
-    close(source, camera)
+    camera = Camera([R8])
+    with opened(camera, rate_hz=250.0, exposure_us=1500, gain=4) as source:
+        assert source.rate_hz == pytest.approx(250.0)
     assert camera.config["controls"] == {
         "FrameDurationLimits": (4000, 4000),
         "AeEnable": False,
         "ExposureTime": 1500,
         "AnalogueGain": 4.0,
     }
-    assert source.rate_hz == pytest.approx(250.0)
 
 
-def test_lost_frames_are_gaps_in_the_numbers() -> None:
-    camera = Camera([R8], Queue())
-    source = opened(camera)
-    (first, one), (second, other) = read(source, camera), read(source, camera, skip=2)
-    close(source, camera)
-    assert second.sequence - first.sequence == other - one
-    assert source.faults["missed frame"] >= 3
-
-
-def test_a_lost_camera_is_opened_again() -> None:
-    camera = Camera([R8], Queue())
-    source = opened(camera)
-    camera.numbers.put(None)
-    frame, number = read(source, camera)
-    close(source, camera)
-    assert frame.image[0, 0] == (50 + number) % 256
-    assert source.faults["lost"] == 1
+def test_lost_frames_are_gaps_in_the_numbers_and_a_lost_camera_is_opened_again() -> None:
+    camera = Camera([R8])
+    with opened(camera) as source:
+        (first, one), (second, other) = read(source, camera), read(source, camera, skip=2)
+        assert second.sequence - first.sequence == other - one
+        assert source.faults["missed frame"] >= 3
+        camera.numbers.put(None)
+        frame, number = read(source, camera)
+        assert frame.image[0, 0] == (50 + number) % 256
+        assert source.faults["lost"] == 1
     assert camera.calls == ["start", "stop", "close", "start", "stop", "close"]
 
 
 @pytest.mark.parametrize(
-    ("camera", "options", "message"),
+    ("size", "options", "message"),
     [
-        (Camera([R8], Queue(), (128, 80)), {}, "no 64x40; the nearest that it has is 128x80"),
-        (Camera([R8], Queue()), {"format": "Y10"}, "no format 'Y10'; it has R8, YUV420"),
-        (Camera([R8], Queue()), {"rate_hz": 1000.0}, "250.0 frames/s, at least"),
+        ((128, 80), {}, "no 64x40; the nearest that it has is 128x80"),
+        (SIZE, {"format": "Y10"}, "no format 'Y10'; it has R8, YUV420"),
+        (SIZE, {"rate_hz": 1000.0}, "250.0 frames/s, at least"),
     ],
 )
 def test_settings_the_camera_lacks_are_refused_in_one_line(
-    camera: Camera, options: dict[str, Any], message: str
+    size: tuple[int, int], options: dict[str, Any], message: str
 ) -> None:
-    with pytest.raises(SourceError, match=message):
-        opened(camera, **options)
+    camera = Camera([R8], size)
+    with pytest.raises(SourceError, match=message), opened(camera, **options):
+        pass
     assert camera.calls[-1] == "close"
 
 

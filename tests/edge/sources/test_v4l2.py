@@ -14,10 +14,9 @@ from edge.errors import SourceError
 from edge.sources.options import Options
 from edge.sources.v4l2 import V4l2Source, find_device, list_cameras
 from edge.types import Clock, Frame, Image
-from tests.support.waiting import SOON_S
+from tests.support.waiting import SOON_S, until
 
 W, H = 64, 48
-FAR = 1 << 60
 
 
 def grey_image(n: int, bits: int = 8) -> np.ndarray[Any, Any]:
@@ -68,7 +67,7 @@ class FakeCapture:
         ):
             return False
         if prop in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT) and self.camera.fixed_size:
-            return True  # the driver reports success and keeps its own
+            return True  # the driver reports success and keeps its size
         self.values[prop] = self.camera.clamp.get(prop, value)
         return True
 
@@ -90,7 +89,7 @@ class FakeCapture:
         camera.clock_ns = camera.stamp_ns + 2_000_000
         if self.what == "lost":
             camera.present = False
-        return self.what != "lost"
+        return self.what != "lost" and not camera.mute
 
     def retrieve(self) -> tuple[bool, Any]:
         fourcc = int(self.values[cv2.CAP_PROP_FOURCC]).to_bytes(4, "little").decode()
@@ -110,7 +109,7 @@ class FakeCamera:
         self.rate_hz = rate_hz
         self.halves_with_one_buffer = False
         self.stamps = True
-        self.fixed_size = False
+        self.fixed_size = self.mute = False
         self.no_such: set[int] = set()
         self.clamp: dict[int, float] = {}
         self.present = True
@@ -136,7 +135,7 @@ class FakeCamera:
 class Opened:
     """A source whose every frame is taken in lock-step with the test."""
 
-    def __init__(self, camera: FakeCamera, **options: Any) -> None:
+    def __init__(self, camera: FakeCamera, patience_s: float = SOON_S, **options: Any) -> None:
         self.camera = camera
         camera.free.set()  # while the rate is measured, frames come as they like
         self.source = V4l2Source(
@@ -146,6 +145,7 @@ class Opened:
             find=camera.find,
             clock_ns=lambda: camera.clock_ns,
             retry_s=0.001,
+            patience_s=patience_s,
         )
         camera.free.clear()
         camera.halted.clear()
@@ -158,6 +158,12 @@ class Opened:
         frame = self.source.read(SOON_S)
         assert frame is not None
         return frame
+
+    def lose(self) -> None:
+        """The camera goes with the next frame."""
+        self.camera.script = ["lost"]
+        self.camera.gate.release()
+        until(lambda: self.source.condition == "lost", "the loss is noticed")
 
     def __enter__(self) -> Opened:
         return self
@@ -179,17 +185,10 @@ def expected(fourcc: str, n: int) -> Image:
 
 
 @pytest.mark.parametrize(
-    ("name", "fourcc", "bits"),
-    [
-        ("GREY", "GREY", 8),
-        ("Y10", "Y10 ", 10),
-        ("Y12", "Y12 ", 12),
-        ("y16", "Y16 ", 16),
-        ("MJPG", "MJPG", 8),
-        ("YUYV", "YUYV", 8),
-    ],
+    ("name", "bits"), [("GREY", 8), ("Y10", 10), ("Y12", 12), ("y16", 16), ("MJPG", 8), ("YUYV", 8)]
 )
-def test_formats_become_grey(name: str, fourcc: str, bits: int) -> None:
+def test_formats_become_grey(name: str, bits: int) -> None:
+    fourcc = name.upper().ljust(4)
     camera = FakeCamera(formats=(fourcc,))
     with Opened(camera, format=name) as opened:
         frame = opened.next()
@@ -210,22 +209,15 @@ def test_the_best_format_is_taken_unasked(formats: tuple[str, ...], taken: str) 
         assert camera.captures[-1].values[cv2.CAP_PROP_FOURCC] == int.from_bytes(taken.encode(), "little")
 
 
-def test_times_are_the_drivers() -> None:
+@pytest.mark.parametrize("stamps", [True, False])
+def test_times_are_the_drivers_or_else_ours(stamps: bool) -> None:
     camera = FakeCamera()
+    camera.stamps = stamps
     with Opened(camera) as opened:
         frame = opened.next()
-        assert frame.clock is Clock.DRIVER
-        assert frame.capture_ns == pytest.approx(camera.stamp_ns, abs=1000)
+        assert frame.clock is (Clock.DRIVER if stamps else Clock.HOST)
+        assert frame.capture_ns == pytest.approx(camera.stamp_ns if stamps else camera.clock_ns, abs=1000)
         assert opened.source.rate_hz == pytest.approx(120, rel=1e-3)
-
-
-def test_without_driver_times_ours_are_used() -> None:
-    camera = FakeCamera()
-    camera.stamps = False
-    with Opened(camera) as opened:
-        frame = opened.next()
-        assert frame.clock is Clock.HOST
-        assert frame.capture_ns == camera.clock_ns
 
 
 def test_frames_that_never_came_are_gaps_in_the_sequence() -> None:
@@ -238,32 +230,23 @@ def test_frames_that_never_came_are_gaps_in_the_sequence() -> None:
         assert opened.source.faults["missed frame"] == 2
 
 
-def test_a_lost_camera_comes_back() -> None:
+def test_a_lost_camera_comes_back_unless_it_has_another_size() -> None:
     camera = FakeCamera()
     with Opened(camera) as opened:
         before = opened.next()
-        camera.script = ["lost"]
-        camera.gate.release()
-        assert opened.source.read(0.2) is None
-        assert opened.source.condition == "lost"
+        opened.lose()
+        assert opened.source.read(0) is None
         camera.present = True
         after = opened.next()
         assert opened.source.condition == ""
         assert after.sequence > before.sequence
         assert opened.source.faults["lost"] == 1
         assert len(camera.captures) == 2
-
-
-def test_a_lost_camera_that_returns_with_another_size_stays_lost() -> None:
-    camera = FakeCamera()
-    with Opened(camera) as opened:
-        opened.next()
         opened.source.size_px = (W + 2, H)  # as if it had been another camera
-        camera.script = ["lost"]
-        camera.gate.release()
-        assert opened.source.read(0.1) is None
+        opened.lose()
         camera.present = True
-        assert opened.source.read(0.1) is None
+        until(lambda: len(camera.captures) > 4, "it is tried again")
+        assert opened.source.read(0) is None
         assert opened.source.condition == "lost"
         opened.source.size_px = (W, H)
         opened.next()
@@ -287,25 +270,27 @@ def test_frozen_black_and_damaged_frames_are_noticed() -> None:
         assert opened.source.faults == {"frozen": 1, "black": 1, "damaged frame": 1, "missed frame": 1}
 
 
-def test_settings_reach_the_camera() -> None:
+SETTINGS = {
+    cv2.CAP_PROP_AUTO_EXPOSURE: 1,
+    cv2.CAP_PROP_EXPOSURE: 20,  # units of 100 us
+    cv2.CAP_PROP_GAIN: 12,
+    cv2.CAP_PROP_AUTOFOCUS: 0,
+    cv2.CAP_PROP_FOCUS: 30,
+    cv2.CAP_PROP_FPS: 120,
+    cv2.CAP_PROP_BUFFERSIZE: 1,
+}
+
+
+def test_settings_reach_the_camera_and_no_others() -> None:
     camera = FakeCamera()
-    with Opened(camera, width=W, height=H, rate_hz=120, exposure_us=2050, gain=12, focus=30) as opened:
+    asked = {"width": W, "height": H, "rate_hz": 120, "exposure_us": 2050, "gain": 12, "focus": 30}
+    with Opened(camera, **asked) as opened:
         values = camera.captures[-1].values
-        assert values[cv2.CAP_PROP_AUTO_EXPOSURE] == 1
-        assert values[cv2.CAP_PROP_EXPOSURE] == 20  # units of 100 us
-        assert values[cv2.CAP_PROP_GAIN] == 12
-        assert values[cv2.CAP_PROP_AUTOFOCUS] == 0
-        assert values[cv2.CAP_PROP_FOCUS] == 30
-        assert values[cv2.CAP_PROP_FPS] == 120
-        assert values[cv2.CAP_PROP_BUFFERSIZE] == 1
+        assert {prop: values[prop] for prop in SETTINGS} == SETTINGS
         assert opened.source.refused == []
-
-
-def test_nothing_is_set_that_was_not_asked_for() -> None:
-    camera = FakeCamera()
-    with Opened(camera):
-        touched = {cv2.CAP_PROP_AUTO_EXPOSURE, cv2.CAP_PROP_EXPOSURE, cv2.CAP_PROP_GAIN, cv2.CAP_PROP_FOCUS}
-        assert not touched & camera.captures[-1].values.keys()
+    with Opened(FakeCamera()) as opened:
+        unasked = SETTINGS.keys() - {cv2.CAP_PROP_FPS, cv2.CAP_PROP_BUFFERSIZE}
+        assert not unasked & opened.camera.captures[-1].values.keys()
 
 
 def test_refused_controls_are_named() -> None:
@@ -334,36 +319,18 @@ def test_a_camera_that_is_too_slow_is_refused() -> None:
         assert opened.source.rate_hz == pytest.approx(60, rel=1e-3)
 
 
-def test_a_camera_without_the_size_or_the_format_is_refused() -> None:
-    camera = FakeCamera()
-    camera.fixed_size = True
-    with pytest.raises(SourceError, match=f"asked for 128x96, camera gives {W}x{H} as GREY"):
-        Opened(camera, width=128, height=96)
-    assert camera.captures[-1].released
-    with pytest.raises(SourceError, match="does not give MJPG"):
-        Opened(FakeCamera(), format="MJPG")
-    with pytest.raises(SourceError, match="no pixel format 'RGB'"):
-        Opened(FakeCamera(), format="RGB")
-
-
-def test_a_camera_that_gives_no_frames() -> None:
-    camera = FakeCamera()
-    with pytest.raises(SourceError, match=r"no frame within 0\.05 s"):
-        V4l2Source(
-            "0",
-            Options(),
-            make_capture=lambda path: Mute(camera),
-            find=camera.find,
-            retry_s=0.001,
-            patience_s=0.05,
-        )
-
-
-class Mute(FakeCapture):
-    """Opens, but gives no frames."""
-
-    def grab(self) -> bool:
-        return False
+def test_a_camera_without_the_size_or_the_format_or_frames_is_refused() -> None:
+    small, mute = FakeCamera(), FakeCamera()
+    small.fixed_size = mute.mute = True
+    for camera, asked, stated in (
+        (small, {"width": 128, "height": 96}, f"asked for 128x96, camera gives {W}x{H} as GREY"),
+        (FakeCamera(), {"format": "MJPG"}, "does not give MJPG"),
+        (FakeCamera(), {"format": "RGB"}, "no pixel format 'RGB'"),
+        (mute, {"patience_s": 0.05}, r"no frame within 0\.05 s"),
+    ):
+        with pytest.raises(SourceError, match=stated):
+            Opened(camera, **asked)
+        assert all(capture.released for capture in camera.captures)
 
 
 # -- finding -----------------------------------------------------------------------------------------
@@ -398,15 +365,17 @@ def test_cameras_of_a_machine(machine: tuple[Path, Path]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("where", "node"), [("0", "video0"), ("10", "video10"), ("AB12", "video0"), ("XY99", "video10")]
+    ("where", "node"),
+    [
+        ("0", "video0"),
+        ("10", "video10"),
+        ("AB12", "video0"),
+        ("XY99", "video10"),
+        ("{dev}/v4l/by-id/usb-Maker_Cam_XY99-video-index0", "video10"),
+    ],
 )
-def test_a_camera_by_number_or_serial(machine: tuple[Path, Path], where: str, node: str) -> None:
-    assert Path(find_device(where, *machine)).name == node
-
-
-def test_a_camera_by_path(machine: tuple[Path, Path]) -> None:
-    link = machine[1] / "v4l/by-id/usb-Maker_Cam_XY99-video-index0"
-    assert Path(find_device(str(link), *machine)).name == "video10"
+def test_a_camera_by_number_serial_or_path(machine: tuple[Path, Path], where: str, node: str) -> None:
+    assert Path(find_device(where.format(dev=machine[1]), *machine)).name == node
 
 
 @pytest.mark.parametrize("where", ["5", "NONE", "", "/dev/no/such/camera"])

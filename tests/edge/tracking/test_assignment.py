@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
 
-from edge.tracking.assignment import assign
+from edge.tracking.match import assign
 
 RNG = np.random.default_rng(3)
 

@@ -33,7 +33,7 @@ def follower(rest: Rest) -> Follower:
 
 
 def followed() -> Array:
-    """(frames, 3 n + 3): what is seen of frames in which pins are missing, displaced, dim, or on one blob."""
+    """(frames, 3 n + 4): what is seen of frames in which pins are missing, displaced, dim, or on one blob."""
     rest = small_tip(3)
     rng = np.random.default_rng(4)
     kernel, n, rows = follower(rest), len(rest), []
@@ -51,9 +51,9 @@ def followed() -> Array:
         found[blurred] += 1.0
         found[far] += 8.0
         found[near] = found[(near + 1) % n]
-        xy, _, seen, seen_n, innovation, autocorrelation = kernel.follow(found, sigma, brightness)
+        xy, _, seen, seen_n, leapt, strayed, autocorrelation = kernel.follow(found, sigma, brightness)
         assert np.count_nonzero(seen) == seen_n
-        rows.append([*np.nan_to_num(xy).ravel(), *seen, seen_n, innovation, autocorrelation])
+        rows.append([*np.nan_to_num(xy).ravel(), *seen, seen_n, leapt, strayed, autocorrelation])
         kernel.accept(0.7)
     return np.array(rows, np.float64)
 
@@ -91,10 +91,10 @@ def test_no_pin_is_seen_where_nothing_was_found_or_two_are_on_one_blob() -> None
     kernel.settle(rest.xy_img, np.zeros((n, 2)), np.ones(n, bool))
     found = rest.xy_img.copy()
     found[3], found[8] = np.nan, found[9]
-    _, _, seen, seen_n, innovation, _ = kernel.follow(found, rest.pins.sigma_px, rest.pins.brightness)
+    _, _, seen, seen_n, leapt, *_ = kernel.follow(found, rest.pins.sigma_px, rest.pins.brightness)
     np.testing.assert_array_equal(np.flatnonzero(~seen), [3, 8])
     assert seen_n == n - 2
-    assert innovation == 0.0
+    assert not leapt
 
 
 def test_of_two_pins_that_approach_slowly_one_is_lost_when_they_are_too_near() -> None:
@@ -107,7 +107,7 @@ def test_of_two_pins_that_approach_slowly_one_is_lost_when_they_are_too_near() -
         found = rest.xy_img + 0.3
         found[0] += share * towards
         found[1] -= share * towards
-        _, _, seen, _, _, _ = kernel.follow(found, rest.pins.sigma_px, rest.pins.brightness)
+        _, _, seen, *_ = kernel.follow(found, rest.pins.sigma_px, rest.pins.brightness)
         kernel.accept(0.7)
         assert seen[2:].all()
         assert np.count_nonzero(seen[:2]) == (2 if share < 0.5 else 1), share
@@ -126,7 +126,7 @@ def off_by(pitches: float, step: float) -> int:
     for off in np.arange(step, pitches + 0.5 * step, step):
         found = rest.xy_img + 0.3
         found[0] += off * away
-        _, _, seen, _, _, _ = kernel.follow(found, rest.pins.sigma_px, rest.pins.brightness)
+        _, _, seen, *_ = kernel.follow(found, rest.pins.sigma_px, rest.pins.brightness)
         kernel.accept(0.7)
         assert seen[1:].all()
         seen_n += int(seen[0])
@@ -203,7 +203,7 @@ def test_a_state_of_another_number_of_pins_is_refused() -> None:
         with pytest.raises(ValueError, match=r"xy \(19, 2\)"):
             kernel.settle(np.zeros((xy, 2)), np.zeros((residual, 2)), np.ones(seen, bool))
     with pytest.raises(ValueError, match=r"xy \(19, 2\)"):
-        kernel.median_innovation(np.zeros((18, 2)))
+        kernel.strayed(np.zeros((18, 2)))
 
 
 def test_a_lattice_of_another_tip_is_refused() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from edge.tracking.links import Links
+from edge.tracking.match import Links
 
 pytestmark = pytest.mark.kernels
 

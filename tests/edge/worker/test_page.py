@@ -17,7 +17,7 @@ import pytest
 from edge.cells import cell_polygons
 from edge.recording import RecordingSource, read_attachments, read_messages
 from edge.types import Feature
-from edge.worker.page import PARAMS
+from edge.worker.params import PARAMS
 from hostlink.web import PageServer, WebError, parse_listen
 from hostlink.web.limits import WebLimits
 from hostlink.wire import FaultCode
@@ -290,7 +290,7 @@ def test_charts_get_every_sample_once(live: Live) -> None:
             packet = await viewer.packet()
             rows = packet["arrays"]["rows"].reshape(-1, width)
             first = packet["rows_n"] - len(rows)
-            late = packet["now_s"] - seen_s > 0.9 * PARAMS.overlap_s  # rows are not sent for longer
+            late = packet["now_s"] - seen_s > 0.9 * PARAMS.recent_s  # rows are not sent for longer
             assert first <= seen_n or late, "rows were skipped"
             times += [packet["now_s"] + row[0] for row in rows[max(0, seen_n - first) :]]
             seen_n, seen_s = packet["rows_n"], packet["now_s"]

@@ -122,7 +122,7 @@ def test_a_closed_stdout_is_no_error() -> None:
 
 @pytest.fixture
 def live(data_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Live]:
-    monkeypatch.setattr("edge.worker.client.PARAMS", WorkerParams(lived_s=0.0, disk_s=SOON_S))
+    monkeypatch.setattr("edge.worker.client.PARAMS", WorkerParams(lived_s=0.0, end_s=SOON_S))
     with Live(data_dir / "press.mcap", recordings=tmp_path, record=tmp_path / "all.mcap") as running:
         yield running
 

@@ -1,7 +1,6 @@
-"""A ROS 2 peer on Zenoh: decodes CDR by pycdr2, from definitions written here.
+"""A ROS 2 peer on Zenoh: decodes CDR by pycdr2, from definitions written here."""
 
-pycdr2 reads the annotations, so they are not postponed here.
-"""
+from __future__ import annotations
 
 import json
 import socket
@@ -9,140 +8,61 @@ import struct
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, make_dataclass
 from typing import Any
 
 import zenoh
-from pycdr2 import IdlStruct
-from pycdr2.types import float32, float64, int32, sequence, uint8, uint16, uint32
+from pycdr2 import IdlStruct, types
+
+#: As in the definitions of ROS 2; `TYPE[]` is a sequence.
+DEFINITIONS = """
+Time: int32 sec, uint32 nanosec
+Header: Time stamp, string frame_id
+Vector3: float64 x, float64 y, float64 z
+Wrench: Vector3 force, Vector3 torque
+WrenchStamped: Header header, Wrench wrench
+PointField: string name, uint32 offset, uint8 datatype, uint32 count
+PointCloud2: Header header, uint32 height, uint32 width, PointField[] fields, bool is_bigendian
+PointCloud2: uint32 point_step, uint32 row_step, uint8[] data, bool is_dense
+KeyValue: string key, string value
+DiagnosticStatus: uint8 level, string name, string message, string hardware_id, KeyValue[] values
+DiagnosticArray: Header header, DiagnosticStatus[] status
+TriggerRequest: uint8 structure_needs_at_least_one_member
+TriggerResponse: bool success, string message
+TactileContact: float32 x_mm, float32 y_mm, float32 depth_mm
+TactileSample: Header header, float64 host_error_s, uint8 finger, uint32 lost_n, uint16 sample
+TactileSample: uint16 status, uint32 capture_time_us, float32 latency_us, float32 pins_tracked
+TactileSample: uint8 contact_n, float32 displacement_mm, float32 displacement_sigma_mm, float32 force_n
+TactileSample: float32 force_x_n, float32 force_y_n, float32 force_xy_sigma_n, float32 torque_z_nmm
+TactileSample: float32 torque_z_sigma_nmm, float32 friction, float32 slip_margin, float32 pressure_kpa
+TactileSample: float32 contact_area_mm2, float32 shear_x_mm, float32 shear_y_mm, float32 shear_sigma_mm
+TactileSample: float32 torsion_deg, float32 tilt_x_deg, float32 tilt_y_deg, float32 slip_speed_mm_s
+TactileSample: float32 slip_probability, float32 orientation_deg, float32 temperature_degc
+TactileSample: TactileContact[] contacts
+"""
 
 
-@dataclass
-class Time(IdlStruct):
-    sec: int32
-    nanosec: uint32
+def _structs() -> dict[str, Any]:
+    """The classes that pycdr2 packs and unpacks."""
+    members: dict[str, list[str]] = {}
+    for line in DEFINITIONS.strip().splitlines():
+        name, _, text = line.partition(": ")
+        members.setdefault(name, []).extend(text.split(", "))
+    known: dict[str, Any] = {"string": str, "bool": bool} | {
+        plain: getattr(types, plain) for plain in ("uint8", "uint16", "uint32", "int32", "float32", "float64")
+    }
+    sequence_of: Any = types.sequence  # generic as it runs, not as it is typed
+    for name, texts in members.items():
+        fields: list[tuple[str, Any]] = []
+        for text in texts:
+            kind, member = text.split()
+            one = known[kind.removesuffix("[]")]
+            fields.append((member, sequence_of[one] if kind.endswith("[]") else one))
+        known[name] = make_dataclass(name, fields, bases=(IdlStruct,))
+    return known
 
 
-@dataclass
-class Header(IdlStruct):
-    stamp: Time
-    frame_id: str
-
-
-@dataclass
-class Vector3(IdlStruct):
-    x: float64
-    y: float64
-    z: float64
-
-
-@dataclass
-class Wrench(IdlStruct):
-    force: Vector3
-    torque: Vector3
-
-
-@dataclass
-class WrenchStamped(IdlStruct):
-    header: Header
-    wrench: Wrench
-
-
-@dataclass
-class PointField(IdlStruct):
-    name: str
-    offset: uint32
-    datatype: uint8
-    count: uint32
-
-
-@dataclass
-class PointCloud2(IdlStruct):
-    header: Header
-    height: uint32
-    width: uint32
-    fields: sequence[PointField]  # type: ignore[type-arg]
-    is_bigendian: bool
-    point_step: uint32
-    row_step: uint32
-    data: sequence[uint8]  # type: ignore[type-arg]
-    is_dense: bool
-
-
-@dataclass
-class KeyValue(IdlStruct):
-    key: str
-    value: str
-
-
-@dataclass
-class DiagnosticStatus(IdlStruct):
-    level: uint8
-    name: str
-    message: str
-    hardware_id: str
-    values: sequence[KeyValue]  # type: ignore[type-arg]
-
-
-@dataclass
-class DiagnosticArray(IdlStruct):
-    header: Header
-    status: sequence[DiagnosticStatus]  # type: ignore[type-arg]
-
-
-@dataclass
-class TriggerRequest(IdlStruct):
-    structure_needs_at_least_one_member: uint8 = 0
-
-
-@dataclass
-class TriggerResponse(IdlStruct):
-    success: bool
-    message: str
-
-
-@dataclass
-class TactileContact(IdlStruct):
-    x_mm: float32
-    y_mm: float32
-    depth_mm: float32
-
-
-@dataclass
-class TactileSample(IdlStruct):
-    header: Header
-    host_error_s: float64
-    finger: uint8
-    lost_n: uint32
-    sample: uint16
-    status: uint16
-    capture_time_us: uint32
-    latency_us: float32
-    pins_tracked: float32
-    contact_n: uint8
-    displacement_mm: float32
-    displacement_sigma_mm: float32
-    force_n: float32
-    force_x_n: float32
-    force_y_n: float32
-    force_xy_sigma_n: float32
-    torque_z_nmm: float32
-    torque_z_sigma_nmm: float32
-    friction: float32
-    slip_margin: float32
-    pressure_kpa: float32
-    contact_area_mm2: float32
-    shear_x_mm: float32
-    shear_y_mm: float32
-    shear_sigma_mm: float32
-    torsion_deg: float32
-    tilt_x_deg: float32
-    tilt_y_deg: float32
-    slip_speed_mm_s: float32
-    slip_probability: float32
-    orientation_deg: float32
-    temperature_degc: float32
-    contacts: sequence[TactileContact]  # type: ignore[type-arg]
+STRUCTS = _structs()
 
 
 def free_port() -> int:
@@ -211,14 +131,14 @@ class Peer:
     def tokens(self) -> list[str]:
         return [str(reply.ok.key_expr) for reply in self.session.liveliness().get("@ros2_lv/**")]
 
-    def call(self, key: str, number: int) -> tuple[TriggerResponse, tuple[int, int, bytes]]:
+    def call(self, key: str, number: int) -> tuple[Any, tuple[int, int, bytes]]:
         attachment = struct.pack("<qqB", number, time.time_ns(), 16) + b"\x07" * 16
         replies = self.session.get(
-            key, payload=TriggerRequest().serialize(), attachment=attachment, timeout=30.0
+            key, payload=STRUCTS["TriggerRequest"](0).serialize(), attachment=attachment, timeout=30.0
         )
         for reply in replies:
             payload, answer = bytes(reply.ok.payload), bytes(reply.ok.attachment)
-            return TriggerResponse.deserialize(payload), take_apart(answer)
+            return STRUCTS["TriggerResponse"].deserialize(payload), take_apart(answer)
         raise AssertionError(f"no answer at {key}")
 
     def close(self) -> None:

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import logging
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Iterable, Iterator
@@ -21,13 +18,14 @@ from foxglove_schemas_protobuf.ImageAnnotations_pb2 import ImageAnnotations
 from mcap.reader import make_reader
 
 from edge.cells import cell_polygons
-from hostlink.bridge.foxglove import LAYOUT, FoxgloveOutlet
+from hostlink.bridge.foxglove import FoxgloveOutlet
 from hostlink.bridge.page_camera import PageAddress, PageCamera, Picture, parse_page
 from hostlink.errors import UsageError
 from hostlink.web import Listen, PageServer, pack_packet, parse_listen, unpack_packet
 from tests.hostlink.bridge.hand import Hand
 from tests.hostlink.bridge.test_foxglove import Viewer, state, watch
-from tests.hostlink.commands.test_cli import run
+from tests.support.commands import only_error
+from tests.support.commands import run_host as run
 from tests.support.viewing import Live
 from tests.support.waiting import SOON_S, until
 
@@ -67,7 +65,7 @@ class Page:
 
 @pytest.fixture
 def page() -> Iterator[Page]:
-    made = Page()
+    made = Page(token="a-long-token")
     yield made
     made.server.close()
 
@@ -300,13 +298,6 @@ def test_whatever_a_page_sends_the_camera_comes_back(
     assert len(reports(caplog)) == 1
 
 
-def test_the_token_is_taken_from_the_address() -> None:
-    page = Page(token="a-long-token")
-    with Pictures(parse_page(page.server.url), "image") as pictures:
-        pictures.more()
-    page.server.close()
-
-
 @pytest.mark.parametrize(
     ("text", "address"),
     [
@@ -330,39 +321,4 @@ def test_bad_addresses_are_one_line(text: str, capsys: pytest.CaptureFixture[str
     with pytest.raises(UsageError, match="not the page of a finger"):
         parse_page(text)
     assert run("bridge", "virtual:none", "--foxglove", "--view", text) == 2
-    assert capsys.readouterr().err.count("\n") == 1
-
-
-@pytest.mark.parametrize(
-    ("arguments", "why"),
-    [
-        (("--ros", "jazzy", "--view", "http://a"), "--view: cameras are shown by --foxglove"),
-        (("--foxglove", "--view", "http://a", "--view", "1=http://b"), "finger 1 is given twice"),
-    ],
-)
-def test_options_that_do_not_fit(
-    arguments: tuple[str, ...], why: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run("bridge", "virtual:none", *arguments) == 2
-    err = capsys.readouterr().err
-    assert why in err
-    assert err.count("\n") == 1
-
-
-def test_without_the_extra_it_is_one_line() -> None:
-    program = (
-        "import sys; sys.modules['aiohttp'] = None;"
-        "from hostlink.commands.cli import main;"
-        "main(['bridge', 'virtual:none', '--foxglove', '--listen', '127.0.0.1:0', '--view', 'http://a'])"
-    )
-    refused = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
-    assert refused.returncode == 2
-    assert refused.stderr.count("\n") == 1
-    assert 'pip install "voronoi-touch[foxglove]"' in refused.stderr
-
-
-def test_the_layout_shows_the_camera() -> None:
-
-    image: dict[str, Any] = json.loads(LAYOUT.read_text())["configById"]["Image!camera"]["imageMode"]
-    shown = [image["imageTopic"], *sorted(image["annotations"], reverse=True)]
-    assert shown == [topic.replace("3", "1") for topic in TOPICS]
+    assert only_error(capsys)

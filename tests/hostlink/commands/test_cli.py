@@ -20,14 +20,17 @@ import pytest
 
 from edge.link.node import Node
 from hostlink import RestFrameOutcome, RestFrameReason, RestFrameState, Sample, decode_recording
-from hostlink.commands.cli import COMMANDS, cli, main
+from hostlink.commands.cli import COMMANDS, cli
 from hostlink.interrupt import ENDING
 from hostlink.output_file import find_unfinished
 from hostlink.recording import read_log
 from hostlink.wire import VERSION, State, pack_state
-from tests.hostlink.test_client import Application, Pty, make_node, need_multicast, state
-from tests.hostlink.test_recording import as_candump, write_buses
+from tests.hostlink.test_client import Application, make_node, need_multicast, state
+from tests.hostlink.test_recording import as_candump, write_buses, write_edge
+from tests.support.commands import only_error, run_host_without
+from tests.support.commands import run_host as run
 from tests.support.environment import uncounted
+from tests.support.ptys import Ptys
 from tests.support.waiting import SOON_S, size_of, until
 
 PORT = 20_000 + os.getpid() % 20_000
@@ -64,13 +67,6 @@ def finger() -> Iterator[Application]:
     feed.close()
 
 
-def run(*arguments: str) -> int:
-    with pytest.raises(SystemExit) as caught:
-        main(arguments)
-    assert isinstance(caught.value.code, int)
-    return caught.value.code
-
-
 def until_enough(command: Callable[[str], bool]) -> None:
     """Run a command for more and more seconds: how much arrives depends on this machine's load."""
     assert any(command(seconds) for seconds in ("0.3", "3", "30"))
@@ -88,6 +84,25 @@ def record(address: str, file: Path, samples_n: int = 11) -> None:
     until_enough(enough)
 
 
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a recording, with files that are none, and with one that must be kept."""
+    folder = tmp_path_factory.mktemp("files")
+    write_buses(folder / "hand.log", {0: 1, 1: 2})
+    for name in ("a.csv", "empty.log"):
+        (folder / name).touch()
+    (folder / "junk.mcap").write_bytes(b"junk" * 100)
+    (folder / "there.parquet").write_text("mine")
+    (folder / "empty.png").write_text("mine")
+    write_edge(folder / "cut.mcap", [State(sample=k) for k in range(100)])
+    os.truncate(folder / "cut.mcap", 500)
+    return folder
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -96,7 +111,6 @@ def record(address: str, file: Path, samples_n: int = 11) -> None:
         ("monitor can:nosuch0", "nosuch0"),
         ("monitor bus0", "starts with one of can:"),
         ("monitor memory:", "no other end"),
-        ("monitor can:can0 --seconds -1", "--seconds"),
         ("monitor can:can0 --colour", "--colour"),
         ("record can:can0 x.asc", "absolute time is lost"),
         ("record can:can0 x.serial", "a bus is recorded as .log or .blf"),
@@ -126,15 +140,85 @@ def record(address: str, file: Path, samples_n: int = 11) -> None:
         ("monitor udp:300.1.1.1", "300.1.1.1 is no multicast group; give one, e.g. udp:239.0.0.1"),
         ("busload --fingers 0", "--fingers"),
         ("busload --bitrate 1000000 --dbitrate 500000", "data phase"),
+        *(
+            (f"{command} --seconds {number}", "--seconds")
+            for command in ("monitor can:nosuch0", "record can:nosuch0 x.log", "view can:nosuch0")
+            for number in ("nan", "inf", "-inf", "1e999", "0", "-1")
+        ),
+        ("view can:can0 --listen 0.0.0.0:1", "give a token"),
+        ("view can:can0 --token short", "shorter than 8"),
+        ("decode hand.log --finger 7", "hand.log: no sample of finger 7; it holds those of 1, 2"),
+        ("decode hand.log --csv out.parquet", "out.parquet: the name must end in .csv"),
+        ("decode hand.log --csv out.csv --parquet out.parquet", "give one of them"),
+        ("decode hand.log --parquet there.parquet", "exists already"),
+        ("decode hand.log --csv out.csv --finger 9", "no sample of finger 9; it holds those of 1, 2"),
+        ("decode hand.log --csv nowhere/out.csv", "there is no folder nowhere"),
+        ("plot none.log", "no such file"),
+        ("plot hand.log -o a.gif", "the name must end in .png or .pdf or .svg"),
+        ("plot hand.log -o nowhere/a.png", "there is no folder nowhere"),
+        ("plot hand.log --finger 9", "no finger 9; it holds 1, 2"),
+        ("plot a.csv", "FD flags are lost"),
+        ("plot junk.mcap", "junk.mcap: not an MCAP file"),
+        ("plot cut.mcap", "cut.mcap: cut off or damaged before its first sample; copy or record it again"),
+        ("plot empty.log", "empty.log: holds no samples"),  # before its picture, which exists
+        ("bridge virtual:none", "where to? give --foxglove, --ros DISTRIBUTION or both"),
+        ("bridge virtual:none --ros noetic", "'noetic' is not one of"),
+        ("bridge virtual:none --ros jazzy --domain 300", "--domain"),
+        ("bridge virtual:none --ros jazzy --namespace left-hand", "left-hand: give names after slashes"),
+        ("bridge virtual:none --ros jazzy --router nowhere", "--router nowhere: give an endpoint"),
+        ("bridge virtual:none --ros jazzy --router tcp/127.0.0.1:99999", "99999: give an endpoint"),
+        ("bridge virtual:none --foxglove --seconds 1e300", "1e300 is out of range; give a number above 0"),
+        ("bridge virtual:none --ros jazzy --record x.mcap", "--record"),
+        ("bridge can:no-such-bus --ros jazzy --router tcp/127.0.0.1:9", "no-such-bus"),
+        ("bridge virtual:none --ros jazzy --view http://a", "--view: cameras are shown by --foxglove"),
+        ("bridge virtual:none --foxglove --view http://a --view 1=http://b", "finger 1 is given twice"),
+        ("bridge virtual:none --foxglove --listen 0.0.0.0:0 --allow-control", "no place for it"),
+        ("bridge virtual:none --foxglove --origin http://localhost:8080", "--allow-control"),
+        ("bridge virtual:none --foxglove --allow-control --origin localhost", "give scheme and host"),
+        ("bridge virtual:none --foxglove --allow-control --origin http://a/panel", "give scheme and host"),
     ],
 )
-def test_mistakes_are_one_line(arguments: str, message: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_mistakes_are_one_line_and_write_nothing(
+    files: Path,
+    arguments: str,
+    message: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(files)
+    before = contents(files)
     assert run(*arguments.split()) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert message in err
-    assert err.count("\n") == 1
-    assert err.startswith("error: ")
+    assert message in only_error(capsys)
+    assert contents(files) == before
+
+
+@pytest.mark.parametrize(
+    ("modules", "arguments", "extra"),
+    [
+        (["numpy", "pandas", "pyarrow", "pyarrow.parquet"], "decode hand.log --parquet out.parquet", "data"),
+        (["foxglove"], "bridge virtual:none --foxglove", "foxglove"),
+        (["aiohttp"], "bridge virtual:none --foxglove --listen 127.0.0.1:0 --view http://a", "foxglove"),
+        (["zenoh"], "bridge virtual:none --ros jazzy", "ros"),
+        (["rosbags.typesys"], "bridge virtual:none --ros jazzy", "ros"),
+    ],
+)
+def test_without_the_extra_it_is_one_line(
+    files: Path, modules: list[str], arguments: str, extra: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(files)
+    before = contents(files)
+    refused = run_host_without(modules, *arguments.split())
+    assert refused.returncode == 2
+    assert refused.stderr.count("\n") == 1
+    assert f'pip install "voronoi-touch[{extra}]"' in refused.stderr
+    assert contents(files) == before
+
+
+def test_a_table_in_csv_needs_no_library(files: Path, tmp_path: Path) -> None:
+    missing = ["numpy", "pandas", "pyarrow", "pyarrow.parquet"]
+    written = tmp_path / "a.csv"
+    assert run_host_without(missing, "decode", files / "hand.log", "--csv", written).returncode == 0
+    assert written.exists()
 
 
 def test_help_names_every_command(capsys: pytest.CaptureFixture[str]) -> None:
@@ -205,8 +289,11 @@ def test_info_tare_set(finger: Application, capsys: pytest.CaptureFixture[str]) 
     assert "error: tare: something touches the tip; let go" in capsys.readouterr().err
     assert run("tare", HOST, "--force") == 0
     assert finger.tares == [False, True]
+    capsys.readouterr()
     assert run("set", HOST, "rate_hz", "50") == 0
-    assert "rate_hz = 50 Hz" in capsys.readouterr().out
+    assert capsys.readouterr().out == (
+        "finger 6: rate_hz = 50 Hz (until the finger restarts: it has no folder to store settings in)\n"
+    )
     assert run("set", HOST, "divider", "0") == 2
     assert capsys.readouterr().err == "error: divider = 0: give 1 to 1000\n"
     assert run("set", HOST, "tpdo1_transmission", "245") == 2
@@ -239,10 +326,11 @@ def test_record_then_decode(
 ) -> None:
     file = tmp_path / f"press{suffix}"
     record(HOST, file)
-    assert "samples" in capsys.readouterr().err
+    recorded = capsys.readouterr().err
     assert run("decode", str(file), "--summary") == 0
     out, err = capsys.readouterr()
     rows = [json.loads(text) for text in out.splitlines()]
+    assert recorded.endswith(f" {len(rows)} samples\n")
     numbers = [r["sample"] for r in rows]
     assert numbers == list(range(numbers[0], numbers[0] + len(rows)))
     assert all(r["displacement_mm"] == pytest.approx(r["sample"] / 100, abs=0.0011) for r in rows)
@@ -250,20 +338,11 @@ def test_record_then_decode(
     assert f"received={len(rows)}" in err
     assert run("decode", str(file), "--text", "--finger", "6") == 0
     assert capsys.readouterr().out.count("finger=6 ") == len(rows)
-    assert run("decode", str(file), "--finger", "7") == 2
-    out, err = capsys.readouterr()
-    assert (out, err) == ("", f"error: {file}: no sample of finger 7; it holds those of 6\n")
-
-
-def test_record_counts_what_the_file_holds(
-    finger: Application, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    for n in (1, 11):
-        file = tmp_path / f"{n}.log"
-        record(HOST, file, n)
-        output = capsys.readouterr().err
+    if suffix == ".log":
+        with file.open("a") as log:
+            log.write("(1.0) can0 186##1" + "AB" * 64 + "\n")
         assert run("decode", str(file)) == 0
-        assert output.endswith(f" {len(capsys.readouterr().out.splitlines())} samples\n")
+        assert capsys.readouterr().err == f"{file}: 1 damaged frame not decoded\n"
 
 
 def test_record_keeps_an_earlier_recording(
@@ -293,15 +372,10 @@ def test_recording_silence_fails(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert file.read_text() == "irreplaceable"
 
 
-def program(*arguments: str, **options: Any) -> subprocess.Popen[str]:
-    """A command as a process of its own."""
-    return subprocess.Popen(
-        [sys.executable, "-m", "hostlink", *arguments],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        **options,
-    )
+def recorder(file: Path, *options: str, **process: Any) -> subprocess.Popen[str]:
+    """`record` as a process of its own."""
+    command = [sys.executable, "-m", "hostlink", "record", HOST, str(file), *options]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **process)
 
 
 @pytest.mark.parametrize("suffix", [".log", ".blf"])
@@ -310,15 +384,11 @@ def test_record_on_a_full_disk_is_one_line_and_keeps_what_it_has(
 ) -> None:
     file = tmp_path / f"press{suffix}"
     limit = 40_000 if suffix == ".log" else 6000
-    child = program(
-        "record",
-        HOST,
-        str(file),
-        "--seconds",
-        "30",
-        env=uncounted(),
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
-    )
+
+    def limit_files() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+
+    child = recorder(file, "--seconds", "30", env=uncounted(), preexec_fn=limit_files)
     _, err = child.communicate(timeout=2 * SOON_S)
     assert err == f"error: {file}: cannot be written: File too large; the recording ends there\n"
     assert child.returncode == 1
@@ -331,7 +401,7 @@ def test_record_on_a_full_disk_is_one_line_and_keeps_what_it_has(
 @pytest.mark.parametrize("number", ENDING)
 def test_record_ended_by_a_signal_is_whole(finger: Application, tmp_path: Path, number: int) -> None:
     file = tmp_path / "press.log"
-    child = program("record", HOST, str(file))
+    child = recorder(file)
     until(lambda: any(size_of(path) > 2000 for path in find_unfinished(file)), "some samples are in the file")
     child.send_signal(number)
     out, err = child.communicate(timeout=SOON_S)
@@ -356,20 +426,6 @@ def test_a_recording_without_samples_is_reported_as_failure(
     assert out == ""
     assert f"{name}: no sample of a fingertip; " in err
     assert "0 damaged" not in err
-
-
-def test_damaged_frames_beside_samples_are_reported(
-    finger: Application, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    file = tmp_path / "press.log"
-    record(HOST, file)
-    capsys.readouterr()
-    with file.open("a") as log:
-        log.write("(1.0) can0 186##1" + "AB" * 64 + "\n")
-    assert run("decode", str(file)) == 0
-    out, err = capsys.readouterr()
-    assert out
-    assert err == f"{file}: 1 damaged frame not decoded\n"
 
 
 @pytest.mark.parametrize("command", [["decode"], ["decode", "--csv", "a.csv"], ["plot", "-o", "a.png"]])
@@ -405,7 +461,7 @@ def test_a_log_without_times_is_decoded(
 
 
 def test_record_a_serial_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    pty = Pty(tmp_path)
+    pty = Ptys(tmp_path)
     feed = Feed(f"serial:{pty.paths[0]}")
     file = tmp_path / "press.serial"
     record(f"serial:{pty.paths[1]}", file)
@@ -424,29 +480,10 @@ def test_record_a_serial_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert run("decode", str(named), "--finger", "3") == 0
 
 
-@pytest.mark.parametrize("command", ["monitor", "record", "view"])
-@pytest.mark.parametrize("number", ["nan", "inf", "-inf", "1e999", "0", "-1"])
-def test_seconds_are_a_finite_number(
-    command: str, number: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    file = [str(tmp_path / "x.log")] if command == "record" else []
-    assert run(command, "can:nosuch0", *file, "--seconds", number) == 2
-    err = capsys.readouterr().err
-    assert "--seconds" in err
-    assert len(err.splitlines()) == 1
-
-
 def test_version_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
     assert run("--version") == 0
     assert capsys.readouterr().out.startswith(
         f"voronoi-touch {version('voronoi-touch')}, wire version {VERSION}, schema 0x"
-    )
-
-
-def test_failed_storage_is_reported(finger: Application, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run("set", HOST, "rate_hz", "50") == 0
-    assert capsys.readouterr().out == (
-        "finger 6: rate_hz = 50 Hz (until the finger restarts: it has no folder to store settings in)\n"
     )
 
 

@@ -5,35 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 from math import nan
 
-import can
 import pytest
 from rich.console import Console
 
-import hostlink
 from hostlink.commands.monitor import Board, FingerRow, arrow, line, screen
-from hostlink.wire import Contact, State, Status, pack_state
-from hostlink.wire.e2e import protect_p5
+from hostlink.wire import Contact, State, Status
+from tests.support.bus import Wire
 from tests.support.waiting import until
 
 
-@pytest.mark.parametrize(
-    ("x", "y", "shown"),
-    [
-        (1, 0, "→"),
-        (1, 1, "↘"),
-        (0, 1, "↓"),
-        (-1, 1, "↙"),
-        (-1, 0, "←"),
-        (-1, -1, "↖"),
-        (0, -1, "↑"),
-        (1, -1, "↗"),
-    ],
-)
-def test_arrow_points_as_the_image_does(x: float, y: float, shown: str) -> None:
-    assert arrow(x, y) == shown
-
-
-def test_no_shear_has_no_direction() -> None:
+def test_arrow_points_as_the_image_does() -> None:
+    around = [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)]
+    assert [arrow(x, y) for x, y in around] == list("→↘↓↙←↖↑↗")
     assert arrow(0.001, 0.001) == "·"
     assert arrow(nan, 1.0) == " "
 
@@ -54,16 +37,9 @@ def row(state: State | None) -> FingerRow:
 
 def test_line_is_complete() -> None:
     text = line(row(STATE))
-    for part in (
-        "finger=2",
-        "displacement=1.500mm",
-        "shear=0.300,0.400mm",
-        "force=-N",
-        "contacts=1",
-        "rate=240Hz",
-    ):
-        assert part in text
-    for part in ("age=4.2ms", "received=1000", "lost=3", "late=2", "corrupt=1", "too much"):
+    shown = "finger=2 displacement=1.500mm shear=0.300,0.400mm force=-N contacts=1 rate=240Hz"
+    counted = "age=4.2ms received=1000 lost=3 late=2 corrupt=1"
+    for part in (*shown.split(), *counted.split(), "too much"):
         assert part in text
     assert "no samples" in line(row(None))
 
@@ -91,47 +67,34 @@ def test_silence_is_reported() -> None:
     assert shown([]).splitlines() == ["can:can0", "nothing received yet"]
 
 
-def test_problems_of_a_finger_are_listed_below_the_table(request: pytest.FixtureRequest) -> None:
+def test_problems_of_a_finger_are_listed_below_the_table(
+    wire: Wire, caplog: pytest.LogCaptureFixture
+) -> None:
     """Another version, and two senders with one number, beside a finger in order."""
-    channel = request.node.name
-    with can.Bus(interface="virtual", channel=channel) as bus, hostlink.connect(f"virtual:{channel}") as hand:
-        received: list[hostlink.Sample] = []
-        hand.on_sample(received.append)
-
-        def send(node: int, data: bytes) -> None:
-            bus.send(can.Message(arbitration_id=0x180 + node, data=data, is_fd=True, is_extended_id=False))
-
-        for k in range(20):
-            foreign = bytearray(pack_state(State(sample=k), k))
-            foreign[3] = 9
-            protect_p5(foreign, k, 0xBEEF)
-            send(2, bytes(foreign))
-            for start in (0, 5000):
-                send(3, pack_state(State(sample=start + k, capture_time_us=(start + k) * 4000), k))
-            send(1, pack_state(State(sample=k), k))
-        until(lambda: any(s.finger == 1 and s.state.sample == 19 for s in received), "the last one")
-        text = " ".join(shown(Board(hand).rows()).split())
+    for k in range(20):
+        wire.send_foreign(2, k)
+        for start in (0, 5000):
+            wire.send_state(3, State(sample=start + k, capture_time_us=(start + k) * 4000))
+        wire.send_state(1, State(sample=k))
+    until(lambda: (s := wire.hand.latest(1, None)) is not None and s.state.sample == 19, "the last one")
+    text = " ".join(shown(Board(wire.hand).rows()).split())
     assert "finger 2: finger 2 speaks wire version 9" in text
     assert "finger 3: two senders use this number; give each fingertip its own (?node=)" in text
     assert "finger 1:" not in text
+    assert "two senders use number 3; give each fingertip its own" in caplog.text
 
 
-def test_board_counts_between_updates(request: pytest.FixtureRequest) -> None:
-    channel = request.node.name
-    with can.Bus(interface="virtual", channel=channel) as bus, hostlink.connect(f"virtual:{channel}") as hand:
-        board = Board(hand)
-        assert board.rows() == []
-        received: list[hostlink.Sample] = []
-        hand.on_sample(received.append)
-        for k in (0, 1, 3):
-            data = pack_state(State(sample=k, status=Status.OVERLOAD | Status.TOUCHED), k)
-            bus.send(can.Message(arbitration_id=0x184, data=data, is_fd=True, is_extended_id=False))
-        until(lambda: len(received) == 3, "all three")
-        (first,) = board.rows()
-        assert (first.finger, first.received_n, first.lost_n) == (4, 3, 1)
-        assert first.rate_hz > 0
-        assert "let go" not in first.problem
-        assert "beyond its limit" in first.problem
-        assert "touches" not in first.problem
-        (second,) = board.rows()
-        assert second.rate_hz == 0
+def test_board_counts_between_updates(wire: Wire) -> None:
+    board = Board(wire.hand)
+    assert board.rows() == []
+    for k in (0, 1, 3):
+        wire.send_state(4, State(sample=k, status=Status.OVERLOAD | Status.TOUCHED))
+    until(lambda: wire.hand.fingers and wire.hand.statistics[4].received_n == 3, "all three")
+    (first,) = board.rows()
+    assert (first.finger, first.received_n, first.lost_n) == (4, 3, 1)
+    assert first.rate_hz > 0
+    assert "let go" not in first.problem
+    assert "beyond its limit" in first.problem
+    assert "touches" not in first.problem
+    (second,) = board.rows()
+    assert second.rate_hz == 0

@@ -5,24 +5,21 @@ from __future__ import annotations
 import json
 import os
 import tracemalloc
-from functools import partial
 from math import isnan, nan
 from pathlib import Path
 
-import can
 import cv2
-import numpy as np
 import pytest
 from mcap.data_stream import RecordBuilder
 from mcap.records import Channel, Header, Message
 
-from edge.recording import Recorder
-from edge.types import Clock, Frame
-from hostlink.commands.cli import main
 from hostlink.commands.plot import Series, draw, read_series
 from hostlink.errors import LogError
 from hostlink.recording import LogWriter
-from hostlink.wire import CanIds, Kind, State, pack_state, unpack_state
+from hostlink.wire import CanIds, Kind, State, pack_state
+from tests.hostlink.test_recording import write_edge
+from tests.support.bus import message
+from tests.support.commands import run_host as run
 from tests.support.mcap_bomb import write_mcap_bomb
 
 RATE_HZ = 100
@@ -50,15 +47,7 @@ def write_bus(path: Path, nodes: tuple[int, ...] = (1,), sent: list[State] | Non
         for k, state in enumerate(sent if sent is not None else states()):
             for node in nodes:
                 can_id = CanIds().of(Kind.TPDO1, node)
-                log.write(
-                    can.Message(
-                        timestamp=1.7e9 + k / RATE_HZ,
-                        arbitration_id=can_id,
-                        is_extended_id=False,
-                        is_fd=True,
-                        data=pack_state(state, k),
-                    )
-                )
+                log.write(message(can_id, pack_state(state, k), 1.7e9 + k / RATE_HZ))
 
 
 @pytest.mark.parametrize("suffix", [".log", ".blf"])
@@ -84,23 +73,11 @@ def test_silence_is_a_gap(tmp_path: Path) -> None:
     assert one.time_s[19] < one.time_s[20] < one.time_s[21]
 
 
-def write_edge(path: Path, n: int = 100, finger: int = 1) -> None:
-    with Recorder(path) as recorder:
-        for k, state in enumerate(states(n)):
-            frame = Frame(np.zeros((4, 4), np.uint8), k * 10_000_000, k, Clock.HOST)
-            recorder.sample(frame, finger, partial(unpack_state, pack_state(state, k)))
-
-
 def test_the_readable_part_of_a_damaged_log_is_drawn(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
 ) -> None:
     path = tmp_path / "a.blf"
-    with LogWriter(path) as log:
-        for k, state in enumerate(states(5)):
-            data = pack_state(state, k)
-            log.write(
-                can.Message(timestamp=k, arbitration_id=0x181, data=data, is_fd=True, is_extended_id=False)
-            )
+    write_bus(path, sent=states(5))
     path.write_bytes(path.read_bytes() + b"nonsense" * 2)
     assert run("plot", str(path), "--json") == 0
     assert json.loads(capsys.readouterr().out)["samples"]["1"] == 5
@@ -113,7 +90,7 @@ def test_the_readable_part_of_a_truncated_recording_is_drawn(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
 ) -> None:
     path = tmp_path / "a.mcap"
-    write_edge(path, 20_000, finger=2)  # some chunks
+    write_edge(path, states(20_000), finger=2)  # some chunks
     os.truncate(path, path.stat().st_size * 2 // 3)
     assert run("plot", str(path), "--json") == 0
     assert 1000 < json.loads(capsys.readouterr().out)["samples"]["2"] < 20_000
@@ -176,7 +153,7 @@ def test_a_value_between_two_gaps_is_a_dot(tmp_path: Path) -> None:
 
 def test_an_edge_recording_gives_the_same(tmp_path: Path) -> None:
     write_bus(tmp_path / "a.log")
-    write_edge(tmp_path / "a.mcap")
+    write_edge(tmp_path / "a.mcap", states())
     bus, edge = read_series(tmp_path / "a.log")[1], read_series(tmp_path / "a.mcap")[1]
     assert edge.time_s == pytest.approx(bus.time_s, abs=1e-6)
     for name in bus.values:
@@ -192,13 +169,6 @@ def test_the_picture_has_units_and_only_what_is_known(tmp_path: Path) -> None:
     assert (tmp_path / "a.png").stat().st_size > 20_000
 
 
-def run(*arguments: str) -> int:
-    with pytest.raises(SystemExit) as caught:
-        main(arguments)
-    assert isinstance(caught.value.code, int)
-    return caught.value.code
-
-
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_bus(tmp_path / "a.log", (1, 4))
     assert run("plot", str(tmp_path / "a.log"), "--json", "--finger", "4") == 0
@@ -210,43 +180,10 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert capsys.readouterr().out == ""
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["none.log"], "no such file"),
-        (["a.log", "-o", "a.gif"], "the name must end in .png or .pdf or .svg"),
-        (["a.log", "--finger", "9"], "no finger 9; it holds 1"),
-        (["a.csv"], "FD flags are lost"),
-        (["junk.mcap"], "junk.mcap: not an MCAP file"),
-        (["cut.mcap"], "cut.mcap: cut off or damaged before its first sample; copy or record it again"),
-        (["empty.log"], "holds no samples"),
-    ],
-)
-def test_mistakes_are_one_line(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    arguments: list[str],
-    message: str,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    write_bus(tmp_path / "a.log")
-    (tmp_path / "a.csv").write_text("")
-    (tmp_path / "empty.log").write_text("")
-    (tmp_path / "junk.mcap").write_bytes(b"junk" * 100)
-    write_edge(tmp_path / "cut.mcap")
-    os.truncate(tmp_path / "cut.mcap", 500)
-    assert run("plot", *arguments) == 2
-    output = capsys.readouterr().err
-    assert message in output
-    assert len(output.strip().splitlines()) == 1
-
-
 def test_an_unknown_state_is_reported_as_such(tmp_path: Path) -> None:
     write_bus(tmp_path / "a.log", sent=[State(sample=k, capture_time_us=k * 10_000) for k in range(20)])
     series = read_series(tmp_path / "a.log")
     assert draw(series, tmp_path / "a.png") == ("contacts",)
-    assert run("plot", str(tmp_path / "a.log"), "-o", str(tmp_path / "nowhere" / "a.png")) == 2
 
 
 def test_picture_and_recording_that_exist_are_kept(
@@ -260,15 +197,3 @@ def test_picture_and_recording_that_exist_are_kept(
     assert run("plot", str(tmp_path / "a.log"), "--overwrite") == 0
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.log", "a.png"]
-
-
-def test_an_empty_recording_is_reported_before_an_existing_picture(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "empty.log").write_text("")
-    (tmp_path / "empty.png").write_text("mine")
-    with pytest.raises(SystemExit) as end:
-        main(["plot", str(tmp_path / "empty.log")])
-    assert end.value.code == 2
-    assert "empty.log: holds no samples" in capsys.readouterr().err
-    assert (tmp_path / "empty.png").read_text() == "mine"

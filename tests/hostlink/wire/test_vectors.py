@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from hostlink.decoder import CanDecoder, Sample, SerialDecoder
+from hostlink.decoder import CanDecoder, Heartbeat, Sample, SerialDecoder
 from hostlink.errors import VersionMismatch
 from hostlink.wire import (
     VERSION,
@@ -25,12 +25,21 @@ from hostlink.wire import (
     unpack_segment,
     unpack_state,
 )
+from hostlink.wire.e2e import protect_p5
+from hostlink.wire.fields import OLDER
 from tests.support.states import same
 from tests.vectors.__main__ import FILE
 
 GOLDEN = json.loads(FILE.read_text(encoding="utf-8"))
+OLD = json.loads(FILE.with_name("frames_v2.json").read_text(encoding="utf-8"))
+"""What senders of version 2 sent, which receivers still decode."""
 BEFORE = json.loads(FILE.with_name("frames_v1.json").read_text(encoding="utf-8"))
-"""What senders of version 1 sent."""
+"""What senders of version 1 sent, which they refuse."""
+SAMPLES = [
+    pytest.param(row, id=f"{row['name']}-v{golden['version']}")
+    for golden in (GOLDEN, OLD)
+    for row in golden["samples"]
+]
 
 
 def mismatches(golden: dict[str, Any]) -> list[VersionMismatch]:
@@ -61,7 +70,7 @@ def test_the_file_belongs_to_this_version() -> None:
     assert GOLDEN["version"] == VERSION
 
 
-def test_frames_of_the_version_before_are_refused_in_one_line() -> None:
+def test_frames_of_a_version_that_is_gone_are_refused_in_one_line() -> None:
     errors = mismatches(BEFORE)
     assert len(errors) == 2
     for error in errors:
@@ -82,7 +91,7 @@ def test_a_receiver_of_the_version_before_refuses_these_in_one_line(monkeypatch:
     assert not any("\n" in str(error) for error in errors)
 
 
-def test_classic_parts_of_the_version_before_are_damaged_ones() -> None:
+def test_classic_parts_of_a_version_that_is_gone_are_damaged_ones() -> None:
     decoder = CanDecoder()
     parts = [part for row in BEFORE["samples"] for part in row["parts"]]
     for tpdo, part in parts:
@@ -98,7 +107,7 @@ def test_encode(row: dict[str, Any]) -> None:
     assert encode_frame(Message.STATE, pack_state(state, counter)).hex() == row["serial"]
 
 
-@pytest.mark.parametrize("row", GOLDEN["samples"], ids=lambda row: row["name"])
+@pytest.mark.parametrize("row", SAMPLES)
 def test_decode(row: dict[str, Any]) -> None:
     once = unpack_state(bytes.fromhex(row["frame"]))
     classic, serial = CanDecoder(), SerialDecoder()
@@ -108,9 +117,10 @@ def test_decode(row: dict[str, Any]) -> None:
     assert all(isinstance(e, Sample) and same(e.state, once) for e in events)
 
 
-def test_a_full_sample_reads_as_it_was_written() -> None:
+@pytest.mark.parametrize("golden", [GOLDEN, OLD], ids=lambda golden: f"v{golden['version']}")
+def test_a_full_sample_reads_as_it_was_written(golden: dict[str, Any]) -> None:
     """Its values are multiples of the steps: nothing may be lost but a float's last bit."""
-    row = next(r for r in GOLDEN["samples"] if r["name"] == "full")
+    row = next(r for r in golden["samples"] if r["name"] == "full")
     sent, got = state_of(row["state"]), unpack_state(bytes.fromhex(row["frame"]))
     for name in row["state"]:
         if name == "status":
@@ -120,6 +130,24 @@ def test_a_full_sample_reads_as_it_was_written() -> None:
     for a, b in zip(sent.contacts, got.contacts, strict=True):
         assert (b.x_mm, b.y_mm) == pytest.approx((a.x_mm, a.y_mm))
         assert b.depth_mm == pytest.approx(a.depth_mm, nan_ok=True)
+
+
+def test_every_message_of_the_version_before_is_decoded_and_a_damaged_one_is_noise() -> None:
+    older = OLDER[OLD["version"]]
+    assert f"0x{older.hash:08X}" == OLD["schema"]
+    assemblers = DetailAssembler()
+    assert [assemblers.add(unpack_segment(bytes.fromhex(s))) for s in OLD["detail"]["segments"]][-1]
+    heartbeat = bytearray((0, 0, 0, older.version, 5))
+    protect_p5(heartbeat, 1, older.data_id + Message.HEARTBEAT & 0xFFFF)
+    (event,) = SerialDecoder().receive(encode_frame(Message.HEARTBEAT, bytes(heartbeat)))
+    assert isinstance(event, Heartbeat)
+    decoder = CanDecoder()
+    for counter in range(50):  # the CRC is right, `check` is not: no version, however often
+        frame = bytearray(bytes.fromhex(OLD["samples"][1]["frame"]))
+        frame[20] ^= 1 + counter
+        protect_p5(frame, counter, older.data_id)
+        assert decoder.receive(CanIds().state(1), bytes(frame)) == []
+    assert decoder.statistics[1].corrupt_n == 50
 
 
 def test_detail() -> None:

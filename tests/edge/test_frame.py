@@ -16,12 +16,12 @@ from edge.calibration.checks import outputs_of
 from edge.calibration.file import Polynomial
 from edge.drift import Drift, DriftParams
 from edge.errors import CalibrationError, NoPins
+from edge.frame import ALL, Pipeline
 from edge.pins import take_rest
-from edge.pipeline import ALL, Pipeline, Result
 from edge.rest.tare import tare
 from edge.rest.tip_match import in_order_of
 from edge.sources import open_source
-from edge.types import Array, Feature, Frame, Image, Rest, Tracks
+from edge.types import Array, Feature, Frame, Image, Rest, Result, Tracks
 
 TARE = 8
 
@@ -151,7 +151,7 @@ def test_learnt_drift_is_subtracted_from_the_values(frames: list[Frame], rest: R
     assert 0.1 < drift.offset_px < 0.25
     true_px = _displaced_px(Pipeline(rest).process(frames[-1], even_untrusted=True))
     raw = Pipeline(rest).process(touched, even_untrusted=True)
-    result = Pipeline(rest).process(touched, drift, even_untrusted=True)
+    result = Pipeline(rest, drift=drift).process(touched, even_untrusted=True)
     assert np.abs(_displaced_px(raw) - true_px).min() > 0.08
     np.testing.assert_allclose(_displaced_px(result), true_px, atol=0.03)
     np.testing.assert_array_equal(result.tracks.xy_img, raw.tracks.xy_img)

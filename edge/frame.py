@@ -1,0 +1,193 @@
+"""The way of one image, top to bottom: `Pipeline.step`. No input, no output, no threads.
+
+    Frame -> pins -> tracking -> drift -> cells -> features -> calibration -> faults -> Result
+
+While identities are held, only the windows round the predicted pins are read. On loss the whole frame is
+searched and the pins are identified again, in the same frame. `FramePlan` says what is computed; it is made
+when the demand changes. A frame whose identities are not trusted yields no values at all.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from edge.calibration import OF_GRIP, Calibration, Grip, uncalibrated
+from edge.cells import Tessellator
+from edge.drift import Drift
+from edge.errors import DegenerateLayout
+from edge.features import FeatureExtractor, FeaturePlan, Fits
+from edge.pins import CentroidRefiner, detect
+from edge.tracking import Tracker
+from edge.types import Feature, Features, Frame, Image, Reading, Rest, Result, Tracks
+
+#: Features that need cell areas; the others need only the pins' motion.
+OF_CELLS = frozenset(f for f in Feature if f.cells)
+#: Those whose models may depend on the pins' motion alone: areas only say when a contact begins and ends.
+OF_MODES = frozenset(f for f in Feature if not f.areas)
+ALL = frozenset(Feature)
+
+
+class FrameJudge(Protocol):
+    """What says which part of a result may be sent: `edge.faults`."""
+
+    @property
+    def quiet(self) -> bool: ...
+
+    def judge(self, frame: Frame, result: Result, drifted_share: float) -> Result: ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FramePlan:
+    """The steps of a frame, as a demand needs them of a calibration.
+
+    cells     whether cells are made
+    areas     whether they are needed in each frame; else not while the pins' motion shows that a contact
+              goes on
+    features  what is computed of them
+    grip      whether friction and slip margin are made of the forces
+    """
+
+    cells: bool
+    areas: bool
+    features: FeaturePlan
+    grip: bool
+
+
+def plan_of(demand: frozenset[Feature], calibration: Calibration | None) -> FramePlan:
+    """The one place where a demand becomes steps."""
+    if calibration is None:
+        features = FeaturePlan(demand)
+        return FramePlan(not OF_CELLS.isdisjoint(demand), True, features, False)
+    needed = calibration.needed(demand)
+    fits = Fits.SEVERAL if calibration.of_fits else Fits.NONE
+    return FramePlan(
+        cells=not OF_CELLS.isdisjoint(needed),
+        areas=calibration.of_volume or not needed <= OF_MODES,
+        features=FeaturePlan(needed, moments=calibration.of_moments, fits=fits, modes_at_rest=False),
+        grip=Feature.FORCE in demand and calibration.outputs >= OF_GRIP,
+    )
+
+
+class Pipeline:
+    """The stages of one tip, with their state.
+
+    drift  what has been learnt of the rest frame's change, subtracted from the pins' places before anything
+           is computed from them; a result's tracks are where the pins are seen. None: nothing is learnt
+    """
+
+    def __init__(
+        self,
+        rest: Rest,
+        calibration: Calibration | None = None,
+        demand: frozenset[Feature] = ALL,
+        drift: Drift | None = None,
+    ) -> None:
+        self.rest = rest
+        self.calibration = calibration
+        self.drift = drift
+        self._capture_ns: int | None = None  # of the last frame that gave features
+        self._grip = Grip()
+        self._refiner = CentroidRefiner(rest)
+        self.tracker = Tracker(rest)
+        self._tessellator = Tessellator(rest)
+        still = Tracks(rest.xy_img, rest.pins.sigma_px, np.ones(len(rest), dtype=np.bool_), 1.0)
+        self._extractor = FeatureExtractor(rest, self._tessellator.cells(still).rest_area_px2)
+        self.demand = demand
+
+    @property
+    def demand(self) -> frozenset[Feature]:
+        """Features that are computed; from the next frame on."""
+        return self._demand
+
+    @demand.setter
+    def demand(self, demand: frozenset[Feature]) -> None:
+        self._demand, self._plan = demand, plan_of(demand, self.calibration)
+        self._tessellator.forget()  # the last cells may be of long ago
+        if not self._plan.grip:
+            self._grip.forget()
+
+    def step(self, frame: Frame, judge: FrameJudge) -> Result:
+        """One image to what may be sent of it."""
+        result = self.process(frame)
+        judged = judge.judge(frame, result, self.drift.limit_share if self.drift else 0.0)
+        if judged.tracks is not result.tracks:  # the pattern was matched to itself rotated
+            self.forget()
+        if self.drift is not None:
+            untouched = judged.features is not None and not judged.features.in_contact
+            self.drift.learn(judged.tracks, frame.capture_ns, untouched and judge.quiet)
+        return judged
+
+    def process(self, frame: Frame, *, even_untrusted: bool = False) -> Result:
+        """Compute what the plan says of one frame.
+
+        even_untrusted  give values for identities that are not trusted too: for statistics
+        """
+        plan = self._plan
+        tracks, searched = self._locate(frame.image)
+        if searched:
+            self._extractor.forget_contacts()
+        if tracks.confidence < Tracks.LOW_CONFIDENCE and not (even_untrusted and tracks.n_seen >= 3):
+            return Result(frame, tracks, None, None, uncalibrated(), searched)
+        moved = tracks if self.drift is None else self.drift.correct(tracks)
+        holds = plan.cells and not plan.areas and self._extractor.contact_holds(moved)
+        if holds:
+            self._tessellator.keep(moved)
+        try:
+            cells = self._tessellator.cells(moved) if plan.cells and not holds else None
+        except DegenerateLayout:  # the pins that remain span no plane: treat them as lost
+            return Result(frame, tracks, None, None, uncalibrated(), searched)
+        features = self._extractor.extract(
+            moved, cells, plan.features, contact_holds=holds, capture_ns=frame.capture_ns
+        )
+        if self.calibration is None:
+            reading = uncalibrated(features)
+        else:
+            reading = self._calibrate(self.calibration, frame, features)
+        return Result(frame, tracks, cells, features, reading, searched)
+
+    def _locate(self, image: Image) -> tuple[Tracks, bool]:
+        """Where each pin is, and whether the whole image was searched for them."""
+        predicted = self.tracker.predict()
+        if predicted is not None:
+            tracks = self.tracker.follow(self._refiner.read(image, predicted))
+            if tracks.confidence >= Tracks.LOW_CONFIDENCE:
+                return tracks, False
+        return self.tracker.identify(detect(image, self.rest.pattern)), True
+
+    def _calibrate(self, calibration: Calibration, frame: Frame, features: Features) -> Reading:
+        """Values of the features; friction and slip margin of the forces among them."""
+        before_ns, self._capture_ns = self._capture_ns, frame.capture_ns
+        interval_s = None if before_ns is None else (frame.capture_ns - before_ns) * 1e-9
+        reading = calibration.apply(features, self.rest.pattern, interval_s, self._demand)
+        if self._plan.grip and not features.in_contact:
+            self._grip.forget()
+        elif self._plan.grip:
+            area_mm2 = calibration.area_mm2(features, reading.values)
+            reading.values.update(self._grip.update(reading.values, reading.sigmas, area_mm2))
+        return reading
+
+    def prepare(self, demand: frozenset[Feature]) -> None:
+        """Make now what otherwise the first contacts and lost pins would wait for (100 ms); before the first
+        frame.
+        """
+        self._tessellator.prepare()
+        self._extractor.prepare(plan_of(demand, self.calibration).features)
+
+    def features(self, tracks: Tracks) -> Features:
+        """Features of pins at given places; contacts do not follow from the last frame's.
+
+        Raises   DegenerateLayout: they span no plane
+        """
+        plan = plan_of(self._demand, None)
+        cells = self._tessellator.cells(tracks) if plan.cells else None
+        self._extractor.forget_contacts()
+        return self._extractor.extract(tracks, cells, plan.features)
+
+    def forget(self) -> None:
+        """Treat the next frame on its own, as after a jump: no pin positions are carried over."""
+        self.tracker.forget()
+        self._tessellator.forget()
+        self._extractor.forget_contacts()

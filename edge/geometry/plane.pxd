@@ -1,1 +1,0 @@
-cdef void solve_plane(double[:, ::1] g) noexcept nogil

@@ -1,0 +1,52 @@
+"""Frames as fingertips send them, for tests that need no node."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import can
+
+import hostlink
+from hostlink.wire import State, pack_state
+from hostlink.wire.e2e import protect_p5
+from hostlink.wire.fields import DATA_ID
+
+FOREIGN_VERSION = 9
+
+
+def message(can_id: int, data: bytes, time_s: float = 0.0) -> can.Message:
+    """CAN FD where the data are longer than a classic frame's."""
+    return can.Message(
+        timestamp=time_s, arbitration_id=can_id, data=data, is_extended_id=False, is_fd=len(data) > 8
+    )
+
+
+def foreign_frame(counter: int, data_id: int = DATA_ID ^ 0x55) -> bytes:
+    """A state frame of another version."""
+    frame = bytearray(pack_state(State(sample=counter), counter))
+    frame[3] = FOREIGN_VERSION
+    protect_p5(frame, counter, data_id)
+    return bytes(frame)
+
+
+class Wire:
+    """A bus on which a test sends what it likes, and the host's connection to it."""
+
+    def __init__(self, bus: can.BusABC, hand: hostlink.Connection) -> None:
+        self._bus, self.hand = bus, hand
+
+    def send(self, can_id: int, data: bytes) -> None:
+        self._bus.send(message(can_id, data))
+
+    def send_state(self, node: int, state: State) -> None:
+        self.send(0x180 + node, pack_state(state, state.sample & 0xFF))
+
+    def send_foreign(self, node: int, counter: int) -> None:
+        self.send(0x180 + node, foreign_frame(counter))
+
+
+@contextmanager
+def open_wire(channel: str) -> Iterator[Wire]:
+    with can.Bus(interface="virtual", channel=channel) as bus, hostlink.connect(f"virtual:{channel}") as hand:
+        yield Wire(bus, hand)

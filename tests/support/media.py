@@ -1,0 +1,26 @@
+"""A bus or a line without hardware, for sinks and nodes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+__all__ = ["Wire"]
+
+
+class Wire:
+    """A medium that accepts everything, and receives nothing."""
+
+    instant, bus_off = True, False
+
+    def __init__(self, instant: bool = True) -> None:
+        self.instant = instant
+        self.items: list[Any] = []
+
+    def write(self, item: Any) -> None:
+        self.items.append(item)
+
+    def read(self, timeout_s: float) -> None:
+        return None
+
+    def close(self) -> None:
+        """Nothing to close."""

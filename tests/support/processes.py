@@ -1,0 +1,23 @@
+"""Programs in a process of their own."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+from tests.support.waiting import SOON_S
+
+__all__ = ["edge", "python"]
+
+
+def python(*arguments: str | Path, **options: Any) -> subprocess.CompletedProcess[str]:
+    """This interpreter with these arguments, to its end; what it prints is kept."""
+    given: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "check": False} | options
+    return subprocess.run([sys.executable, *map(str, arguments)], text=True, timeout=SOON_S, **given)
+
+
+def edge(*arguments: str | Path, **options: Any) -> subprocess.CompletedProcess[str]:
+    """`python -m edge` with these arguments."""
+    return python("-m", "edge", *arguments, **options)

@@ -1,0 +1,19 @@
+"""What the program answers to bad input."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+__all__ = ["one_line"]
+
+
+def one_line(error: type[Exception], call: Callable[..., object], *arguments: Any, **options: Any) -> str:
+    """The one line with which a call refuses its arguments."""
+    with pytest.raises(error) as caught:
+        call(*arguments, **options)
+    message = str(caught.value)
+    assert "\n" not in message
+    return message
