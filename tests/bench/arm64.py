@@ -20,8 +20,6 @@ from pathlib import Path
 from tests.bench.counter import ENVIRONMENT, Counts, NoCounter, name_of, run
 from tests.bench.output import ROOT
 
-__all__ = ["Board", "made"]
-
 MADE = ROOT / "deploy" / "sbc" / ".cache" / "count"
 TOOLS = ("qemu-aarch64", "aarch64-linux-gnu-gcc", "aarch64-linux-gnu-nm")
 EXECUTABLE = 2  # of an ELF file's types: it is loaded where it says

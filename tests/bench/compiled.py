@@ -10,8 +10,6 @@ import tempfile
 from functools import lru_cache
 from pathlib import Path
 
-__all__ = ["compiled"]
-
 
 @lru_cache
 def compiled(name: str) -> ctypes.CDLL:

@@ -18,7 +18,6 @@ Rules
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -28,7 +27,6 @@ from pathlib import Path
 
 import click
 import numpy as np
-from rich.console import Console
 from rich.progress import track
 
 from calib.extract import DEMAND, Measured, gather
@@ -42,8 +40,6 @@ from edge.types import Array, Feature, Frame, Rest, Result, Tracks
 from tests.bench.flat_gel import RADIUS_MM, FlatGel
 from tests.bench.half_space import Ball, Bar, own_depths_mm
 from tests.bench.output import show, text_of, write_json, writes_results
-
-__all__ = ["SCENES", "Scene", "SecondTip", "measure", "read"]
 
 TARE_N = 8
 STEP_MM = 0.5
@@ -358,23 +354,17 @@ def _cells(row: Row) -> dict[str, object]:
     "--untouched", "n_untouched", default=100, show_default=True, help="Frames.", type=click.IntRange(1)
 )
 @click.option("--seed", default=1, show_default=True)
-@click.option("--json", "as_json", is_flag=True, help="One JSON array on stdout.")
 @writes_results
-def command(n_scenes: int, n_bars: int, n_untouched: int, seed: int, as_json: bool, out: Path) -> None:
+def command(n_scenes: int, n_bars: int, n_untouched: int, seed: int, out: Path) -> None:
     """Exit code 1 if a bound is not kept. In brackets: the bound."""
     counts = {"bar": n_bars, "untouched": n_untouched}
     rows = []
-    console = Console(stderr=as_json)
     for n_pins in (127, 331):
         tip = SecondTip.made(n_pins, seed)
-        for i, scene in enumerate(track(SCENES, f"{n_pins} pins", console=console)):
+        for i, scene in enumerate(track(SCENES, f"{n_pins} pins")):
             rows.append(measure(tip, scene, counts.get(scene.name, n_scenes), seed + i))
-    results = [_plain(row) for row in rows]
-    write_json(out / "contacts.json", results)
-    if as_json:
-        click.echo(json.dumps(results, indent=1))
-    else:
-        show([_cells(row) for row in rows], "right: share of the scenes; mm, deg; (bound)", console)
+    write_json(out / "contacts.json", [_plain(row) for row in rows])
+    show([_cells(row) for row in rows], "right: share of the scenes; mm, deg; (bound)")
     if not all(row.holds for row in rows):
         raise SystemExit(1)
 

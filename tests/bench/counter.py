@@ -26,8 +26,6 @@ from pathlib import Path
 from edge.errors import EdgeError
 from tests.bench.output import ROOT
 
-__all__ = ["ENVIRONMENT", "Counts", "NoCounter", "counted", "name_of", "of_callgrind"]
-
 #: First-level instruction and data caches and the last level of a small board: bytes, ways, bytes of a line.
 CACHES = ("--cache-sim=yes", "--I1=49152,12,64", "--D1=32768,8,64", "--LL=1048576,16,64")
 ENVIRONMENT = {

@@ -26,8 +26,6 @@ from edge.geometry.layout import pin_layout
 from edge.types import Array, Image
 from tests.bench.half_space import Ball, Bar, displace
 
-__all__ = ["FlatGel"]
-
 RADIUS_MM = 17.0  # of the outermost pins
 PIN_MM, BASE_MM = 1.5, 0.5  # lever of a pin, radius of its base
 HEIGHT_MM = 35.0

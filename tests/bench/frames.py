@@ -16,11 +16,6 @@ from edge.calibration.file import sensor_of
 from edge.pins import take_rest
 from edge.types import Feature, Frame
 
-__all__ = [
-    "GRASP", "NARROW", "PINS", "REST_FRAMES", "SIZES", "back_and_forth", "calibration_of", "scene",
-    "there_and_back",
-]  # fmt: skip
-
 #: What a grasp controller asks for.
 GRASP = frozenset({Feature.DISPLACEMENT, Feature.SHEAR})
 #: Tips and images over which the cost of a frame is measured.

@@ -33,8 +33,6 @@ from scipy.special import ellipe, ellipk
 
 from edge.types import Array
 
-__all__ = ["POISSON", "Ball", "Bar", "Surface", "displace", "own_depths_mm"]
-
 POISSON = 0.48  # of soft silicone
 FRICTION = 1.0  # Coulomb's, skin on tool
 ROUNDS = 100  # of the balls' depths that depend on each other; ten are usual

@@ -9,8 +9,6 @@ import os
 import shutil
 from contextlib import suppress
 
-__all__ = ["Marks"]
-
 #: A number that the emulator's plugin knows (`deploy/sbc/count_blocks.c`): off; one more is on.
 SWITCH = 0x7700000
 

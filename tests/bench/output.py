@@ -14,8 +14,6 @@ from rich.table import Table
 
 from hostlink.output_file import OutputError
 
-__all__ = ["ROOT", "markdown", "show", "text_of", "write_json", "writes_results"]
-
 ROOT = Path(__file__).resolve().parents[2]
 RESULTS = Path(__file__).parent / "results"
 
@@ -55,7 +53,9 @@ def text_of(value: object) -> str:
 
 
 def show(rows: Sequence[Mapping[str, object]], title: str = "", console: Console | None = None) -> None:
-    """A table on the terminal: a column for each key of the first row."""
+    """A table on the terminal: a column for each key of the first row; nothing for no rows."""
+    if not rows:
+        return
     table = Table(title=title or None)
     for name, value in rows[0].items():
         table.add_column(name, justify="left" if isinstance(value, str) else "right")

@@ -14,8 +14,6 @@ from matplotlib.lines import Line2D
 
 COLOURS_TEN = list(TABLEAU_COLORS)
 
-__all__ = ["accuracy_plot"]
-
 
 def accuracy_plot(rows: list[dict[str, Any]], errors: dict[str, float], path: Path) -> None:
     """Error over the cost of a frame, a panel for each value; each configuration is a numbered point.

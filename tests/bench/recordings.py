@@ -11,8 +11,6 @@ import click
 from calib.dataset import Dataset, open_dataset
 from tests.bench.output import ROOT
 
-__all__ = ["REAL", "TIP_331", "poses_of_stills", "real_option", "tip_331"]
-
 REAL = Path(os.environ.get("VORONOI_TOUCH_REAL", ROOT.parent / "shared" / "real"))
 TIP_331 = "tactip331_binary"  # 600 stills, each a jump from rest, their poses, and an untouched image
 

@@ -773,7 +773,7 @@ def soak(
 def tell(outcome: Outcome, console: Console) -> None:
     """The table of faults, the counts, the violations."""
     rows = [row.cells(kind) for kind, row in sorted(outcome.rows.items())]
-    show(rows or [Row().cells("lost")], f"soak: {outcome.seconds:g} s, seed {outcome.seed}", console)
+    show(rows, f"soak: {outcome.seconds:g} s, seed {outcome.seed}", console)
     for name, n in sorted(outcome.counts.items()):
         console.print(f"{name:55s} {n}")
     memory = outcome.memory_mb

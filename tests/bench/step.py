@@ -32,8 +32,6 @@ from tests.bench.counter import ENVIRONMENT, Counts, counted, run
 from tests.bench.frames import GRASP, NARROW, PINS, REST_FRAMES, SIZES, calibration_of, scene
 from tests.bench.output import show, write_json, writes_results
 
-__all__ = ["VARIANTS", "Step", "command"]
-
 
 @dataclass(frozen=True)
 class Variant:

@@ -5,8 +5,6 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-__all__ = ["cpu_s", "memory_mb"]
-
 
 def memory_mb(pid: int | str = "self", kind: str = "VmRSS") -> float:
     """Resident memory, or with `Pss` what is shared by its share; MB of 2**20 bytes."""

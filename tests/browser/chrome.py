@@ -28,8 +28,6 @@ from typing import Any, Self
 
 from tests.support.waiting import SOON_S
 
-__all__ = ["Chrome", "Page", "chromium"]
-
 START_S = 60.0  # a cold start on a slow disk
 #: Seen from outside, a phone: 390x844 px at 3 dots a pixel is the commonest of the last years.
 PHONE = {"width": 390, "height": 844, "deviceScaleFactor": 2, "mobile": True}

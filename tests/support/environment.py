@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 
-__all__ = ["uncounted"]
-
 
 def uncounted() -> dict[str, str]:
     """This process's, without what has a child's lines counted under `make coverage`.

@@ -30,20 +30,6 @@ from edge.sources.live import ThreadedSource, Watch
 from edge.types import Frame
 from hostlink.wire import FaultCode
 
-__all__ = [
-    "BOARD",
-    "CAMERA",
-    "EXPECTED",
-    "LINK",
-    "Clock",
-    "Episode",
-    "FaultyBoard",
-    "FaultyMedium",
-    "FaultySource",
-    "faulty_medium",
-    "schedule",
-]
-
 F = FaultCode
 #: Codes of which one must be announced for each kind of fault; none: it need not be announced.
 EXPECTED: dict[str, frozenset[FaultCode]] = {

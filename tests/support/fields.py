@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial import Voronoi
 
 from edge.types import Array, Cells, ContactRegion, PinPattern, Pins, Rest, Tracks
+from tests.support import layouts
 
 SIZE = (640, 480)
 CENTRE = np.array([319.3, 241.7])
@@ -16,10 +17,7 @@ CENTRE = np.array([319.3, 241.7])
 
 def hexagon(rings: int, pitch: float) -> Array:
     """Centred hexagonal numbers: 6 rings 127 pins, 10 rings 331."""
-    q, r = (a.ravel() for a in np.mgrid[-rings : rings + 1, -rings : rings + 1])
-    keep = np.abs(q + r) <= rings
-    q, r = q[keep], r[keep]
-    return pitch * np.column_stack([q + 0.5 * r, np.sqrt(0.75) * r])
+    return layouts.hexagonal(rings, pitch) - layouts.CENTRE
 
 
 def make_rest(xy: Array, pitch: float, sigma: float = 0.05) -> Rest:

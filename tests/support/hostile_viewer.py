@@ -19,8 +19,6 @@ from typing import Self
 
 import aiohttp
 
-__all__ = ["HostileViewers", "look", "message_frame", "upgrade_request"]
-
 HALF_OPEN_N = 100  # more than there are places for
 PATIENCE_S = 2.0  # longest duration of an attack
 PAUSE_S = 0.1

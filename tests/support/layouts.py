@@ -87,18 +87,6 @@ def tracks_of(xy: Points) -> Tracks:
 # ---- sets for the mesh alone: pins inside of the unit disc, and the points that bound them
 
 
-def _random(rng: np.random.Generator) -> Points:
-    return _in_disc(rng, 40)
-
-
-def _hexagonal(rng: np.random.Generator) -> Points:
-    return (hexagonal(3) - CENTRE) / (4 * PITCH_PX)
-
-
-def _square(rng: np.random.Generator) -> Points:
-    return np.array([(i, j) for i in range(-3, 4) for j in range(-3, 4)], float) / 6.0
-
-
 def _cocircular(rng: np.random.Generator) -> Points:
     """24 points 1e-15 off one circle, and its centre's neighbourhood empty."""
     angle = 2 * np.pi * (np.arange(24) + rng.uniform(-0.3, 0.3, 24)) / 24
@@ -144,9 +132,9 @@ def _in_disc(rng: np.random.Generator, n: int, radius: float = 0.9) -> Points:
 
 
 HARD_SETS: dict[str, Callable[[np.random.Generator], Points]] = {
-    "random": _random,
-    "hexagonal": _hexagonal,
-    "square": _square,
+    "random": lambda rng: _in_disc(rng, 40),
+    "hexagonal": lambda rng: (hexagonal(3) - CENTRE) / (4 * PITCH_PX),
+    "square": lambda rng: np.array([(i, j) for i in range(-3, 4) for j in range(-3, 4)], float) / 6.0,
     "cocircular, 1e-15 off": _cocircular,
     "collinear, 1e-15 off": _collinear,
     "collinear": _collinear_exact,

@@ -10,8 +10,6 @@ from lz4.frame import LZ4FrameCompressor
 from mcap.data_stream import RecordBuilder
 from mcap.records import Chunk, Header
 
-__all__ = ["write_mcap_bomb"]
-
 
 def write_mcap_bomb(path: Path, compression: str, stated: int) -> Path:
     """compression: lz4 or zstd; stated: the length that the chunk says that it has, bytes."""

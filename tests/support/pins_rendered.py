@@ -6,17 +6,14 @@ import numpy as np
 from scipy.special import erfc
 
 from edge.types import Array, Image, PinPattern, Pins, Rest
+from tests.support import layouts
 
 SUB = (-0.4, -0.2, 0.0, 0.2, 0.4)
 
 
 def hexagon(rings: int, pitch_px: float, centre: tuple[float, float]) -> Array:
     """Hexagonal layout of 3 r (r + 1) + 1 pins: 127 for 6 rings, 331 for 10; jittered."""
-    axial = [
-        (q, r) for q in range(-rings, rings + 1) for r in range(-rings, rings + 1) if abs(q + r) <= rings
-    ]
-    q, r = np.array(axial, float).T
-    xy = np.stack([q + 0.5 * r, np.sqrt(0.75) * r], axis=1) * pitch_px + np.array(centre)
+    xy = layouts.hexagonal(rings, pitch_px) - layouts.CENTRE + np.array(centre)
     jittered: Array = xy + np.random.default_rng(331).uniform(-0.5, 0.5, xy.shape)
     return jittered
 

@@ -11,13 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from edge.cells.mesh import Mesh
+from tests.bench import stability
 from tests.support import exact
 from tests.support.cell_checks import worst_relative
 from tests.support.layouts import HARD_SETS, Points, bounded
 
 pytestmark = pytest.mark.kernels
-SCALES = (1e-9, 1e-3, 1.0, 1e6, 1e9)
-OFFSETS = (0.0, 1e6)
 
 
 def areas_of(mesh: Mesh, points: Points, n_pins: int) -> Points:
@@ -26,14 +25,11 @@ def areas_of(mesh: Mesh, points: Points, n_pins: int) -> Points:
     return areas
 
 
-@pytest.mark.parametrize("offset", OFFSETS)
-@pytest.mark.parametrize("scale", SCALES)
-@pytest.mark.parametrize("name", HARD_SETS)
-def test_areas_equal_rational_arithmetic(name: str, scale: float, offset: float) -> None:
-    pins = HARD_SETS[name](np.random.default_rng(7))
-    points = bounded(pins) * scale + offset * np.array([1.0, -0.7])
-    areas = areas_of(Mesh(len(pins), len(points) - len(pins)), points, len(pins))
-    assert exact.relative_errors(areas, exact.cell_areas(points, len(pins))).max() <= 1e-13
+def test_the_hard_sets_of_the_stability_report_hold() -> None:
+    """Areas against rational arithmetic at every scale and offset; four pins through a common circle."""
+    rows = [*stability.hard_sets(1), *stability.degenerate_motion(1), *stability.through_a_circle(1)]
+    assert len(rows) == len(HARD_SETS) + 2
+    assert [row for row in rows if not row.holds] == []
 
 
 @pytest.mark.compiled  # two minutes uncompiled
@@ -116,20 +112,6 @@ def test_random_motion_stays_exact(seed: int, spread: float, step: float) -> Non
         wanted = exact.cell_areas(points, 9)
         assert exact.relative_errors(areas_of(mesh, points, 9), wanted).max() <= 1e-13
         pins = np.clip(pins + step * 0.3 * rng.uniform(-1, 1, (9, 2)), -0.7, 0.7)  # within the ring
-
-
-def test_area_is_continuous_through_cocircularity() -> None:
-    """Four pins pass through a common circle in steps of 1e-15: no step shows in the areas."""
-    angle = np.array([0.1, 1.4, 3.3, 4.9])
-    base = 0.5 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    mesh = Mesh(4, 40)
-    rows = []
-    for k in range(-40, 41):
-        pins = base.copy()
-        pins[2] *= 1 + k * 1e-15
-        rows.append(areas_of(mesh, bounded(pins), 4))
-    assert np.abs(np.diff(rows, axis=0)).max() <= 1e-14
-    assert mesh.counts()[2] == 1
 
 
 def test_a_pin_among_the_fence_has_no_bounded_cell() -> None:

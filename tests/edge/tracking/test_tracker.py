@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import pytest
 
 from calib.sim import deform
 from edge.errors import DegenerateLayout
 from edge.geometry.lattice import Lattice
-from edge.pins import CentroidRefiner, detect, take_rest
+from edge.pins import detect, take_rest
+from edge.sources import read_image
 from edge.tracking import Tracker
 from edge.tracking.hypothesis import Hypothesis
 from edge.tracking.params import TrackingParams
 from edge.tracking.search import Identifier, Identity, best_of_two
-from edge.types import Array, Image, PinPattern, Pins, Rest, Tracks
-from tests.bench import identity
-
-PITCH_PX = 18.0
+from edge.types import Array, Pins, Tracks
+from tests.bench import identity, videos
+from tests.bench.recordings import poses_of_stills
+from tests.support.layouts import PITCH_PX, concentric, hexagonal, rest_of, square
 
 
 def pins_at(xy: Array) -> Pins:
@@ -29,36 +28,11 @@ def pins_at(xy: Array) -> Pins:
     return Pins(xy, np.full(n, 0.05), np.full(n, 5.0), np.full(n, 150.0))
 
 
-def rest_at(xy: Array) -> Rest:
-    radius = float(np.hypot(*(xy - xy.mean(0)).T).max()) + 5
-    pattern = PinPattern(5.0, PITCH_PX, xy.mean(0), radius, 10.0, 150.0, 1.0, (420, 420))
-    return Rest(pins_at(xy), pattern)
-
-
-def rings(count: int) -> Array:
-    """Concentric rings of 6k pins, as dome tips have them: 6 make 127 pins, 10 make 331.
-
-    Rotated by one pin in each ring, all but the innermost fit themselves: the most regular wrong match.
-    """
-    xy = [np.zeros((1, 2))]
-    for k in range(1, count + 1):
-        angle = 2 * np.pi * np.arange(6 * k) / (6 * k)
-        xy.append(k * PITCH_PX * np.stack([np.cos(angle), np.sin(angle)], axis=1))
-    return np.concatenate(xy) + 210.0
-
-
-def hexagonal(count: int) -> Array:
-    k = range(-count, count + 1)
-    steps = [(a + b / 2, b * np.sqrt(0.75)) for a in k for b in k if abs(a + b) <= count]
-    return np.array(steps) * PITCH_PX + 210.0
-
-
-def square(side: int) -> Array:
-    k = np.arange(side) * PITCH_PX
-    return np.stack(np.meshgrid(k, k), axis=-1).reshape(-1, 2) + 100.0
-
-
-LAYOUTS = {"rings331": rings(10), "rings127": rings(6), "hexagonal127": hexagonal(6), "square144": square(12)}
+#: Rings rotated by one pin each fit themselves, all but the innermost: the most regular wrong match.
+LAYOUTS = {
+    "rings331": concentric(10), "rings127": concentric(6), "hexagonal127": hexagonal(6),
+    "square144": square(12),
+}  # fmt: skip
 
 
 def pressed(xy: Array, rng: np.random.Generator) -> Array:
@@ -93,7 +67,7 @@ def test_after_a_jump_from_rest_every_pin_has_its_own_blob(layout: str) -> None:
     rng = np.random.default_rng(1)
     xy = LAYOUTS[layout]
     for _ in range(12):
-        tracker = Tracker(rest_at(xy))
+        tracker = Tracker(rest_of(xy))
         now = pressed(xy, rng)
         tracks = tracker.identify(pins_at(rng.permutation(now)))
         assert tracks.confidence > 0.9
@@ -109,7 +83,7 @@ def test_a_third_missing_and_false_blobs_swap_no_pins(layout: str) -> None:
     for _ in range(12):
         now = pressed(xy, rng)
         blobs = spoiled(now, 0.3, 50, rng)
-        tracks = Tracker(rest_at(xy)).identify(pins_at(blobs))
+        tracks = Tracker(rest_of(xy)).identify(pins_at(blobs))
         if tracks.confidence >= Tracks.LOW_CONFIDENCE:
             trusted += 1
             assert swapped(tracks, now) == 0
@@ -144,7 +118,7 @@ def test_a_wrong_match_has_low_confidence(layout: str) -> None:
         now = pressed(xy, rng)
         lit = now @ [np.cos(k), np.sin(k)]
         part = now if k % 2 else now[lit < np.quantile(lit, rng.uniform(0.5, 0.9))]
-        tracks = Tracker(rest_at(xy)).identify(pins_at(spoiled(part, 0.5 if k % 2 else 0.0, 10, rng)))
+        tracks = Tracker(rest_of(xy)).identify(pins_at(spoiled(part, 0.5 if k % 2 else 0.0, 10, rng)))
         if swapped(tracks, now) > 0.1 * tracks.n_seen:
             assert tracks.confidence < Tracks.LOW_CONFIDENCE
 
@@ -163,7 +137,7 @@ def test_a_search_ends_after_a_bounded_number_of_matches(monkeypatch: pytest.Mon
     xy = LAYOUTS["rings331"]
     for _ in range(4):
         regions.clear()
-        Tracker(rest_at(xy)).identify(pins_at(spoiled(pressed(xy, rng), 0.7, 50, rng)))
+        Tracker(rest_of(xy)).identify(pins_at(spoiled(pressed(xy, rng), 0.7, 50, rng)))
         assert 4 < len(regions) <= TrackingParams().regions_max + 1
 
 
@@ -173,7 +147,7 @@ def test_half_of_the_pins_missing_and_false_blobs_swap_no_pins() -> None:
     trusted = 0
     for _ in range(4):
         now = pressed(xy, rng)
-        tracks = Tracker(rest_at(xy)).identify(pins_at(spoiled(now, 0.5, 50, rng)))
+        tracks = Tracker(rest_of(xy)).identify(pins_at(spoiled(now, 0.5, 50, rng)))
         if tracks.confidence >= Tracks.LOW_CONFIDENCE:
             trusted += 1
             assert swapped(tracks, now) == 0
@@ -192,13 +166,13 @@ def test_a_lattice_that_may_have_slipped_by_a_step_has_low_confidence() -> None:
     xy = LAYOUTS["square144"]
     part = xy[xy[:, 0] > xy[:, 0].min() + 1]
     for shift in (0.0, -PITCH_PX / 2, -PITCH_PX):
-        tracks = Tracker(rest_at(xy)).identify(pins_at(part + np.array([shift, 0.0])))
+        tracks = Tracker(rest_of(xy)).identify(pins_at(part + np.array([shift, 0.0])))
         assert tracks.confidence < Tracks.LOW_CONFIDENCE
 
 
 @pytest.mark.parametrize("blobs", [0, 3, 30, 331])
 def test_blobs_that_are_not_this_tip_are_not_identified(blobs: int) -> None:
-    tracker = Tracker(rest_at(LAYOUTS["rings331"]))
+    tracker = Tracker(rest_of(LAYOUTS["rings331"]))
     tracks = tracker.identify(pins_at(np.random.default_rng(4).uniform(20, 400, (blobs, 2))))
     assert tracks.confidence < Tracks.LOW_CONFIDENCE
     assert tracker.predict() is None
@@ -217,7 +191,7 @@ def test_far_rotated_rings_are_right_or_of_low_confidence(
 
     The limit is tested too: of 6 rings rotated by 35 degrees and more nearly all pins fit one pin on.
     """
-    rest = rings(count)
+    rest = concentric(count)
     out = rest - rest.mean(0)
     held = 1 - (out**2).sum(1) / (out**2).sum(1).max() * 0.95
     turn = np.deg2rad(turn_deg) * held
@@ -225,19 +199,19 @@ def test_far_rotated_rings_are_right_or_of_low_confidence(
     now[:, 0] += out[:, 0] * (np.cos(turn) - 1) - out[:, 1] * np.sin(turn)
     now[:, 1] += out[:, 1] * (np.cos(turn) - 1) + out[:, 0] * np.sin(turn)
     order = np.random.default_rng(1).permutation(len(now))
-    tracks = Tracker(rest_at(rest)).identify(pins_at(now[order]))
+    tracks = Tracker(rest_of(rest)).identify(pins_at(now[order]))
     assert tracks.confidence < Tracks.LOW_CONFIDENCE or swapped(tracks, now) == 0
 
 
 def test_too_few_pins_at_rest_are_refused() -> None:
     with pytest.raises(DegenerateLayout, match="at least 4"):
-        Tracker(rest_at(rings(10)[:3]))
+        Tracker(rest_of(concentric(10)[:3]))
     with pytest.raises(DegenerateLayout, match="one line"):
-        Tracker(rest_at(np.stack([np.arange(9.0) * PITCH_PX, np.zeros(9)], axis=1)))
+        Tracker(rest_of(np.stack([np.arange(9.0) * PITCH_PX, np.zeros(9)], axis=1)))
 
 
 def held(xy: Array) -> Tracker:
-    tracker = Tracker(rest_at(xy))
+    tracker = Tracker(rest_of(xy))
     assert tracker.identify(pins_at(xy)).confidence > 0.9
     return tracker
 
@@ -382,7 +356,7 @@ def test_a_false_blob_beside_a_missing_pin_is_not_matched_to_it() -> None:
     now = xy + np.array([6.0, 3.0])
     blobs = now.copy()
     blobs[100] += [0.15 * PITCH_PX, 0.0]  # agrees within a fifth of a step, but not as closely as the others
-    tracks = Tracker(rest_at(xy)).identify(pins_at(blobs))
+    tracks = Tracker(rest_of(xy)).identify(pins_at(blobs))
     assert tracks.confidence > 0.9
     assert not tracks.seen[100]
     assert tracks.n_seen == 330
@@ -403,20 +377,14 @@ def test_tracks_never_come_too_close() -> None:
         assert gap.min() >= PITCH_PX / 2
 
 
-def grey(path: Path) -> Image:
-    return np.asarray(cv2.imread(str(path), cv2.IMREAD_GRAYSCALE), np.uint8)
-
-
 @pytest.mark.real
 def test_published_stills_from_rest_alone(real_dir: Path) -> None:
     """Each frame is one jump; no pin that is in the picture is given to another place."""
     folder = real_dir / "tactip331_binary"
-    rest = take_rest([grey(folder / "rest.png")])
+    rest = take_rest([read_image(folder / "rest.png")])
     around = identity.neighbours(rest.xy_img)
-    with (folder / "targets.csv").open() as f:
-        names = [row["sensor_image"] for row in csv.DictReader(f)]
-    for name in names[::25]:
-        blobs = detect(grey(folder / "frames" / name), rest.pattern)
+    for name in list(poses_of_stills(folder))[::25]:
+        blobs = detect(read_image(folder / "frames" / name), rest.pattern)
         tracks = Tracker(rest).identify(blobs)
         assert tracks.confidence > 0.9
         assert identity.consistent(tracks.xy_img - rest.xy_img, around).sum() >= len(blobs) - 4
@@ -425,22 +393,12 @@ def test_published_stills_from_rest_alone(real_dir: Path) -> None:
 @pytest.mark.real
 @pytest.mark.parametrize("step", [1, 8])
 def test_movement4_there_and_back_ends_where_it_began(real_dir: Path, step: int) -> None:
-    video = cv2.VideoCapture(str(real_dir / "video" / "Movement4.avi"))
-    frames: list[Image] = []
-    while (read := video.read())[0]:
-        frames.append(np.asarray(cv2.cvtColor(read[1], cv2.COLOR_BGR2GRAY), np.uint8))
+    frames = videos.read(real_dir / "video" / "Movement4.avi")
     rest = take_rest(frames[:1])
     close = Lattice(rest.xy_img, rest.pattern.pitch_px)
-    refiner, tracker = CentroidRefiner(rest), Tracker(rest)
     there = frames[::step]
     seen_n, untrusted = [], 0
-    tracks = tracker.identify(detect(frames[0], rest.pattern))
-    for image in there + there[::-1]:
-        predicted = tracker.predict()
-        if predicted is not None:
-            tracks = tracker.follow(refiner.refine(image, predicted))
-        if predicted is None or tracks.confidence < Tracks.LOW_CONFIDENCE:
-            tracks = tracker.identify(detect(image, rest.pattern))
+    for tracks in videos.run([*there, *there[::-1]], rest)[0]:
         if tracks.confidence < Tracks.LOW_CONFIDENCE:
             untrusted += 1
             continue
