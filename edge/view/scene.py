@@ -20,7 +20,7 @@ import numpy as np
 from edge.cells import cell_polygons
 from edge.pipeline import Result
 from edge.types import Array, Frame, Rest
-from edge.view.palette import PAPER, SAFE, Palette, cell_colours, cell_rgba
+from edge.view.palette import COLOUR_STEPS, PAPER, SAFE, Palette, cell_colours, cell_rgba
 from edge.view.params import PARAMS
 
 __all__ = ["CHART", "Arrays", "camera", "hello", "touch"]
@@ -62,9 +62,7 @@ def hello(source: str, serial: str) -> dict[str, Any]:
 def _colours(palette: Palette) -> dict[str, Any]:
     """By name, red first; "cells" from fully expanded to fully compressed."""
     named = {name: list(getattr(palette, name)[::-1]) for name in Palette.__dataclass_fields__}
-    steps = cell_colours(
-        np.linspace(-PARAMS.full_change, PARAMS.full_change, 2 * PARAMS.colour_steps + 1), palette
-    )
+    steps = cell_colours(np.linspace(-PARAMS.full_change, PARAMS.full_change, 2 * COLOUR_STEPS + 1), palette)
     return {**named, "cells": steps[:, ::-1].tolist()}
 
 

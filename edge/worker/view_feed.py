@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 __all__ = ["ViewFeed"]
 
 _MEANING = {fault.code: fault.meaning for fault in FAULTS}
-_PERIOD_S = 1.0 / WebLimits().rate_hz
 
 
 class ViewFeed:
@@ -81,7 +80,8 @@ class ViewFeed:
             self._about(),
         )
         # Due by the clock, not a period after this frame: so as many are sent as the page draws.
-        self._due_s = max(self._due_s, now_s - _PERIOD_S) + _PERIOD_S
+        period_s = 1.0 / WebLimits().rate_hz
+        self._due_s = max(self._due_s, now_s - period_s) + period_s
         self._sent_s = now_s
         if self._put(show):
             self._shown = (frame, result, rest)

@@ -150,7 +150,7 @@ HOSTILE = {
     "three pins": (damaged("sensor", "rest_xy_px", value=PINS[:3]), "must have at least 12 items"),
     "too many pins": (
         damaged("sensor", "rest_xy_px", value=[[0.1 * k, 0.0] for k in range(5000)]),
-        "must have at most 2048 items",
+        "must have at most 3060 items",
     ),
     "a pin twice": (
         damaged("sensor", "rest_xy_px", value=[*PINS, PINS[4]]),
