@@ -22,6 +22,7 @@ from typing import Annotated, Any, TypeVar
 import msgspec
 
 from hostlink import input_file
+from hostlink.wire.detail import PINS_MAX  # the most that a detail stream can name
 
 __all__ = [
     "FILE_BYTES",
@@ -53,7 +54,6 @@ IMAGE_PIXELS = 1 << 24  # 4096 x 4096, more than any camera that fits behind a f
 RATE_MAX_HZ = 100e3  # images a second; a file that states more is damaged
 RATE_MIN_HZ = 0.01  # of a camera or of samples, where 0 has a meaning of its own: less is a mistake
 PINS_MIN = 12  # the fewest that `edge.pins` accepts as a pattern
-PINS_MAX = 2048  # six times the densest tip in use
 POINTS_MAX = 1_000_000  # a plane's; of a triangulation, every index of a half-edge then fits in 32 bits
 
 T = TypeVar("T")

@@ -28,6 +28,7 @@ class RuntimeParams:
     check_s: float = 0.04  # between checks of what changes slowly, and between samples without images
     hysteresis_rel: float = 0.1  # of the level at which a fault appears; so far back, it clears
     astray_rel: float = ASTRAY_REL  # of the pins: may be beyond a limit for reasons of their own
+    noise_sigma: float = 5.0  # in one place, what is more than this many standard deviations off is no noise
     still_pitches: float = 0.08  # pins of an untouched tip that have moved less are where they were
     load_pitches: float = 1.6  # motion of a pin beyond which it counts as overloaded
 

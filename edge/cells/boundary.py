@@ -120,7 +120,7 @@ def _exposed(middle: Array, half: Array) -> list[tuple[float, float]]:
 def make_fence(boundary: Array, pitch_px: float, params: CellsParams = PARAMS) -> Array:
     """(f, 2) px, a circle of points round the boundary."""
     centre = boundary.min(axis=0) + np.ptp(boundary, axis=0) / 2
-    gap = params.fence_pitches * pitch_px
+    gap = params.ball_pitches * pitch_px
     radius = float(np.hypot(*(boundary - centre).T).max()) + gap
     steps = int(np.ceil(2 * np.pi * radius / gap))
     angle = 2 * np.pi * np.arange(steps) / steps

@@ -63,7 +63,6 @@ _STEPS_MAX = cython.declare(cython.Py_ssize_t, 60)  # so that a frame's time is 
 _DAMPING_MIN = cython.declare(cython.double, 1e-9)
 #: Of the first step; a tenth of it after one that helped, else tenfold. With 0.1 some lines lose length.
 _DAMPING = cython.declare(cython.double, 1.0)
-_DAMPING_MAX = cython.declare(cython.double, 1e6)
 _ENOUGH = cython.declare(cython.double, 1e-2)  # relative gain of a step that is the last one
 _NO_LIMIT = cython.declare(cython.double, float("inf"))
 
@@ -436,7 +435,7 @@ class ContactFit:
         damping: cython.double = _DAMPING
         steps: cython.Py_ssize_t = _STEPS_MAX
         self._error = self._sum_up()
-        while steps and damping <= _DAMPING_MAX:
+        while steps:  # what a step promises falls with its damping, and ends it
             steps -= 1
             before = self._error
             other = self._explain(self._next, False) if self._find_step(damping) else before

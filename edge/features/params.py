@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import log, pi, sqrt
 
+from edge.params import PARAMS as RUNTIME
+
 #: Relative noise of a cell's area, and of the mean over a pin and its six neighbours, per pin noise in
 #: pitches, on a hexagonal lattice to first order. A pin that moves outwards by d moves the side of length
 #: 1 / sqrt(3) that it shares with a neighbour's cell by d / 2; neighbours' noise cancels in the mean.
@@ -30,7 +32,7 @@ class FeatureParams:
     """
 
     # --- contact: a ring's mean area change, a cell's, a height, a motion
-    contact_sigma: float = 5.0  # more than this in one place is no noise
+    contact_sigma: float = RUNTIME.noise_sigma
     noise_ratio_max: float = 3.0  # learnt noise over predicted noise, and its inverse
     noise_frames_n: int = 64  # untouched frames over which the noise is learnt
     min_area_change: float = 0.01  # smallest relative area change beyond drift of brightness and focus

@@ -3,8 +3,8 @@
 Idea: with the knots at the pins' rest positions, interpolation is linear in the values: one constant
 matrix, made once, turns the area changes of a frame into the grid's heights. The interpolant is the
 thin-plate (biharmonic) spline, MATLAB's `griddata 'v4'`. The paper's cubic (Clough-Tocher, `griddata
-'cubic'`) at the current positions is the oracle in the benchmarks; docs/tuning.md has the measured
-difference.
+'cubic'`) at the current positions is the oracle in the benchmarks: at rest its heights are 0.3 % of the peak
+off, and its volume is 1.43 times ours, to within 1.7 % of full scale.
 
 The divergence of the same spline through the pins' motion is the relative area change too, but at a point
 rather than of a whole cell, and it needs no cells. It separates contacts two pitches apart, which areas show

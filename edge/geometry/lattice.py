@@ -20,7 +20,9 @@ from edge.types import Array, Index
 
 __all__ = [
     "N_RING",
+    "N_TWO_RINGS",
     "PARAMS",
+    "THIRD_RING",
     "Lattice",
     "LatticeParams",
     "nearest",
@@ -30,7 +32,8 @@ __all__ = [
     "slope_stencil",
 ]
 
-N_RING = 6  # of a hexagonal lattice
+# Of a hexagonal lattice: pins of the first ring, of the first two, and where the third one is, in pitches.
+N_RING, N_TWO_RINGS, THIRD_RING = 6, 18, 7.0**0.5
 # Singular values below this share of the largest count as zero: pins on a line determine no slope across it.
 RANK_TOLERANCE = 1e-4
 
@@ -39,9 +42,7 @@ RANK_TOLERANCE = 1e-4
 class LatticeParams:
     """Parameters by name; evidence in docs/tuning.md. Lengths are in pitches."""
 
-    longest_edge: float = 1.7  # longer Delaunay edges bridge bays of the hull
-    near_n: int = 18  # the first two rings of a hexagonal lattice
-    near_reach: float = 2.6  # of the second ring
+    longest_edge: float = 1.6  # pins further apart are no neighbours: there is a bay of the hull
     near_width: float = 1.6  # of the Gaussian weight
     distance_min: float = 0.5  # no two tracks come nearer
     distance_min_rel: float = 0.85  # ... or than this share of their distance at rest, where that is less
@@ -101,7 +102,7 @@ def residual_stencil(xy: Array, pitch: float) -> tuple[Index, Array]:
     Returns    (n, 19) int32, the pin itself and the eighteen nearest; (n, 19) float64: their weights. The
                squares of a row sum to 1, so that the noise of a residual is that of a pin.
     """
-    near = nearest(xy, PARAMS.near_n)
+    near = nearest(xy, N_TWO_RINGS)
     away = (xy[near[:, 1:]] - xy[:, None]) / pitch
     root = np.sqrt(_gaussian((away**2).sum(axis=2)))
     fit = np.linalg.pinv(_terms(away, 2) * root[..., None], rcond=RANK_TOLERANCE)[:, 0] * root
@@ -131,9 +132,9 @@ class Lattice:
     edges            (e, 2) int32, Delaunay edges, each once, none longer than `longest_edge` pitches
     adjacent         (n, k) int32, Delaunay neighbours, filled up with n
     direction_rad    of the edges, modulo 60 degrees
-    near             (n, near_n) int32, nearest pins, nearest first; fewer columns where there are fewer pins
-    offset           (n, near_n, 2) to these, pitches
-    weight           (n, near_n) of these by distance, zero beyond `near_reach`
+    near             (n, 18) int32, nearest pins, nearest first; fewer columns where there are fewer pins
+    offset           (n, 18, 2) to these, pitches
+    weight           (n, 18) of these by distance, zero from the third ring on
     closest          (n, closest_n) int32, the first columns of near
     local_pitch_px   (n,) distance to the next pin, a median over the neighbourhood: the unit of all
                      thresholds
@@ -154,11 +155,11 @@ class Lattice:
         self.direction_rad = float(sixfold)
         self.adjacent = _adjacent(self.edges, n)
 
-        near = nearest(rest_xy, PARAMS.near_n)
+        near = nearest(rest_xy, N_TWO_RINGS)
         self.near = np.ascontiguousarray(near[:, 1:])
         self.offset = (rest_xy[self.near] - rest_xy[:, None]) / pitch_px
         distance = np.hypot(self.offset[..., 0], self.offset[..., 1])
-        self.weight = np.where(distance < PARAMS.near_reach, _gaussian(distance**2), 0.0)
+        self.weight = np.where(distance < THIRD_RING, _gaussian(distance**2), 0.0)
         # Rows may be much denser one way than the other; it is the nearest neighbour that a pin can be
         # mistaken for.
         nearest_px = distance[:, 0] * pitch_px

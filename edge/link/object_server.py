@@ -57,7 +57,6 @@ _DESCRIBED = frozenset(
         "latency_p99_us",
     }
 )
-_HISTORY_N = len([o for o in OBJECTS if o.index == 0x1003]) - 1
 _INDICES = frozenset(o.index for o in OBJECTS)
 _SETTINGS = frozenset({"heartbeat_ms", "rate_hz", "divider", "features", "detail_divider"})
 _COB_IDS = {
@@ -152,7 +151,8 @@ class ObjectServer:
         self._described_s = -math.inf
         self.error_register = 0
         self.refusal = ""  # why the last write was refused
-        self._errors: deque[int] = deque(maxlen=_HISTORY_N)  # newest first
+        history_n = max(o.sub for o in OBJECTS if o.index == 0x1003)
+        self._errors: deque[int] = deque(maxlen=history_n)  # newest first
         self.reset()
 
     def reset(self) -> None:

@@ -25,9 +25,7 @@ class PinParams:
     # --- against the neighbours: log ratios of size, depth and spacing
     scatter_min: tuple[float, float, float] = (0.08, 0.13, 0.13)  # bounds of the tip's own scatter
     scatter_max: tuple[float, float, float] = (0.11, 0.20, 0.20)
-    outlier_max: float = 25.0  # sum of squares in units of that scatter
     outlier_max_outside: float = 9.0  # outside of the hull of what is connected
-    link_factor: float = 1.6  # two are connected within this many times the distance to their nearest
     link_pitches_outside: float = 1.9  # to the nearest pin, of one outside or beyond the known edge
     gap_pitches_min: float = 0.8  # from a pin to the nearest; nearer than this, two spots may be one
     # --- pins that a border cuts

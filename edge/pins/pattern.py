@@ -15,8 +15,10 @@ import cv2
 import numpy as np
 
 from edge.geometry.lattice import N_RING, pitch_of
+from edge.geometry.lattice import PARAMS as LATTICE
 from edge.geometry.neighbours import nearest_of, pairs_within
 from edge.geometry.select import SIGMA_OF_MAD
+from edge.params import PARAMS as RUNTIME
 from edge.pins.blobs import Spots
 from edge.pins.params import PARAMS
 from edge.types import Array, Index, Mask
@@ -50,16 +52,15 @@ def belongs(spots: Spots) -> Mask:
         if len(index) <= N_RING:
             return np.zeros(len(spots), bool)
         outlierness = _outlierness(spots[index])
+        likely = outlierness < RUNTIME.noise_sigma**2
         xy = spots.xy_img[index]
-        core = index[outlierness < PARAMS.outlier_max][_connected(xy[outlierness < PARAMS.outlier_max])]
+        core = index[likely][_connected(xy[likely])]
         if len(core) <= N_RING:
             return np.zeros(len(spots), bool)
         pitch = pitch_of(spots.xy_img[core])
         inside = _inside_hull(spots.xy_img[core], xy, 0.5 * pitch)
         near = nearest_of(spots.xy_img[core], xy)[0][:, 0] < PARAMS.link_pitches_outside * pitch
-        fits = (outlierness < PARAMS.outlier_max) & (
-            inside | (near & (outlierness < PARAMS.outlier_max_outside))
-        )
+        fits = likely & (inside | (near & (outlierness < PARAMS.outlier_max_outside)))
         keep[index[~fits]] = False
         if fits.all():
             break
@@ -132,8 +133,8 @@ def _connected(xy_img: Array) -> Mask:
     if n < 2:
         return np.zeros(n, bool)
     own = nearest_of(xy_img, xy_img, 2)[0][:, 1]
-    a, b = pairs_within(xy_img, PARAMS.link_factor * float(np.quantile(own, 0.95))).T
-    linked = np.hypot(*(xy_img[a] - xy_img[b]).T) < PARAMS.link_factor * np.minimum(own[a], own[b])
+    a, b = pairs_within(xy_img, LATTICE.longest_edge * float(np.quantile(own, 0.95))).T
+    linked = np.hypot(*(xy_img[a] - xy_img[b]).T) < LATTICE.longest_edge * np.minimum(own[a], own[b])
     label = _groups(n, a[linked], b[linked])
     size = np.bincount(label)
     member: Mask = size[label] >= N_RING

@@ -14,7 +14,6 @@ class RecordingParams:
     # --- writing
     chunk_age_s: float = 0.5  # a chunk of the file is closed at this age, or full: a kill costs so much
     item_bytes: int = 512  # memory of a queued message without its arrays, roughly
-    overlay_hz: float = 15.0  # annotations are for viewing only
 
 
 PARAMS = RecordingParams()

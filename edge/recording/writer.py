@@ -28,6 +28,7 @@ from edge.recording.params import PARAMS
 from edge.recording.topics import TOPICS, FoxgloveMessages, Topic, contacts_topic, sample_topic
 from edge.types import Array, Cells, Features, Frame, Reading, Tracks
 from hostlink.topics import Diagnosis, contact_scene, diagnostics_message, sample_message, tip_transforms
+from hostlink.web.limits import WebLimits
 from hostlink.wire import State
 
 __all__ = ["Recorder"]
@@ -61,10 +62,10 @@ class _LogClock:
         return self._last_ns
 
     def overlay_is_due(self, topic: str, log_ns: int) -> bool:
-        """Whether another one is due: `overlay_hz` times a second."""
+        """Whether another one is due: as often as the live page shows one."""
         if 0 <= self._overlay_due_ns[topic] - log_ns < 1e9:
             return False
-        self._overlay_due_ns[topic] = log_ns + int(1e9 / PARAMS.overlay_hz)
+        self._overlay_due_ns[topic] = log_ns + int(1e9 / WebLimits().rate_hz)
         return True
 
 

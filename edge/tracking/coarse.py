@@ -52,9 +52,10 @@ class CoarseFit:
         self._tip = tip
         p = tip.params
         self._field = PolynomialField(tip.rest_xy, max(p.coarse_degrees))
-        # A grid of one standard deviation of the tip's mean motion.
-        k = range(-p.start_spreads, p.start_spreads + 1)
-        grid = [(a + b / 2, b * np.sqrt(0.75)) for a in k for b in k if abs(a + b) <= p.start_spreads]
+        # A grid of one standard deviation of the tip's mean motion, to a pitch any way.
+        steps_n = round(1.0 / p.shift_spread)
+        k = range(-steps_n, steps_n + 1)
+        grid = [(a + b / 2, b * np.sqrt(0.75)) for a in k for b in k if abs(a + b) <= steps_n]
         shifts = np.array(grid)[:, None, :] * (p.shift_spread * tip.pitch_px) + np.zeros((len(tip), 1))
         out = tip.rest_xy - tip.rest.pattern.centre_img
         swollen = out * (np.median(tip.local_pitch_px) / max(np.hypot(*out.T).max(), 1e-9))

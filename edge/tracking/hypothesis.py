@@ -22,7 +22,7 @@ from math import lgamma, log
 
 import numpy as np
 
-from edge.geometry.lattice import PARAMS
+from edge.geometry.lattice import THIRD_RING
 from edge.geometry.neighbours import nearest_of
 from edge.tracking.match import assign
 from edge.tracking.motion_model import MotionModel
@@ -238,7 +238,7 @@ class Hypothesis:
         unassigned = self.blob_xy[self._unassigned()]
         if len(unassigned):
             apart, _ = nearest_of(unassigned, self.blob_xy[self.blob])
-            by_unassigned = apart[:, 0] < PARAMS.near_reach * self._tip.pitch_px
+            by_unassigned = apart[:, 0] < THIRD_RING * self._tip.pitch_px
         spread = (self.freedom * self.variance * self.scale + self.square) / (self.freedom + 2)
         rough, rougher = spread > p.slip_spread**2, spread > (2.0 * p.slip_spread) ** 2
         return np.asarray((by_unmatched & by_unassigned & rough) | ((by_unmatched | by_unassigned) & rougher))

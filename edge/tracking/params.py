@@ -34,7 +34,6 @@ class TrackingParams:
     # --- coarse fits, search
     gate: float = 0.33  # of a blob from a coarse fit; of neighbours' motions; of a tip's median innovation
     region_gate: float = 0.38  # of a blob from where matched neighbours predict it
-    start_spreads: int = 2  # of `shift_spread`, that the shifts to start from cover any way
     coarse_degrees: tuple[int, ...] = (1, 1, 2, 2, 3, 3, 4, 4)  # of the polynomial of each round
     coarse_n: int = 5  # fits that go on after the affine rounds, each to be tried
     regions_max: int = 16  # matches grown in all, alternatives included: half a millisecond each

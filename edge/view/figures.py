@@ -85,7 +85,7 @@ def figure(
     )  # fmt: skip
     if features.shear_px is not None:
         shear = features.shear_px * unit_per_px
-        _draw_shear(left, place(np.nanmean(rest, axis=0)), shear, _width(place(rest)), palette)
+        _draw_shear(left, place(np.nanmean(rest, axis=0)), shear, palette)
     for contact in features.contacts or ():
         _draw_contact(left, place(contact.xy_img), palette)
     _draw_camera(right, frame, place)
@@ -113,18 +113,12 @@ def _cells(polygons: Sequence[Array], change: Array, palette: Palette, full: flo
     )
 
 
-def _width(points: Array) -> float:
-    """Largest extent of the points, along x or y."""
-    return float((np.nanmax(points, axis=0) - np.nanmin(points, axis=0)).max())
-
-
-def _draw_shear(axes: Any, middle: Array, shear: Array, width: float, palette: Palette) -> None:
-    """The mean motion as an arrow; none if it is shorter than its shaft is wide."""
-    if PARAMS.global_gain * np.hypot(*shear) > PARAMS.shaft_rel * width:
-        axes.quiver(
-            *middle, *shear, angles="xy", scale_units="xy", scale=1 / PARAMS.global_gain,
-            color=[_rgb(palette.shear)], width=PARAMS.shaft_rel, zorder=4, edgecolor="white", linewidth=0.8,
-        )  # fmt: skip
+def _draw_shear(axes: Any, middle: Array, shear: Array, palette: Palette) -> None:
+    """The mean motion as an arrow."""
+    axes.quiver(
+        *middle, *shear, angles="xy", scale_units="xy", scale=1 / PARAMS.global_gain,
+        color=[_rgb(palette.shear)], zorder=4, edgecolor="white", linewidth=0.8,
+    )  # fmt: skip
 
 
 def _draw_contact(axes: Any, at: Array, palette: Palette) -> None:

@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from edge.types import Array
 from edge.view.params import PARAMS
 
-__all__ = ["PAPER", "SAFE", "Palette", "cell_colours", "cell_rgba"]
+__all__ = ["COLOUR_STEPS", "PAPER", "SAFE", "Palette", "cell_colours", "cell_rgba"]
 
+COLOUR_STEPS = 255  # on each side of no change: as many as a colour of 8 bits has
 Bgr = tuple[int, int, int]
 
 
@@ -77,7 +78,7 @@ def cell_colours(
     full  area change that gets the full colour; beyond it the colour stays
     """
     share = np.clip(np.nan_to_num(area_change) / full, -1.0, 1.0)
-    colours = _ramp(palette)[np.rint((share + 1.0) * PARAMS.colour_steps).astype(np.intp)]
+    colours = _ramp(palette)[np.rint((share + 1.0) * COLOUR_STEPS).astype(np.intp)]
     colours[~np.isfinite(area_change)] = palette.edge
     return colours
 
@@ -95,7 +96,7 @@ _TO_LAB = np.array([[0.2104542553, 0.7936177850, -0.0040720468],
 def _ramp(palette: Palette) -> NDArray[np.uint8]:
     """Colours from fully expanded through unchanged to fully compressed, BGR."""
     expanded, paper, compressed = _oklab(np.array([palette.expanded, palette.paper, palette.compressed]))
-    share = np.linspace(-1.0, 1.0, 2 * PARAMS.colour_steps + 1)
+    share = np.linspace(-1.0, 1.0, 2 * COLOUR_STEPS + 1)
     end = np.where(share[:, None] < 0, expanded, compressed)
     return _bgr(paper + (end - paper) * (np.abs(share) ** PARAMS.change_exponent)[:, None])
 

@@ -12,11 +12,9 @@ class ViewParams:
     # --- colours of the cells
     full_change: float = 0.5  # area change that gets the full colour
     change_exponent: float = 0.7  # of an area change; below 1 it emphasises small ones, where a touch begins
-    colour_steps: int = 255  # on each side of no change
     # --- vectors
     local_gain: float = 2.0  # of each pin's motion
     global_gain: float = 6.0  # of the mean motion, which is small beside the largest
-    shaft_rel: float = 0.013  # width of the mean's arrow in print, of the panel; a shorter arrow is not drawn
     # --- figures for print
     surface_box: tuple[float, float, float, float] = (-0.05, -0.02, 1.0, 1.1)  # left, bottom, width, height;
     # of the figure: the surface fills it, with space for the label of z

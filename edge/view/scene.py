@@ -19,7 +19,7 @@ import numpy as np
 
 from edge.cells import cell_polygons
 from edge.types import Array, Frame, Rest, Result
-from edge.view.palette import PAPER, SAFE, Palette, cell_colours, cell_rgba
+from edge.view.palette import COLOUR_STEPS, PAPER, SAFE, Palette, cell_colours, cell_rgba
 from edge.view.params import PARAMS
 from hostlink.wire import FIELDS
 from hostlink.wire.shown import live_charts, live_fields, page_numbers
@@ -51,9 +51,7 @@ def hello(source: str, serial: str) -> dict[str, Any]:
 def _colours(palette: Palette) -> dict[str, Any]:
     """By name, red first; "cells" from fully expanded to fully compressed."""
     named = {name: list(getattr(palette, name)[::-1]) for name in Palette.__dataclass_fields__}
-    steps = cell_colours(
-        np.linspace(-PARAMS.full_change, PARAMS.full_change, 2 * PARAMS.colour_steps + 1), palette
-    )
+    steps = cell_colours(np.linspace(-PARAMS.full_change, PARAMS.full_change, 2 * COLOUR_STEPS + 1), palette)
     return {**named, "cells": steps[:, ::-1].tolist()}
 
 

@@ -218,7 +218,7 @@ class Worker:
     def _end_recording(self, recording: FrameRecorder) -> str:
         self._drained.clear()
         self._ask("stop_recording")
-        self._drained.wait(PARAMS.drain_s)  # everything that the loop has sent has arrived
+        self._drained.wait(PARAMS.command_s)  # everything that the loop has sent has arrived
         self._recording = None
         recorder = recording.recorder
         recorder.close()

@@ -21,15 +21,13 @@ class WorkerParams:
 
     # --- shared memory
     memory_bytes: int = 24 << 20  # for messages under way
-    packet_bytes: int = 1 << 16  # largest packet without arrays
 
     # --- what viewers ask for
-    command_s: float = 10.0  # for a command in the loop, above all a tare
+    command_s: float = 10.0  # until the loop has done what it was asked, above all a tare
 
     # --- what goes to and from it
     recent_n: int = 256  # samples between two pictures; a slow viewer loses the older ones
     report_s: float = 0.1  # between reports of what is no new result: the rest of a picture, viewers' wishes
-    drain_s: float = 5.0  # for messages under way when a recording ends
     recent_s: float = 0.5  # time that a packet tells of: the charts' rows, the rate, the result of an image
 
 

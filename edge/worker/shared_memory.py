@@ -27,8 +27,6 @@ from collections import deque
 from contextlib import suppress
 from typing import Any
 
-from edge.worker.params import PARAMS
-
 __all__ = ["Inbox", "Outbox", "pair", "receive"]
 
 ALIGN = 64  # a cache line
@@ -46,7 +44,7 @@ def receive(connection: socket.socket) -> bytes:
     """The next packet, waiting for it; empty: the other side has closed, and all it sent was read."""
     while True:
         try:
-            return connection.recv(2 * PARAMS.packet_bytes)
+            return connection.recv(connection.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF))
         except ConnectionResetError:  # raised once by a dead side, before packets that are still unread
             continue
 

@@ -24,7 +24,6 @@ __all__ = ["ViewFeed"]
 
 _charted = attrgetter(*live_fields(FIELDS))
 _MEANING = {fault.code: fault.meaning for fault in FAULTS}
-_PERIOD_S = 1.0 / WebLimits().rate_hz
 
 
 class ViewFeed:
@@ -83,7 +82,8 @@ class ViewFeed:
             self._about(),
         )
         # Due by the clock, not a period after this frame: so as many are sent as the page draws.
-        self._due_s = max(self._due_s, now_s - _PERIOD_S) + _PERIOD_S
+        period_s = 1.0 / WebLimits().rate_hz
+        self._due_s = max(self._due_s, now_s - period_s) + period_s
         self._sent_s = now_s
         if self._put(show):
             self._shown = (frame, result, rest)

@@ -104,8 +104,10 @@ def bounded_memory(most_bytes: int) -> Iterator[None]:
     assert peak_bytes < most_bytes
 
 
-def _line_of_pins() -> list[list[float]]:
-    return [[100.0 + 20.0 * k, 240.0 + 0.01 * (k % 3)] for k in range(20)]
+def _line_of_pins() -> dict[str, Any]:
+    pins = [[100.0 + 20.0 * k, 240.0 + 0.01 * (k % 3)] for k in range(20)]
+    sensor: dict[str, Any] = calibration_content()["sensor"]
+    return sensor | {"rest_xy_px": pins, "centre_px": [290.0, 240.0], "tip_radius_px": 190.0}
 
 
 def _two_groups() -> dict[str, Any]:
@@ -136,9 +138,9 @@ HOSTILE: dict[str, tuple[tuple[str | int, ...], Any, str]] = {
         REST, [*PINS, [30_000.0, 30_000.0]], "sensor.rest_xy_px[19][0]: must be at most 16384",
     ),
     "a pin at 1e9": (REST, [*PINS, [1e9, 240.0]], "sensor.rest_xy_px[19][0]: must be at most 16384"),
-    "pins on a line": (REST, _line_of_pins(), "sensor.rest_xy_px: the pins are all on one line"),
+    "pins on a line": (("sensor",), _line_of_pins(), "most of the tip's pins missing, or all on one line?"),
     "three pins": (REST, PINS[:3], "must have at least 12 items"),
-    "too many pins": (REST, [[0.1 * k, 0.0] for k in range(5000)], "must have at most 2048 items"),
+    "too many pins": (REST, [[0.1 * k, 0.0] for k in range(5000)], "must have at most 3060 items"),
     "a pin twice": (REST, [*PINS, PINS[4]], "0 px from another pin, where the others are 20 px apart"),
     "one pin many times": (REST, [PINS[0]] * 19, "0 px from another pin"),
     "an image of another world": (
@@ -158,7 +160,7 @@ HOSTILE: dict[str, tuple[tuple[str | int, ...], Any, str]] = {
         ("sensor",), _two_groups(), "sensor.rest_xy_px: 38 pins 20 px apart cover 11% of the tip's circle",
     ),
     "weights beyond measure": (
-        ("models", 1, "weights", 1), [1e300, 0.0], "models[1].weights[1][0]: must be at most 1e+15",
+        ("models", 1, "weights", 1), [1e300, 0.0], "models[1].weights[1][0]: must be at most 9.0072e+15",
     ),
     "a text of a megabyte": (("data", "source"), "x" * 1_000_000, "data.source: must have"),
     "an output of a megabyte": (

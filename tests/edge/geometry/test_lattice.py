@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from edge.geometry.lattice import N_RING, PARAMS, nearest, pitch_of, residual_stencil, slope_stencil
+from edge.geometry.lattice import (
+    N_RING,
+    N_TWO_RINGS,
+    nearest,
+    pitch_of,
+    residual_stencil,
+    slope_stencil,
+)
 from edge.types import Array
 from tests.support.fields import hexagon
 
@@ -28,8 +35,8 @@ def test_the_pitch_of_two_points_is_their_distance() -> None:
 
 def test_nearest_starts_with_the_pin_itself_and_grows_outwards() -> None:
     xy = scattered()
-    near = nearest(xy, PARAMS.near_n)
-    assert near.shape == (len(xy), PARAMS.near_n + 1)
+    near = nearest(xy, N_TWO_RINGS)
+    assert near.shape == (len(xy), N_TWO_RINGS + 1)
     np.testing.assert_array_equal(near[:, 0], np.arange(len(xy)))
     distance = np.hypot(*(xy[near] - xy[:, None]).transpose(2, 0, 1))
     assert (np.diff(distance, axis=1) >= 0).all()
@@ -46,7 +53,7 @@ def test_of_pins_at_one_distance_the_lower_row_comes_first() -> None:
 
 
 def test_fewer_pins_than_neighbours_give_fewer_columns() -> None:
-    assert nearest(hexagon(1, PITCH)[:4], PARAMS.near_n).shape == (4, 4)
+    assert nearest(hexagon(1, PITCH)[:4], N_TWO_RINGS).shape == (4, 4)
 
 
 def test_the_slope_of_an_affine_motion_is_exact() -> None:
