@@ -44,6 +44,7 @@ KERNELS = {
     "edge.features.partial_slip": SMALL,
     "edge.features.peaks": FAST,
     "edge.features.pin_motion": FAST,
+    "edge.features.vibration": FAST,
     "edge.features.pin_noise": FAST,
     "edge.features.quantized_operator": FAST,
     "edge.features.regions": SMALL,

@@ -148,7 +148,7 @@ class FeatureExtractor:
         self._xy = self._motion.xy
         self._modes = Modes(rest)
         self._slip = Slip(rest, self._motion, params)
-        self._vibration = Vibration(len(rest), params)
+        self._vibration = Vibration(self._px, params)
         self._surface: Surface | None = None  # made for the first contact
         self._finder: ContactFinder | None = None
         self._plan = _Plan(frozenset())
@@ -228,7 +228,7 @@ class FeatureExtractor:
                 pins = self._contact_pins(motion, area_change)
                 of_pins = self._of_contact_pins(motion, area_change, kept, pins)
                 if plan.vibration:
-                    vibration = self._vibration.update(kept[0], pins, motion.now_px, capture_ns)
+                    vibration = self._vibration.update(pins, motion.now_px, capture_ns)
         else:
             self._slip.forget()
             self._vibration.forget()

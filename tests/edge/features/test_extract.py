@@ -23,7 +23,16 @@ from tests.support.images import read_grey
 pytestmark = [pytest.mark.kernels, pytest.mark.compiled]
 
 ALL = frozenset(Feature)
-OPTIONAL = ("shear_px", "modes_px", "volume_px2", "surface", "contacts", "torsion_rad", "slip_px")
+OPTIONAL = (
+    "shear_px",
+    "modes_px",
+    "volume_px2",
+    "surface",
+    "contacts",
+    "torsion_rad",
+    "slip_px",
+    "vibration_px",
+)
 
 
 def extractor(rest: Rest) -> FeatureExtractor:
@@ -54,6 +63,7 @@ def test_every_feature_has_its_needs() -> None:
         ({Feature.TORSION}, {"torsion_rad", "modes_px"}),
         ({Feature.SLIP}, {"slip_px"}),
         ({Feature.SURFACE}, {"surface"}),
+        ({Feature.VIBRATION}, {"vibration_px"}),
         (set(Feature), set(OPTIONAL)),
     ],
 )
