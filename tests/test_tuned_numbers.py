@@ -15,7 +15,7 @@ AT_MOST = {
     "cli": 15,
     "edge": 14,
     "faults": 4,
-    "features": 16,
+    "features": 17,
     "geometry": 9,
     "link": 16,
     "pins": 30,

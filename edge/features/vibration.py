@@ -31,12 +31,10 @@ else:
     from math import nan as NAN  # noqa: N812
     from math import pi as M_PI  # noqa: N812
 
-__all__ = ["NO_VIBRATION", "Rms", "Vibration"]
+__all__ = ["Rms", "Vibration"]
 
-#: rms in px, and its band in Hz; None: there is none.
-Rms = tuple[float | None, tuple[float, float] | None]
-#: What a frame without contact has.
-NO_VIBRATION: Rms = (0.0, None)
+#: rms in px, and the upper end of its band in Hz; None: there is none.
+Rms = tuple[float | None, float | None]
 
 
 @cython.cclass
@@ -83,7 +81,7 @@ class Vibration:
         pins        (k,) int32, rows of the pins in the contact
         sigma_px    noise of one coordinate of one pin in one frame
         capture_ns  start of its exposure
-        Returns     rms in px, NaN while it is not known; its band in Hz, None while there is none
+        Returns     rms in px, NaN while it is not known; upper end of its band in Hz, None while there is none
         Raises      ValueError: no such pin
         """
         k: cython.Py_ssize_t
@@ -110,7 +108,7 @@ class Vibration:
         self._power_px2 += share * (power - self._power_px2)
         if self._lasted_s * self._from_hz < 1.0:
             return NAN, None
-        return sqrt(max(self._power_px2, 0.0)), (self._from_hz, 0.5 / step_s)
+        return sqrt(max(self._power_px2, 0.0)), 0.5 / step_s
 
     @cython.cfunc
     @cython.exceptval(check=False)
