@@ -42,6 +42,7 @@ KERNELS = {
     "edge.features.partial_slip": SMALL,
     "edge.features.peaks": FAST,
     "edge.features.pin_motion": FAST,
+    "edge.features.vibration": FAST,
     "edge.features.regions": SMALL,
     "edge.geometry.neighbours": FAST,
     "edge.geometry.select": FAST,

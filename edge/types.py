@@ -465,10 +465,11 @@ class Features:
     torsion_rad     rotation of the motion field about the contact
     slip_px         float, expected rms motion within the contact since the last frame that no load explains
     slip_probability 0..1, that more than half of the contact's area slides
+    vibration_px    float, rms motion of the contact's pins above `features.params.vibration_from_hz`; 0: no
+                    contact; NaN: not known yet
+    vibration_to_hz float, upper end of its band: half the frame rate
     gap             as `Cells.gap`; NaN: pins are lost, and there are no cells to estimate it from
     gap_img         as `Cells.gap_img`; None too if there are no cells
-    vibration_px    float, rms motion of the contact's pins in `vibration_hz`; 0: no contact; NaN: not known
-    vibration_hz    lowest and highest frequency of that; the highest is half the frame rate
     """
 
     area_change: Array
@@ -483,10 +484,10 @@ class Features:
     torsion_rad: float | None = None
     slip_px: float | None = None
     slip_probability: float | None = None
+    vibration_px: float | None = None
+    vibration_to_hz: float | None = None
     gap: float = 0.0
     gap_img: Array | None = None
-    vibration_px: float | None = None
-    vibration_hz: tuple[float, float] | None = None
 
 
 @per_frame

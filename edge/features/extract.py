@@ -37,8 +37,8 @@ from edge.features.params import PARAMS, FeatureParams, largest_noise
 from edge.features.pin_motion import PinMotion
 from edge.features.slip import Slip
 from edge.features.surface import Surface
-from edge.features.vibration import NO_VIBRATION, Rms, Vibration
-from edge.types import Array, Cells, ContactRegion, Feature, Features, Index, Mask, Rest, Tracks, per_frame
+from edge.features.vibration import Rms, Vibration
+from edge.types import Array, Cells, ContactRegion, Feature, Features, Mask, Rest, Tracks, per_frame
 
 __all__ = ["NEEDS", "FeatureExtractor", "FeaturePlan", "Quantity"]
 
@@ -62,11 +62,11 @@ NEEDS: dict[Feature, frozenset[Quantity]] = {
 
 
 #: Of `Features` what follows from areas: volume, surface, grid, contacts; and from the pins in the contact:
-#: torsion, slip and its probability.
+#: torsion, slip and its probability, vibration and the end of its band.
 _OfAreas = tuple[float | None, Array | None, tuple[Array, Array] | None, tuple[ContactRegion, ...] | None]
-_OfPins = tuple[float | None, float | None, float | None]
+_OfPins = tuple[float | None, float | None, float | None, float | None, float | None]
 _NO_AREAS: _OfAreas = (None, None, None, None)
-_NO_PINS: _OfPins = (None, None, None)
+_NO_PINS: _OfPins = (None, None, None, None, None)
 
 
 class FeaturePlan:
@@ -104,8 +104,13 @@ class FeaturePlan:
             None,
             () if self.contacts else None,
         )
-        self.untouched_vibration: Rms = NO_VIBRATION if self.vibration else (None, None)
-        self.untouched_pins: _OfPins = (0.0 if self.torsion else None, slip, slip)
+        self.untouched_pins: _OfPins = (
+            0.0 if self.torsion else None,
+            slip,
+            slip,
+            0.0 if self.vibration else None,
+            None,
+        )
 
 
 @per_frame
@@ -159,7 +164,7 @@ class FeatureExtractor:
         self._xy = self._motion.xy
         self._modes = Modes(rest)
         self._slip = Slip(rest, self._motion, params)
-        self._vibration = Vibration(len(rest), params)
+        self._vibration = Vibration(self._px, params)
         self._surface: Surface | None = None  # made for the first contact
         self._finder: ContactFinder | None = None
         self._plan = FeaturePlan(frozenset())
@@ -225,15 +230,12 @@ class FeatureExtractor:
         if plan.modes and (in_contact or plan.modes_at_rest):
             modes_px = self._modes.fit(motion.whole_px, motion.known)
         kept = motion.px.copy(), area_change.copy()
-        of_areas, of_pins, vibration = _NO_AREAS, _NO_PINS, plan.untouched_vibration
+        of_areas, of_pins = _NO_AREAS, _NO_PINS
         if in_contact:
             if cells is not None and plan.areas:
                 of_areas = self._of_areas(whole_change, tracks.seen, motion.sigma_px, noise)
             if plan.contact_pins:
-                pins = self._contact_pins(area_change, noise)
-                of_pins = self._of_contact_pins(motion, area_change, kept, pins)
-                if plan.vibration:
-                    vibration = self._vibration.update(kept[0], pins, motion.now_px, capture_ns)
+                of_pins = self._of_contact_pins(motion, area_change, noise, kept, capture_ns)
         else:
             self._slip.forget()
             self._vibration.forget()
@@ -244,9 +246,7 @@ class FeatureExtractor:
         else:
             gap, gap_img = 0.0 if motion.known is None else math.nan, None
         # By place: names cost 3,000 instructions.
-        return Features(
-            kept[1], kept[0], in_contact, shear_px, modes_px, *of_areas, *of_pins, gap, gap_img, *vibration
-        )
+        return Features(kept[1], kept[0], in_contact, shear_px, modes_px, *of_areas, *of_pins, gap, gap_img)
 
     def _motion_of(self, tracks: Tracks, cells: Cells | None) -> _Motion:
         seen, px = tracks.seen, self._px
@@ -291,24 +291,25 @@ class FeatureExtractor:
                 contacts = self.finder.find(xy_img, seen, sigma_px, moments=plan.moments, fits=plan.fits)
         return volume, picture, grid, contacts
 
-    def _contact_pins(self, area_change: Array, noise: float) -> Index:
-        """Rows of the pins in the contact; good until the next frame.
-
-        noise  one sigma of a cell's area change
-        """
-        params = self._params
-        least = max(params.contact_sigma * noise, params.min_area_change)
-        return self._motion.in_contact(area_change, least)
-
     def _of_contact_pins(
-        self, motion: _Motion, area_change: Array, kept: tuple[Array, Array], pins: Index
+        self,
+        motion: _Motion,
+        area_change: Array,
+        noise: float,
+        kept: tuple[Array, Array],
+        capture_ns: int,
     ) -> _OfPins:
-        """Those of a frame in contact."""
-        plan = self._plan
+        """Those of a frame in contact; noise: one sigma of a cell's area change."""
+        plan, params = self._plan, self._params
         torsion = slip = probability = None
+        vibration: Rms = (None, None)
+        least = max(params.contact_sigma * noise, params.min_area_change)
+        pins = self._motion.in_contact(area_change, least)
         if plan.torsion:
             torsion = self._motion.torsion(motion.px, pins)
         if plan.slip:
             state = self._slip.update(motion.px, area_change, pins, motion.sigma_px, kept)
             slip, probability = state.slip_px, state.probability
-        return torsion, slip, probability
+        if plan.vibration:
+            vibration = self._vibration.update(pins, motion.now_px, capture_ns)
+        return torsion, slip, probability, *vibration

@@ -6,91 +6,156 @@ Rules
   The coefficients follow from the time between two captures, so that the cut-off is the same at any rate.
 - The square is averaged over the contact's pins, and over one period of the cut-off. The part that the
   centroids' noise has in it is known, as it passes the same filter, and is subtracted.
+- A pin that joins the contact, or is found again, begins where the others are on average.
 - NaN until a contact, or the frames after a gap, have lasted for that period, and where the frame rate is
   too low for the band. Zero without a contact.
 
 Source  Oppenheim, Schafer, "Discrete-Time Signal Processing", section 7.1.2: the bilinear transform
+
+A kernel: compiled by Cython (see setup.py), and the same when it is not.
 """
+
+# mypy: disable-error-code="no-any-return,untyped-decorator,valid-type"
 
 from __future__ import annotations
 
-from math import exp, nan, pi, sqrt, tan
-
+import cython
 import numpy as np
 
 from edge.features.params import PARAMS, FeatureParams
-from edge.types import Array, Index
 
-__all__ = ["NO_VIBRATION", "Rms", "Vibration"]
+if cython.compiled:
+    from cython.cimports.libc.math import M_PI, NAN, exp, isnan, sqrt, tan
+else:
+    from math import exp, isnan, sqrt, tan
+    from math import nan as NAN  # noqa: N812
+    from math import pi as M_PI  # noqa: N812
 
-#: rms in px, and its band in Hz; None: there is none.
-Rms = tuple[float | None, tuple[float, float] | None]
-#: What a frame without contact has.
-NO_VIBRATION: Rms = (0.0, None)
-#: Cut-off of each of two equal high-passes, in the one of both together.
-_OF_EACH = sqrt(sqrt(2.0) - 1.0)
+__all__ = ["Rms", "Vibration"]
+
+#: rms in px, and the upper end of its band in Hz; None: there is none.
+Rms = tuple[float | None, float | None]
 
 
+@cython.cclass
 class Vibration:
-    """Follows the high-passed motion of n pins while a contact lasts."""
+    """Follows the high-passed motion of the contact's pins.
 
-    def __init__(self, n: int, params: FeatureParams = PARAMS) -> None:
+    motion  (n, 2) float64 px since rest, NaN where lost; the extractor writes each frame's into it
+    """
+
+    _from_hz: cython.double
+    _motion: cython.const[cython.double][:, ::1]
+    _before: cython.double[:, ::1]
+    _once: cython.double[:, ::1]
+    _twice: cython.double[:, ::1]
+    _frame_of: cython.longlong[::1]  # the frame in which each pin was followed last
+    _frame: cython.longlong
+    _before_ns: cython.longlong
+    _lasted_s: cython.double
+    _power_px2: cython.double
+
+    def __init__(self, motion: cython.const[cython.double][:, ::1], params: FeatureParams = PARAMS) -> None:
+        """Raises ValueError: motion of another shape."""
+        if motion.shape[1] != 2:
+            raise ValueError(f"motion (n, 2) is wanted, not (n, {motion.shape[1]})")
+        n: cython.Py_ssize_t = motion.shape[0]
         self._from_hz = params.vibration_from_hz
-        self._once, self._twice = np.zeros((n, 2)), np.zeros((n, 2))  # filtered, over their gains
-        self._before_px: Array | None = None
+        self._motion = motion
+        self._before, self._once, self._twice = np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 2))
+        self._frame_of = np.zeros(n, np.int64)
+        self._frame = 1
         self._before_ns = 0
-        self._gain = 1.0
-        self._lasted_s = self._power_px2 = 0.0
+        self.forget()
 
     def forget(self) -> None:
         """The next frame does not follow from the last one: the contact was lost."""
-        self._before_px = None
+        self._frame += 2  # nothing was followed in the frame before
+        self._lasted_s = self._power_px2 = 0.0
 
-    def update(self, motion_px: Array, pins: Index, sigma_px: float, capture_ns: int) -> Rms:
+    def update(
+        self, pins: cython.const[cython.int][::1], sigma_px: cython.double, capture_ns: cython.longlong
+    ) -> Rms:
         """Take a frame in contact.
 
-        motion_px   (n, 2) px since rest, in an array that stays; NaN where lost
         pins        (k,) int32, rows of the pins in the contact
         sigma_px    noise of one coordinate of one pin in one frame
         capture_ns  start of its exposure
-        Returns     rms in px, NaN while it is not known; its band in Hz, None while there is none
+        Returns     rms in px, NaN while it is not known; upper end of its band in Hz, None while there is none
+        Raises      ValueError: no such pin
         """
-        before_px, self._before_px = self._before_px, motion_px
-        step_s = (capture_ns - self._before_ns) * 1e-9
+        k: cython.Py_ssize_t
+        for k in range(pins.shape[0]):
+            if not 0 <= pins[k] < self._motion.shape[0]:
+                raise ValueError(f"pins 0 to {self._motion.shape[0] - 1} are there, not {pins[k]}")
+        step_s: cython.double = (capture_ns - self._before_ns) * 1e-9
         self._before_ns = capture_ns
-        if before_px is None or not 0.0 < 2.0 * step_s * self._from_hz < 1.0:
-            self._once.fill(0.0)
-            self._twice.fill(0.0)
-            self._lasted_s = self._power_px2 = 0.0
-            return nan, None
-        w = _OF_EACH * tan(pi * self._from_hz * step_s)
-        pole, gain = (1.0 - w) / (1.0 + w), 1.0 / (1.0 + w)
-        power = gain**4 * self._filtered(motion_px, before_px, pins, pole, self._gain / gain)
-        self._gain = gain
+        if not 0.0 < 2.0 * step_s * self._from_hz < 1.0:
+            self.forget()
+        self._frame += 1
+        w: cython.double = 0.0
+        if step_s > 0.0:  # each filter's cut-off lies below that of both in a row
+            w = sqrt(sqrt(2.0) - 1.0) * tan(M_PI * self._from_hz * step_s)
+        pole: cython.double = (1.0 - w) / (1.0 + w) if w != -1.0 else 0.0
+        power: cython.double = self._mean_square(pins, pole)
+        if isnan(power):  # no pin was there before
+            return NAN, None
         power -= sigma_px * sigma_px * (1.0 + pole) * (3.0 + pole) / 4.0  # white noise of two coordinates
         self._lasted_s += step_s
-        share = max(1.0 - exp(-step_s * self._from_hz), step_s / self._lasted_s)  # a plain mean at first
+        share: cython.double = 1.0 - exp(-step_s * self._from_hz)
+        if self._lasted_s * share < step_s:
+            share = step_s / self._lasted_s  # a plain mean at first
         self._power_px2 += share * (power - self._power_px2)
         if self._lasted_s * self._from_hz < 1.0:
-            return nan, None
-        return sqrt(max(self._power_px2, 0.0)), (self._from_hz, 0.5 / step_s)
+            return NAN, None
+        return sqrt(max(self._power_px2, 0.0)), 0.5 / step_s
 
-    def _filtered(
-        self, motion_px: Array, before_px: Array, pins: Index, pole: float, rescale: float
-    ) -> float:
-        """One step of both filters; the pins' mean square, over the gains."""
-        once, twice = self._once, self._twice
-        once *= rescale
-        twice *= pole * rescale * rescale
-        twice -= once
-        once *= pole
-        once += motion_px
-        once -= before_px
-        twice += once
-        chosen = twice.take(pins, axis=0)
-        total = float(np.vdot(chosen, chosen))
-        if total != total:  # pins that are or were lost begin anew
-            lost = np.isnan(twice)
-            once[lost] = twice[lost] = 0.0
-            total = float(np.nansum(chosen * chosen))
-        return total / max(len(pins), 1)
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _mean_square(self, pins: cython.const[cython.int][::1], pole: cython.double) -> cython.double:
+        """One step of both filters, of each pin; NaN: no pin was followed in the frame before."""
+        gain: cython.double = 0.5 * (1.0 + pole)
+        held_n: cython.Py_ssize_t = 0
+        total: cython.double = 0.0
+        once: cython.double
+        twice: cython.double
+        k: cython.Py_ssize_t
+        i: cython.Py_ssize_t
+        for k in range(pins.shape[0]):
+            i = pins[k]
+            if self._frame_of[i] != self._frame - 1 or isnan(self._motion[i, 0]):
+                continue
+            held_n += 1
+            for axis in range(2):
+                once = pole * self._once[i, axis] + gain * (self._motion[i, axis] - self._before[i, axis])
+                twice = pole * self._twice[i, axis] + gain * (once - self._once[i, axis])
+                self._once[i, axis], self._twice[i, axis] = once, twice
+                total += twice * twice
+            self._frame_of[i] = self._frame
+        if held_n < pins.shape[0]:
+            self._join(pins, held_n)
+        for k in range(pins.shape[0]):
+            i = pins[k]
+            self._before[i, 0], self._before[i, 1] = self._motion[i, 0], self._motion[i, 1]
+            self._frame_of[i] = self._frame if not isnan(self._motion[i, 0]) else 0
+        return total / held_n if held_n else NAN
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _join(self, pins: cython.const[cython.int][::1], held_n: cython.Py_ssize_t) -> cython.void:
+        """Let the other pins begin where the held ones are on average."""
+        once: cython.double
+        twice: cython.double
+        i: cython.Py_ssize_t
+        k: cython.Py_ssize_t
+        for axis in range(2):
+            once = twice = 0.0
+            for k in range(pins.shape[0] if held_n else 0):
+                i = pins[k]
+                if self._frame_of[i] == self._frame:
+                    once += self._once[i, axis] / held_n
+                    twice += self._twice[i, axis] / held_n
+            for k in range(pins.shape[0]):
+                i = pins[k]
+                if self._frame_of[i] != self._frame:
+                    self._once[i, axis], self._twice[i, axis] = once, twice

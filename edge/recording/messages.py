@@ -201,8 +201,8 @@ def _varint(number: int) -> bytes:
     return bytes(data)
 
 
-#: Fields of `Features` that are numbers, or two.
-_SCALARS = [f.name for f in fields(Features) if f.type in ("float | None", "tuple[float, float] | None")]
+#: Fields of `Features` that are numbers.
+_SCALARS = [f.name for f in fields(Features) if f.type == "float | None"]
 
 
 def features_json(frame: Frame, features: Features) -> dict[str, Any]:

@@ -92,6 +92,20 @@ def test_slip_speed_needs_a_scale_and_the_time_between_two_frames() -> None:
     assert "slip_speed_mm_s" not in parsed(bare).apply(slipping, PATTERN, 0.01).values
 
 
+@pytest.mark.parametrize("vibration_px", [None, 0.0, 0.25, math.nan])
+def test_a_length_that_a_feature_names_is_scaled_to_mm(vibration_px: float | None) -> None:
+    changes, motion = np.zeros(4), np.zeros((4, 2))
+    shaking = Features(changes, motion, in_contact=True, vibration_px=vibration_px)
+    values = parsed(calibration_content()).apply(shaking, PATTERN).values
+    expected = (
+        {} if vibration_px is None else {"vibration_mm": pytest.approx(0.1 * vibration_px, nan_ok=True)}
+    )
+    assert {name: values[name] for name in values if name == "vibration_mm"} == expected
+    bare = calibration_content()
+    bare["mm_per_px"] = None
+    assert "vibration_mm" not in parsed(bare).apply(shaking, PATTERN).values
+
+
 def test_an_uncalibrated_tip_counts_its_contacts_and_places_none() -> None:
     spot = contact_region((340.0, 230.0), 0.3, 100.0, math.nan, 1.0)
     reading = uncalibrated(touched_features(0.1, (0.0, 0.0), (spot, spot)))

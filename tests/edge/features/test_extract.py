@@ -23,7 +23,16 @@ from tests.support.images import read_grey
 pytestmark = [pytest.mark.kernels, pytest.mark.compiled]
 
 ALL = FeaturePlan(frozenset(Feature))
-OPTIONAL = ("shear_px", "modes_px", "volume_px2", "surface", "contacts", "torsion_rad", "slip_px")
+OPTIONAL = (
+    "shear_px",
+    "modes_px",
+    "volume_px2",
+    "surface",
+    "contacts",
+    "torsion_rad",
+    "slip_px",
+    "vibration_px",
+)
 
 
 def extractor(rest: Rest) -> FeatureExtractor:
@@ -54,6 +63,7 @@ def test_every_feature_has_its_needs() -> None:
         ({Feature.TORSION}, {"torsion_rad", "modes_px"}),
         ({Feature.SLIP}, {"slip_px"}),
         ({Feature.SURFACE}, {"surface"}),
+        ({Feature.VIBRATION}, {"vibration_px"}),
         (set(Feature), set(OPTIONAL)),
     ],
 )
@@ -83,7 +93,7 @@ def test_without_cells_motion_alone_is_given() -> None:
     got = extractor(rest).extract(tracks, None, ALL)
     assert got.in_contact
     assert np.isnan(got.area_change).all()
-    assert given_fields(got) == {"shear_px", "modes_px", "torsion_rad", "slip_px"}
+    assert given_fields(got) == {"shear_px", "modes_px", "torsion_rad", "slip_px", "vibration_px"}
     shaken = Tracks(rest.xy_img + np.array([3.0, -2.0]), tracks.sigma_px, tracks.seen, 1.0)
     assert not extractor(rest).extract(shaken, None, ALL).in_contact
 
