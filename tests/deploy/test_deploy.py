@@ -156,7 +156,15 @@ class Board:
         root.mkdir()
 
     def install(self, *options: str, umask: int = 0o022) -> None:
-        command = ("sh", DEPLOY / "install.sh", "--root", self.root, "--wheels", self.wheels, *options)
+        command: tuple[str | Path, ...] = (
+            "sh",
+            DEPLOY / "install.sh",
+            "--root",
+            self.root,
+            "--wheels",
+            self.wheels,
+            *options,
+        )
         done = run(*command, umask=umask)
         assert done.returncode == 0, done.stderr + done.stdout
 

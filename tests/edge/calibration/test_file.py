@@ -194,7 +194,7 @@ def test_a_hostile_file_is_refused_before_anything_is_built(
         (b"[" * 200_000, "not a calibration file: "),
         (b'{"a":' * 200_000, "not a calibration file: lists and tables are nested too deeply"),
         (b'{"format":"voronoi-touch-calibration","version":1,"sensor":' + b"[" * 200_000, "too deeply"),
-        (b" " * (limits.CALIBRATION_BYTES + 1), "larger than 2048 KiB"),
+        (b" " * (limits.FILE_BYTES + 1), "larger than 2048 KiB"),
     ],
     ids=["empty", "text", "list", "binary", "cut", "latin", "deep list", "deep table", "deep sensor", "long"],
 )

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 import pytest
-from edge.pipeline import Pipeline
 
 from calib.sim import Simulator, Tool, ToolPose
 from edge.features.vibration import Vibration
+from edge.frame import Pipeline
 from edge.rest.tare import tare
 from edge.types import Array, Feature
 
