@@ -36,7 +36,7 @@ KERNELS = {
     "edge.features.area_change": FAST,
     "edge.features.contact_detector": FAST,
     "edge.features.contact_field": FAST,
-    "edge.features.contact_fit": FAST,
+    "edge.features.several.contact_fit": FAST,
     "edge.features.contact_place": FAST,
     "edge.features.modes": FAST,
     "edge.features.partial_slip": SMALL,

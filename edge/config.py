@@ -84,6 +84,7 @@ class FeaturesTable(_Table, frozen=True, kw_only=True):
     """[features] what is computed and sent; nothing else is computed."""
 
     demand: tuple[Feature, ...] = tuple(f for f in Feature if f is not Feature.SURFACE)
+    several: bool = True  # several contacts, and bars, are fitted together; false: each region is a contact
 
 
 class StateTable(_Table, frozen=True, kw_only=True):

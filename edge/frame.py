@@ -56,13 +56,16 @@ class FramePlan:
     grip: bool
 
 
-def plan_of(demand: frozenset[Feature], calibration: Calibration | None) -> FramePlan:
-    """The one place where a demand becomes steps."""
+def plan_of(demand: frozenset[Feature], calibration: Calibration | None, several: bool = True) -> FramePlan:
+    """The one place where a demand becomes steps.
+
+    several  whether contacts of one frame are fitted together
+    """
     if calibration is None:
-        features = FeaturePlan(demand)
+        features = FeaturePlan(demand, fits=Fits.ALL if several else Fits.NONE)
         return FramePlan(not OF_CELLS.isdisjoint(demand), True, features, False)
     needed = calibration.needed(demand)
-    fits = Fits.SEVERAL if calibration.of_fits else Fits.NONE
+    fits = Fits.SEVERAL if several and calibration.of_fits else Fits.NONE
     return FramePlan(
         cells=not OF_CELLS.isdisjoint(needed),
         areas=calibration.of_volume or not needed <= OF_MODES,
@@ -76,6 +79,7 @@ class Pipeline:
 
     drift  what has been learnt of the rest frame's change, subtracted from the pins' places before anything
            is computed from them; a result's tracks are where the pins are seen. None: nothing is learnt
+    several  whether contacts of one frame are fitted together: `edge.features.several`
     """
 
     def __init__(
@@ -84,10 +88,12 @@ class Pipeline:
         calibration: Calibration | None = None,
         demand: frozenset[Feature] = ALL,
         drift: Drift | None = None,
+        several: bool = True,
     ) -> None:
         self.rest = rest
         self.calibration = calibration
         self.drift = drift
+        self._several = several
         self._capture_ns: int | None = None  # of the last frame that gave features
         self._grip = Grip()
         self._refiner = CentroidRefiner(rest)
@@ -104,7 +110,7 @@ class Pipeline:
 
     @demand.setter
     def demand(self, demand: frozenset[Feature]) -> None:
-        self._demand, self._plan = demand, plan_of(demand, self.calibration)
+        self._demand, self._plan = demand, plan_of(demand, self.calibration, self._several)
         self._tessellator.forget()  # the last cells may be of long ago
         if not self._plan.grip:
             self._grip.forget()
@@ -174,14 +180,14 @@ class Pipeline:
         frame.
         """
         self._tessellator.prepare()
-        self._extractor.prepare(plan_of(demand, self.calibration).features)
+        self._extractor.prepare(plan_of(demand, self.calibration, self._several).features)
 
     def features(self, tracks: Tracks) -> Features:
         """Features of pins at given places; contacts do not follow from the last frame's.
 
         Raises   DegenerateLayout: they span no plane
         """
-        plan = plan_of(self._demand, None)
+        plan = plan_of(self._demand, None, self._several)
         cells = self._tessellator.cells(tracks) if plan.cells else None
         self._extractor.forget_contacts()
         return self._extractor.extract(tracks, cells, plan.features)

@@ -402,7 +402,7 @@ class Feature(StrEnum):
 
 @per_frame
 class FittedContact:
-    """A contact as it was fitted to the pins' motion together with the others: `features.contact_fit`.
+    """A contact as it was fitted to the pins' motion together with the others: `features.several`.
 
     place_img  (2,) px, where its skin lies at rest
     width      pitches, of its potential

@@ -104,6 +104,7 @@ def make_loop(
         calibration,
         LoopConfig(
             demand=frozenset(config.features.demand),
+            several=config.features.several,
             tare=TareParams(frames_n=config.tare.frames_n, steady_px=config.tare.steady_px),
             drift=DriftParams(limit_px=config.tare.drift_px),
             limits=FaultParams(load_pitches=config.limits.load_pitches),

@@ -12,15 +12,14 @@
       split               two close contacts, or one long one?
       contact_place       where a contact is, by the pins round it
       pin_noise           noise of a pin, estimated from its neighbours
-      fitted_contacts     what fits of a few contacts decide
-        contact_fit       the fit of contacts to the pins' motion
+      several             what fits of a few contacts decide; can be left out
     params                every chosen number
 
 The modules of this package are one stage and may import each other.
 """
 
 from edge.features.extract import FeatureExtractor, FeaturePlan
-from edge.features.fitted_contacts import Fits
 from edge.features.modes import MODE_NAMES
+from edge.features.several import Fits
 
 __all__ = ["MODE_NAMES", "FeatureExtractor", "FeaturePlan", "Fits"]

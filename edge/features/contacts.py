@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 
 from edge.features.contact_place import ContactPlace
-from edge.features.fitted_contacts import Fits, FittedContacts
 from edge.features.params import PARAMS, FeatureParams
 from edge.features.peaks import PeakFinder
 from edge.features.pin_motion import PinNoise
 from edge.features.regions import Regions
+from edge.features.several import Fits, FittedContacts
 from edge.features.surface import Surface
 from edge.types import Array, ContactRegion, FittedContact, Heights, Mask
 

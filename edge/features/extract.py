@@ -31,10 +31,10 @@ import numpy as np
 from edge.features.area_change import AreaChange
 from edge.features.contact_detector import ContactDetector
 from edge.features.contacts import ContactFinder
-from edge.features.fitted_contacts import Fits
 from edge.features.modes import Modes
 from edge.features.params import PARAMS, FeatureParams, largest_noise
 from edge.features.pin_motion import PinMotion
+from edge.features.several import Fits
 from edge.features.slip import Slip
 from edge.features.surface import Surface
 from edge.features.vibration import Rms, Vibration

@@ -42,12 +42,14 @@ class LoopConfig:
     """What is computed, and limits; `edge.config` is the user's side of it.
 
     demand  features that are computed
+    several  whether contacts of one frame are fitted together
     tare    how the rest frame is taken and checked
     drift   how slow drift is learnt
     limits  beyond which a fault is raised
     """
 
     demand: frozenset[Feature] = frozenset(Feature) - {Feature.SURFACE}
+    several: bool = True
     tare: TareParams = PARAMS
     drift: DriftParams = DRIFT
     limits: FaultParams = FAULTS
@@ -179,7 +181,8 @@ class Measurement:
     def use_rest(self, rest: Rest, frame: Frame) -> None:
         """Measure against this rest frame, taken from `frame`, instead of one from the first images."""
         self.tare.frames = None
-        self._accept_tare(Prepared(RestFrame(rest), Pipeline(rest, self.calibration), frame))
+        pipeline = Pipeline(rest, self.calibration, several=self._config.several)
+        self._accept_tare(Prepared(RestFrame(rest), pipeline, frame))
 
     # ---- tare ---------------------------------------------------------------------------------------
 
@@ -226,7 +229,7 @@ class Measurement:
             if not is_start or error.reason is not RestFrameReason.OTHER_TIP:
                 raise
             calibration, rest_frame = self._fall_back(frames, error)
-        pipeline = Pipeline(rest_frame.rest, calibration)
+        pipeline = Pipeline(rest_frame.rest, calibration, several=self._config.several)
         if self.tare.in_thread:
             pipeline.prepare(self.demand)
         if request.store is not None:

@@ -210,6 +210,18 @@ def test_only_the_demand_is_computed(
     assert (result.features.modes_px is not None) == modes
 
 
+@pytest.mark.parametrize("several", [True, False])
+def test_fits_of_several_contacts_can_be_left_out(data_dir: Path, several: bool) -> None:
+    seen = list(open_source(str(data_dir / "two_contacts.mcap")))
+    calibration = Calibration.load(data_dir / "rings331_ball.json")
+    rest = tare([frame.image for frame in seen[:8]], calibration=calibration)
+    pipeline = Pipeline(rest, calibration, several=several)
+    found = [result.features.contacts for frame in seen if (result := pipeline.process(frame)).features]
+    pairs = [contacts for contacts in found if contacts is not None and len(contacts) == 2]
+    assert pairs
+    assert all((contact.fitted is not None) is several for contacts in pairs for contact in contacts)
+
+
 def test_an_untouched_tip_has_no_surface_and_no_contacts(frames: list[Frame], rest: Rest) -> None:
     result = Pipeline(rest).process(frames[TARE - 1])
     assert result.features is not None

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from edge.features.contact_fit import FITS_MAX, ContactFit
+from edge.features.several.contact_fit import FITS_MAX, ContactFit
 from edge.geometry.motion_field import SHARP, MotionPrior
 from edge.types import Array, Mask
 from tests.support.fields import CENTRE, tip

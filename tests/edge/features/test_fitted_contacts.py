@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from edge.features.contact_fit import ContactFit
 from edge.features.contacts import ContactFinder
-from edge.features.fitted_contacts import Fits
+from edge.features.several.contact_fit import ContactFit
+from edge.features.several.fitted_contacts import Fits
 from edge.features.surface import Surface
 from edge.types import ContactRegion, Mask
 from tests.bench.half_space import Ball, Bar, displace

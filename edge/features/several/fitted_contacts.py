@@ -27,9 +27,9 @@ from typing import Any
 
 import numpy as np
 
-from edge.features.contact_fit import FITS_MAX, ContactFit
 from edge.features.params import PARAMS, FeatureParams
 from edge.features.regions import CONTACTS_MAX, Regions
+from edge.features.several.contact_fit import FITS_MAX, ContactFit
 from edge.features.surface import Surface
 from edge.geometry.lattice import N_RING
 from edge.types import Array, FittedContact, Mask, Tracks
