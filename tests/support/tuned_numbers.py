@@ -53,7 +53,8 @@ NOT_TUNED: dict[str, frozenset[str]] = {
     }),
     "mathematics": frozenset({
         "edge/calibration/checks.py:_CELL_AREA", "edge/cli/lens.py:VIEWS_MIN", "edge/geometry/lens.py",
-        "edge/features/several/fitted_contacts.py:_HALF", "edge/features/several/fitted_contacts.py:_PINS_MIN",
+        "edge/features/several/fitted_contacts.py:_HALF",
+        "edge/features/several/fitted_contacts.py:_PINS_MIN",
         "edge/features/contact_detector.py:_SIGMA_OF_MAD", "edge/features/params.py:CELL_NOISE",
         "edge/features/params.py:RING_NOISE", "edge/features/params.py:MEDIAN_NOISE",
         "edge/features/pin_motion.py:_SIGMA_OF_MAD", "edge/tracking/outliers.py:_SIGMA_OF_MAD",
