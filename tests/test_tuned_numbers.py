@@ -13,7 +13,7 @@ AT_MOST = {
     "cli": 3,
     "edge": 10,
     "faults": 3,
-    "features": 24,
+    "features": 23,
     "geometry": 7,
     "link": 6,
     "pins": 27,
