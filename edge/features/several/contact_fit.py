@@ -52,9 +52,6 @@ _EVEN = cython.declare(cython.Py_ssize_t, FITS_MAX + 1)  # beside 0, a line, and
 #: Parameters of a contact: place (2), logarithm of the width, strength, t (2), v or half a line (2).
 _OWN = cython.declare(cython.Py_ssize_t, 8)
 _COMMON = cython.declare(cython.Py_ssize_t, 6)
-_AFFINE_PITCHES = cython.declare(
-    cython.double, 5.0
-)  # scale of the affine part: any that is of the fit's size
 #: Points of a line, over which its mean is a weighted sum: exact to 1 % for a line of ten pitches and a width
 #: of two thirds of one.
 _NODES = cython.declare(cython.Py_ssize_t, 12)
@@ -120,7 +117,7 @@ class ContactFit:
     _weight: cython.double[:, ::1]  # with Hertz's pressure, with an even one
     _evenly: cython.bint
     _sums: cython.double[:, ::1]  # of each pin over a line's nodes
-    _radius: cython.double
+    _radius: cython.double  # pins count within it; any scale of that size would do for the affine part
     _reach: cython.double
     _width: cython.double
     _prior: cython.double[::1]  # of a contact's parameters, likewise
@@ -546,8 +543,8 @@ class ContactFit:
             off = self._scale[j] * self._off(parameters, j)
             cost += off * off
         for i in range(self.n_pins):
-            x = (self._place[i, 0] - self._middle_x) / _AFFINE_PITCHES
-            y = (self._place[i, 1] - self._middle_y) / _AFFINE_PITCHES
+            x = (self._place[i, 0] - self._middle_x) / self._radius
+            y = (self._place[i, 1] - self._middle_y) / self._radius
             if derive:
                 rows[2 * i, base] = rows[2 * i + 1, base + 3] = 1.0
                 rows[2 * i, base + 1] = rows[2 * i + 1, base + 4] = x
