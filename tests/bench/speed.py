@@ -30,13 +30,14 @@ import click
 import cv2
 import numpy as np
 
+from calib.sim.script import REST_FRAMES
 from edge.calibration import Calibration
 from edge.frame import ALL, Pipeline
 from edge.link.sample import to_state
 from edge.rest.tare import tare
 from edge.types import Feature, Frame, Result
 from hostlink.wire import Status, pack_state
-from tests.bench.frames import GRASP, REST_FRAMES, back_and_forth, calibration_of, scene
+from tests.bench.frames import GRASP, back_and_forth, calibration_of, scene
 from tests.bench.output import show, write_json, writes_results
 from tests.bench.paced import run_child
 from tests.bench.reference import Reference

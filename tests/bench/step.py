@@ -25,11 +25,12 @@ from typing import Any
 import click
 import numpy as np
 
+from calib.sim.script import REST_FRAMES
 from edge.runtime.loop import LoopConfig
 from edge.types import Feature
 from tests.bench.arm64 import Board
 from tests.bench.counter import ENVIRONMENT, Counts, counted, run
-from tests.bench.frames import GRASP, NARROW, PINS, REST_FRAMES, SIZES, calibration_of, scene
+from tests.bench.frames import GRASP, NARROW, PINS, SIZES, calibration_of, scene
 from tests.bench.output import show, write_json, writes_results
 
 

@@ -149,6 +149,7 @@ class Recorder:
 
 def play() -> None:
     """A scene that reaches every kernel."""
+    from calib.sim.script import REST_FRAMES
     from edge.calibration import Calibration
     from edge.calibration.gaussian_process import ProcessKernel
     from edge.calibration.inputs import contact_inputs, evaluate_terms, frame_inputs
@@ -156,7 +157,7 @@ def play() -> None:
     from edge.frame import Pipeline
     from edge.geometry import select
     from edge.rest.tare import tare
-    from tests.bench.frames import REST_FRAMES, calibration_of, scene
+    from tests.bench.frames import calibration_of, scene
     from tests.edge.calibration.test_gaussian_process import INPUTS, MODELS
 
     frames = scene("two", 61, (320, 240))[: REST_FRAMES + 40]

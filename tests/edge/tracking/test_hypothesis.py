@@ -10,13 +10,13 @@ from edge.tracking.hypothesis import Hypothesis, certain_match
 from edge.tracking.motion_model import MotionModel
 from edge.tracking.tip import TrackedTip
 from edge.types import Array, Index, Mask
-from tests.edge.tracking.test_tracker import PITCH_PX, hexagonal, rest_at
+from tests.support.layouts import PITCH_PX, hexagonal, rest_of
 
 N = 169
 
 
 def model_of(xy: Array) -> MotionModel:
-    return MotionModel(TrackedTip.of(rest_at(xy)))
+    return MotionModel(TrackedTip.of(rest_of(xy)))
 
 
 def moved(xy: Array) -> Array:
