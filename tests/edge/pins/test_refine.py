@@ -15,6 +15,7 @@ from edge.pins import CentroidRefiner
 from edge.types import Array, Image
 from tests.support.kernels import ROOT, VARIABLE
 from tests.support.pins_rendered import cramer_rao_px, draw, expose, hexagon, known_rest
+from tests.support.refusals import refused
 
 pytestmark = pytest.mark.kernels
 
@@ -200,8 +201,7 @@ def test_sixteen_bit_rows_with_a_stride_and_nan_predictions() -> None:
 def test_arrays_of_another_size_or_type_are_refused() -> None:
     truth = hexagon(1, 22.0, (50.0, 50.0))
     refiner = CentroidRefiner(known_rest(truth, 6.0, 0.9, 120, 2.0, 22.0, (100, 100)))
-    with pytest.raises(ValueError, match="are wanted"):
-        refiner.refine(np.zeros((100, 100), np.uint8), truth[:3])
+    refused("are wanted", refiner.refine, np.zeros((100, 100), np.uint8), truth[:3])
     with pytest.raises(ValueError, match="uint8 or uint16"):
         refiner.refine(np.zeros((100, 100), np.float32), truth)  # type: ignore[arg-type]
 
@@ -317,5 +317,4 @@ def test_windows_whose_copies_would_end_beyond_the_image_are_read_pixel_by_pixel
 def test_an_image_without_pixels_is_refused() -> None:
     for shape in ((0, 0), (0, 100), (100, 0)):
         refiner, _, predicted = scattered(8, dark=False)
-        with pytest.raises(ValueError, match="an image of"):
-            refiner.refine(np.zeros(shape, np.uint8), predicted)
+        refused("an image of", refiner.refine, np.zeros(shape, np.uint8), predicted)
