@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +10,7 @@ from scipy.special import erfc
 
 from edge.pins import CentroidRefiner
 from edge.types import Array, Image
-from tests.support.kernels import ROOT, VARIABLE
+from tests.support.kernels import uncompiled
 from tests.support.pins_rendered import cramer_rao_px, draw, expose, hexagon, known_rest
 from tests.support.refusals import refused
 
@@ -253,21 +250,11 @@ def refined() -> Array:
 
 @pytest.mark.compiled
 def test_compiled_and_uncompiled_give_the_same_to_the_last_bit() -> None:
-    """The uncompiled kernel is the reference: a process of its own runs it."""
-    code = (
-        "import sys; from tests.support import kernels; kernels.install();"
-        "from tests.edge.pins.test_refine import refined; import edge.pins.centroids as c;"
-        "assert c.__file__.endswith('.py'), c.__file__;"
-        "sys.stdout.buffer.write(refined().tobytes())"
-    )
-    run = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, env=os.environ | {VARIABLE: "python"}, capture_output=True
-    )
-    assert run.returncode == 0, run.stderr.decode()
+    reference = uncompiled("tests.edge.pins.test_refine", "refined", "edge.pins.centroids")
     ours = refined()
     assert (np.isnan(ours[..., 0]).sum(axis=1) >= 3).all()
     assert (np.isnan(ours[..., 0]).sum(axis=1) <= 8).all()
-    np.testing.assert_array_equal(ours, np.frombuffer(run.stdout).reshape(ours.shape))
+    np.testing.assert_array_equal(ours, np.frombuffer(reference).reshape(ours.shape))
 
 
 @pytest.mark.parametrize(("bits", "dark"), SCATTERED)

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,10 +12,8 @@ from edge.tracking.outliers import PhotometricFilter
 from edge.tracking.tip import TrackedTip
 from edge.types import Array, Pins, Rest
 from tests.support.fields import CENTRE, hexagon, make_rest
-from tests.support.kernels import VARIABLE
+from tests.support.kernels import uncompiled
 from tests.support.refusals import refused
-
-ROOT = Path(__file__).resolve().parents[3]
 
 pytestmark = pytest.mark.kernels
 
@@ -170,21 +164,11 @@ def test_a_search_tells_what_is_left_of_the_residuals() -> None:
 
 @pytest.mark.compiled
 def test_compiled_and_uncompiled_give_the_same() -> None:
-    """The uncompiled kernels are the reference: a process of its own runs them."""
-    code = (
-        "import sys; from tests.support import kernels; kernels.install();"
-        "from tests.edge.tracking.test_follow import followed; import edge.tracking.follow as f;"
-        "assert f.__file__.endswith('.py'), f.__file__;"
-        "sys.stdout.buffer.write(followed().tobytes())"
-    )
-    run = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, env=os.environ | {VARIABLE: "python"}, capture_output=True
-    )
-    assert run.returncode == 0, run.stderr.decode()
+    reference = uncompiled("tests.edge.tracking.test_follow", "followed", "edge.tracking.follow")
     ours = followed()
     rejected = (ours[:, 2 * 37 : 3 * 37] == 0).sum(axis=1)
     assert rejected.min() > 5  # missing, displaced, on one blob, and unlike themselves
-    np.testing.assert_array_equal(ours, np.frombuffer(run.stdout).reshape(ours.shape))
+    np.testing.assert_array_equal(ours, np.frombuffer(reference).reshape(ours.shape))
 
 
 @pytest.mark.parametrize(
