@@ -10,6 +10,7 @@ from edge.cells.missing import LostPins
 from edge.cells.points import FramePoints
 from edge.types import Array
 from tests.support.layouts import PITCH_PX, hexagonal
+from tests.support.refusals import refused
 
 pytestmark = pytest.mark.kernels
 
@@ -73,24 +74,19 @@ def test_sizes_that_do_not_fit_are_refused() -> None:
     n, b = len(rest), len(around)
     out = np.empty((n + b, 2))
     for bad in (rest[:-1], np.empty((n, 3)), np.empty((0, 2))):
-        with pytest.raises(ValueError, match="are wanted"):
-            points.place(np.ascontiguousarray(bad), out)
-    with pytest.raises(ValueError, match="are wanted"):
-        points.place(rest, out[1:])
+        refused("are wanted", points.place, np.ascontiguousarray(bad), out)
+    refused("are wanted", points.place, rest, out[1:])
     for field in ("rim_terms", "fit", "terms", "near", "weight"):
         short = motion._replace(**{field: getattr(motion, field)[:-1]})
-        with pytest.raises(ValueError, match="are wanted"):
-            FramePoints(rest, short, around)
+        refused("are wanted", FramePoints, rest, short, around)
     for i in (n, -1):
         rim = motion.rim.copy()
         rim[3] = i
-        with pytest.raises(ValueError, match="rim: "):
-            FramePoints(rest, motion._replace(rim=rim), around)
+        refused("rim: ", FramePoints, rest, motion._replace(rim=rim), around)
     for i in (len(motion.rim), -1):
         near = motion.near.copy()
         near[3, 1] = i
-        with pytest.raises(ValueError, match="near: "):
-            FramePoints(rest, motion._replace(near=near), around)
+        refused("near: ", FramePoints, rest, motion._replace(near=near), around)
     for pins in ([n], [-1, 2], [2, 1], [1, 1], list(range(n))):
         m = len(pins)
         with pytest.raises(ValueError, match="missing"):

@@ -8,6 +8,7 @@ import pytest
 from edge.features.area_change import AreaChange
 from edge.types import Array, Rest
 from tests.support.fields import CENTRE, frame, push, tip
+from tests.support.refusals import refused
 
 pytestmark = pytest.mark.kernels
 
@@ -72,8 +73,6 @@ def test_sizes_that_do_not_fit_are_refused() -> None:
     rest = tip(127)
     changes = made(rest)
     for change, xy in ((np.zeros(126), rest.xy_img), (np.zeros(127), rest.xy_img[1:])):
-        with pytest.raises(ValueError, match="wanted"):
-            changes.fill(change, xy)
+        refused("wanted", changes.fill, change, xy)
     for area in (np.ones(126), np.ones((127, 1))):
-        with pytest.raises(ValueError, match="wanted"):
-            AreaChange(rest.xy_img, 32.0, area)
+        refused("wanted", AreaChange, rest.xy_img, 32.0, area)

@@ -12,6 +12,7 @@ from edge.features.surface import Surface
 from edge.geometry.thin_plate import thin_plate_operators
 from edge.types import Array
 from tests.support.fields import CENTRE, push, tip
+from tests.support.refusals import refused
 
 pytestmark = pytest.mark.kernels
 
@@ -126,9 +127,6 @@ def test_guessed_contacts_are_dropped() -> None:
 
 def test_sizes_that_do_not_fit_are_refused() -> None:
     surface, _, regions, near = made()
-    with pytest.raises(ValueError, match="wanted"):
-        near.visible_share(np.ones(126, np.bool_), 0.0, 0.0)
-    with pytest.raises(ValueError, match="wanted"):
-        near.find_places(REST.xy_img[1:])
-    with pytest.raises(ValueError, match="wanted"):
-        ContactPlace(REST.xy_img[1:], PITCH, surface.field, regions)
+    refused("wanted", near.visible_share, np.ones(126, np.bool_), 0.0, 0.0)
+    refused("wanted", near.find_places, REST.xy_img[1:])
+    refused("wanted", ContactPlace, REST.xy_img[1:], PITCH, surface.field, regions)

@@ -7,6 +7,7 @@ import pytest
 
 from edge.features.modes import INDEPENDENT_REL, MODE_NAMES, MODE_POWERS, Modes, mode_basis
 from tests.support.fields import CENTRE, make_rest, push, tip
+from tests.support.refusals import refused
 
 pytestmark = pytest.mark.kernels
 
@@ -65,5 +66,4 @@ def test_sizes_that_do_not_fit_are_refused() -> None:
         (np.zeros((127, 3)), seen),
         (np.zeros((127, 2)), seen[1:]),
     ):
-        with pytest.raises(ValueError, match="wanted"):
-            made.fit(motion, mask)
+        refused("wanted", made.fit, motion, mask)

@@ -10,6 +10,7 @@ import pytest
 from edge.features.pin_motion import PinMotion
 from edge.types import Array
 from tests.support.fields import CENTRE, make_rest, tip
+from tests.support.refusals import refused
 
 
 def turned(xy: Array, angle: float, about: Array) -> Array:
@@ -122,15 +123,13 @@ def test_a_contact_is_pressed_where_its_cells_grow_together() -> None:
 def test_a_rest_frame_without_two_coordinates_a_pin_is_refused() -> None:
     rest = tip(127)
     pins = replace(rest.pins, xy_img=rest.xy_img[:, :1])
-    with pytest.raises(ValueError, match="wanted"):
-        PinMotion(replace(rest, pins=pins))
+    refused("wanted", PinMotion, replace(rest, pins=pins))
 
 
 def test_a_tip_without_a_radius_is_refused() -> None:
     rest = tip(127)
     flat = replace(rest, pattern=replace(rest.pattern, tip_radius_px=0.0))
-    with pytest.raises(ValueError, match="radius"):
-        PinMotion(flat)
+    refused("radius", PinMotion, flat)
 
 
 def test_arrays_that_do_not_fit_are_refused() -> None:
@@ -139,30 +138,20 @@ def test_arrays_that_do_not_fit_are_refused() -> None:
     sigma = np.zeros(127)
     pins = np.arange(5, dtype=np.int32)
     for bad in (xy[:-1], np.zeros((127, 3)), np.zeros((128, 2))):
-        with pytest.raises(ValueError, match="wanted"):
-            made.since_rest(bad, sigma, np.empty((127, 2)))
-        with pytest.raises(ValueError, match="wanted"):
-            made.since_rest(xy, sigma, bad)
-        with pytest.raises(ValueError, match="wanted"):
-            made.torsion(bad, pins)
-        with pytest.raises(ValueError, match="wanted"):
-            made.fit_step(bad, xy, pins)
-        with pytest.raises(ValueError, match="wanted"):
-            made.fit_step(xy, bad, pins)
-    with pytest.raises(ValueError, match="wanted"):
-        made.since_rest(xy, sigma[:-1], np.empty((127, 2)))
-    with pytest.raises(ValueError, match="wanted"):
-        made.in_contact(sigma[:-1], 0.0)
+        refused("wanted", made.since_rest, bad, sigma, np.empty((127, 2)))
+        refused("wanted", made.since_rest, xy, sigma, bad)
+        refused("wanted", made.torsion, bad, pins)
+        refused("wanted", made.fit_step, bad, xy, pins)
+        refused("wanted", made.fit_step, xy, bad, pins)
+    refused("wanted", made.since_rest, xy, sigma[:-1], np.empty((127, 2)))
+    refused("wanted", made.in_contact, sigma[:-1], 0.0)
     for now, before, rows in (
         (sigma[:-1], sigma, pins),
         (sigma, sigma[:-1], pins),
         (sigma, sigma, pins + 123),
     ):
-        with pytest.raises(ValueError, match="wanted"):
-            made.is_pressing(now, before, rows, 0.5)
+        refused("wanted", made.is_pressing, now, before, rows, 0.5)
     for row in (-1, 127, 2**31 - 1):
         pins[3] = row
-        with pytest.raises(ValueError, match="pins"):
-            made.torsion(xy, pins)
-        with pytest.raises(ValueError, match="pins"):
-            made.fit_step(xy, xy, pins)
+        refused("pins", made.torsion, xy, pins)
+        refused("pins", made.fit_step, xy, xy, pins)

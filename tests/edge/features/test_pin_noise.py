@@ -7,6 +7,7 @@ import pytest
 
 from edge.features.pin_motion import PinNoise
 from tests.support.fields import CENTRE, push, tip
+from tests.support.refusals import refused
 
 pytestmark = pytest.mark.kernels
 
@@ -28,5 +29,4 @@ def test_sizes_that_do_not_fit_are_refused() -> None:
     rest = tip(127)
     noise, seen = PinNoise(rest.xy_img, rest.pattern.pitch_px), np.ones(127, np.bool_)
     for xy, mask in ((rest.xy_img[1:], seen), (np.zeros((127, 3)), seen), (rest.xy_img, seen[1:])):
-        with pytest.raises(ValueError, match="wanted"):
-            noise.sigma_px(xy, mask)
+        refused("wanted", noise.sigma_px, xy, mask)

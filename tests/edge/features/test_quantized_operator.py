@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from edge.features.contact_field import QuantizedOperator
+from tests.support.refusals import refused
 
 pytestmark = pytest.mark.kernels
 
@@ -79,12 +80,9 @@ def test_a_row_keeps_one_block_at_least() -> None:
 
 def test_arrays_that_do_not_fit_are_refused() -> None:
     for bad in (np.zeros(3), np.zeros((0, 3)), np.zeros((3, 0)), np.array([[np.nan]]), np.array([[np.inf]])):
-        with pytest.raises(ValueError, match="finite"):
-            QuantizedOperator(bad)
+        refused("finite", QuantizedOperator, bad)
     operator, which = QuantizedOperator(np.ones((2, 2))), np.array([0, 1, 0], np.int32)
     for n in (-1, 3, 4):
-        with pytest.raises(ValueError, match="rows"):
-            operator.apply_rows(which, n)
+        refused("rows", operator.apply_rows, which, n)
     for row in (-1, 2):
-        with pytest.raises(ValueError, match="which"):
-            operator.apply_rows(np.array([row], np.int32), 1)
+        refused("which", operator.apply_rows, np.array([row], np.int32), 1)

@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from edge.geometry.neighbours import nearest_of, pairs_within, short_rows, weighted_rows
+from tests.support.refusals import refused
 
 RNG = np.random.default_rng(5)
 
@@ -55,8 +56,7 @@ def test_pairs_are_those_of_a_search_tree(reach: float) -> None:
 )
 @pytest.mark.kernels
 def test_points_that_cannot_be_compared_are_refused(points: np.ndarray, xy: np.ndarray, k: int) -> None:
-    with pytest.raises(ValueError, match=r"(is|are) wanted"):
-        nearest_of(points, xy, k)
+    refused(r"(is|are) wanted", nearest_of, points, xy, k)
 
 
 def test_rows_keep_their_numbers() -> None:
@@ -77,7 +77,5 @@ def test_weights_of_a_row_are_an_even_number_and_none_is_zero_before_the_last() 
 @pytest.mark.parametrize("row", [-1, 65_536])
 def test_rows_that_16_bits_do_not_hold_are_refused(row: int) -> None:
     rows = np.array([[0, row]], np.int32)
-    with pytest.raises(ValueError, match="rows"):
-        short_rows(rows)
-    with pytest.raises(ValueError, match="rows"):
-        weighted_rows(rows, np.ones((1, 2)))
+    refused("rows", short_rows, rows)
+    refused("rows", weighted_rows, rows, np.ones((1, 2)))

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -13,8 +10,9 @@ from scipy.special import erfc
 
 from edge.pins import CentroidRefiner
 from edge.types import Array, Image
-from tests.support.kernels import ROOT, VARIABLE
+from tests.support.kernels import uncompiled
 from tests.support.pins_rendered import cramer_rao_px, draw, expose, hexagon, known_rest
+from tests.support.refusals import refused
 
 pytestmark = pytest.mark.kernels
 
@@ -200,8 +198,7 @@ def test_sixteen_bit_rows_with_a_stride_and_nan_predictions() -> None:
 def test_arrays_of_another_size_or_type_are_refused() -> None:
     truth = hexagon(1, 22.0, (50.0, 50.0))
     refiner = CentroidRefiner(known_rest(truth, 6.0, 0.9, 120, 2.0, 22.0, (100, 100)))
-    with pytest.raises(ValueError, match="are wanted"):
-        refiner.refine(np.zeros((100, 100), np.uint8), truth[:3])
+    refused("are wanted", refiner.refine, np.zeros((100, 100), np.uint8), truth[:3])
     with pytest.raises(ValueError, match="uint8 or uint16"):
         refiner.refine(np.zeros((100, 100), np.float32), truth)  # type: ignore[arg-type]
 
@@ -253,21 +250,11 @@ def refined() -> Array:
 
 @pytest.mark.compiled
 def test_compiled_and_uncompiled_give_the_same_to_the_last_bit() -> None:
-    """The uncompiled kernel is the reference: a process of its own runs it."""
-    code = (
-        "import sys; from tests.support import kernels; kernels.install();"
-        "from tests.edge.pins.test_refine import refined; import edge.pins.centroids as c;"
-        "assert c.__file__.endswith('.py'), c.__file__;"
-        "sys.stdout.buffer.write(refined().tobytes())"
-    )
-    run = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, env=os.environ | {VARIABLE: "python"}, capture_output=True
-    )
-    assert run.returncode == 0, run.stderr.decode()
+    reference = uncompiled("tests.edge.pins.test_refine", "refined", "edge.pins.centroids")
     ours = refined()
     assert (np.isnan(ours[..., 0]).sum(axis=1) >= 3).all()
     assert (np.isnan(ours[..., 0]).sum(axis=1) <= 8).all()
-    np.testing.assert_array_equal(ours, np.frombuffer(run.stdout).reshape(ours.shape))
+    np.testing.assert_array_equal(ours, np.frombuffer(reference).reshape(ours.shape))
 
 
 @pytest.mark.parametrize(("bits", "dark"), SCATTERED)
@@ -317,5 +304,4 @@ def test_windows_whose_copies_would_end_beyond_the_image_are_read_pixel_by_pixel
 def test_an_image_without_pixels_is_refused() -> None:
     for shape in ((0, 0), (0, 100), (100, 0)):
         refiner, _, predicted = scattered(8, dark=False)
-        with pytest.raises(ValueError, match="an image of"):
-            refiner.refine(np.zeros(shape, np.uint8), predicted)
+        refused("an image of", refiner.refine, np.zeros(shape, np.uint8), predicted)

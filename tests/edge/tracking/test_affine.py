@@ -9,6 +9,7 @@ from edge.geometry.lattice import Lattice
 from edge.tracking.affine import LocalAffine
 from edge.types import Array
 from tests.support.fields import hexagon
+from tests.support.refusals import refused
 
 PITCH = 19.0
 
@@ -61,25 +62,20 @@ def test_the_matrix_of_full_neighbourhoods_is_the_same_prediction() -> None:
 @pytest.mark.parametrize("motion_n", [36, 38, 0])
 def test_motion_of_another_number_of_pins_is_refused(motion_n: int) -> None:
     _, _, affine = tip()
-    with pytest.raises(ValueError, match=r"motion \(37, 2\)"):
-        affine.predict(np.zeros((motion_n, 2)), np.ones(37, bool))
-    with pytest.raises(ValueError, match=r"known \(37,\)"):
-        affine.predict(np.zeros((37, 2)), np.ones(motion_n, bool))
-    with pytest.raises(ValueError, match=r"motion \(37, 2\)"):
-        affine.predict(np.zeros((37, 3)), np.ones(37, bool))
+    refused(r"motion \(37, 2\)", affine.predict, np.zeros((motion_n, 2)), np.ones(37, bool))
+    refused(r"known \(37,\)", affine.predict, np.zeros((37, 2)), np.ones(motion_n, bool))
+    refused(r"motion \(37, 2\)", affine.predict, np.zeros((37, 3)), np.ones(37, bool))
 
 
 @pytest.mark.parametrize("pin", [-1, 37, 2**31 - 1])
 def test_a_neighbour_that_does_not_exist_is_refused(pin: int) -> None:
     _, lattice, _ = tip()
     lattice.near[5, 3] = pin
-    with pytest.raises(ValueError, match="neighbours of 0 to 36"):
-        LocalAffine(lattice, 0.05)
+    refused("neighbours of 0 to 36", LocalAffine, lattice, 0.05)
 
 
 def test_weights_of_another_size_are_refused() -> None:
     for name, cut in (("weight", np.s_[:, 1:]), ("offset", np.s_[1:])):
         _, lattice, _ = tip()
         setattr(lattice, name, getattr(lattice, name)[cut])
-        with pytest.raises(ValueError, match=r"weight \(37, 18\)"):
-            LocalAffine(lattice, 0.05)
+        refused(r"weight \(37, 18\)", LocalAffine, lattice, 0.05)

@@ -7,6 +7,7 @@ import pytest
 from scipy.optimize import linear_sum_assignment
 
 from edge.tracking.match import assign
+from tests.support.refusals import refused
 
 RNG = np.random.default_rng(3)
 
@@ -27,5 +28,4 @@ def test_no_other_assignment_costs_less(shape: tuple[int, int], whole: bool) -> 
 )
 @pytest.mark.kernels
 def test_costs_without_an_assignment_are_refused(cost: np.ndarray) -> None:
-    with pytest.raises(ValueError, match="are wanted"):
-        assign(cost)
+    refused("are wanted", assign, cost)

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,9 +12,8 @@ from edge.tracking.outliers import PhotometricFilter
 from edge.tracking.tip import TrackedTip
 from edge.types import Array, Pins, Rest
 from tests.support.fields import CENTRE, hexagon, make_rest
-from tests.support.kernels import VARIABLE
-
-ROOT = Path(__file__).resolve().parents[3]
+from tests.support.kernels import uncompiled
+from tests.support.refusals import refused
 
 pytestmark = pytest.mark.kernels
 
@@ -80,8 +75,7 @@ def test_arrays_of_another_type_are_refused_each_time() -> None:
     kernel.follow(rest.xy_img, rest.pins.sigma_px, rest.pins.brightness)
     single: Any = rest.pins.sigma_px.astype(np.float32)
     for _ in range(2):
-        with pytest.raises(ValueError, match="dtype"):
-            kernel.follow(rest.xy_img, single, rest.pins.brightness)
+        refused("dtype", kernel.follow, rest.xy_img, single, rest.pins.brightness)
 
 
 def test_no_pin_is_seen_where_nothing_was_found_or_two_are_on_one_blob() -> None:
@@ -170,21 +164,11 @@ def test_a_search_tells_what_is_left_of_the_residuals() -> None:
 
 @pytest.mark.compiled
 def test_compiled_and_uncompiled_give_the_same() -> None:
-    """The uncompiled kernels are the reference: a process of its own runs them."""
-    code = (
-        "import sys; from tests.support import kernels; kernels.install();"
-        "from tests.edge.tracking.test_follow import followed; import edge.tracking.follow as f;"
-        "assert f.__file__.endswith('.py'), f.__file__;"
-        "sys.stdout.buffer.write(followed().tobytes())"
-    )
-    run = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, env=os.environ | {VARIABLE: "python"}, capture_output=True
-    )
-    assert run.returncode == 0, run.stderr.decode()
+    reference = uncompiled("tests.edge.tracking.test_follow", "followed", "edge.tracking.follow")
     ours = followed()
     rejected = (ours[:, 2 * 37 : 3 * 37] == 0).sum(axis=1)
     assert rejected.min() > 5  # missing, displaced, on one blob, and unlike themselves
-    np.testing.assert_array_equal(ours, np.frombuffer(run.stdout).reshape(ours.shape))
+    np.testing.assert_array_equal(ours, np.frombuffer(reference).reshape(ours.shape))
 
 
 @pytest.mark.parametrize(
@@ -193,8 +177,7 @@ def test_compiled_and_uncompiled_give_the_same() -> None:
 def test_a_frame_of_another_number_of_pins_is_refused(shapes: tuple[tuple[int, int], int, int]) -> None:
     kernel = follower(small_tip())
     found, sigma, brightness = shapes
-    with pytest.raises(ValueError, match=r"found \(19, 2\)"):
-        kernel.follow(np.zeros(found), np.ones(sigma), np.ones(brightness))
+    refused(r"found \(19, 2\)", kernel.follow, np.zeros(found), np.ones(sigma), np.ones(brightness))
 
 
 def test_a_state_of_another_number_of_pins_is_refused() -> None:
@@ -202,21 +185,18 @@ def test_a_state_of_another_number_of_pins_is_refused() -> None:
     for xy, residual, seen in ((18, 19, 19), (19, 18, 19), (19, 19, 18)):
         with pytest.raises(ValueError, match=r"xy \(19, 2\)"):
             kernel.settle(np.zeros((xy, 2)), np.zeros((residual, 2)), np.ones(seen, bool))
-    with pytest.raises(ValueError, match=r"xy \(19, 2\)"):
-        kernel.strayed(np.zeros((18, 2)))
+    refused(r"xy \(19, 2\)", kernel.strayed, np.zeros((18, 2)))
 
 
 def test_a_lattice_of_another_tip_is_refused() -> None:
     small, large = TrackedTip.of(small_tip(1)), TrackedTip.of(small_tip(2))
-    with pytest.raises(ValueError, match="wanted for 19 pins"):
-        Follower(small.lattice, large.photometric, large.params)
+    refused("wanted for 19 pins", Follower, small.lattice, large.photometric, large.params)
 
 
 def test_more_pins_than_an_index_holds_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     tip = TrackedTip.of(small_tip())
     monkeypatch.setattr("edge.tracking.follow.PINS_MAX", 18)
-    with pytest.raises(ValueError, match="19 pins; 18 at most"):
-        Follower(tip.lattice, tip.photometric, tip.params)
+    refused("19 pins; 18 at most", Follower, tip.lattice, tip.photometric, tip.params)
 
 
 @pytest.mark.parametrize("name", ["closest", "pairs"])
@@ -224,8 +204,7 @@ def test_more_pins_than_an_index_holds_are_refused(monkeypatch: pytest.MonkeyPat
 def test_a_lattice_that_names_no_pin_is_refused(name: str, pin: int) -> None:
     tip = TrackedTip.of(small_tip())
     getattr(tip.lattice, name)[3, 1] = pin
-    with pytest.raises(ValueError, match=f"{name}: pins of 0 to 18"):
-        Follower(tip.lattice, tip.photometric, tip.params)
+    refused(f"{name}: pins of 0 to 18", Follower, tip.lattice, tip.photometric, tip.params)
 
 
 def test_the_filter_refuses_other_sizes() -> None:
@@ -234,8 +213,6 @@ def test_the_filter_refuses_other_sizes() -> None:
         sizes = [18 if k == wrong else 19 for k in range(5)]
         pins = Pins(np.zeros((19, 2)), np.ones(sizes[0]), np.ones(19), np.ones(sizes[1]))
         motion, residual, seen = np.zeros((sizes[2], 2)), np.zeros((sizes[3], 2)), np.ones(sizes[4], bool)
-        with pytest.raises(ValueError, match="19 pins"):
-            tip.photometric.accepted(pins, motion, residual, seen, False)
+        refused("19 pins", tip.photometric.accepted, pins, motion, residual, seen, False)
     for at_rest, local in ((small_tip(1).pins, np.ones(19)), (small_tip().pins, np.ones(18))):
-        with pytest.raises(ValueError, match="19 pins"):
-            PhotometricFilter(tip.affine, at_rest, local, tip.params)
+        refused("19 pins", PhotometricFilter, tip.affine, at_rest, local, tip.params)

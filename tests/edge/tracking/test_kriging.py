@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from edge.tracking.kriging import Kriging
+from tests.support.refusals import refused
 
 N, K = 30, 8
 RNG = np.random.default_rng(7)
@@ -71,16 +72,11 @@ def test_squares_around_are_as_with_the_pin_where_it_is_predicted() -> None:
 @pytest.mark.kernels
 def test_sizes_that_do_not_fit_are_refused() -> None:
     one = kriging()
-    with pytest.raises(ValueError, match="are wanted"):
-        Kriging(NEAR, AROUND[1:], np.linalg.inv(SYSTEM), RIGHT, 2.0)
-    with pytest.raises(ValueError, match="pins of 0 to"):
-        Kriging(NEAR + np.int32(1), AROUND, np.linalg.inv(SYSTEM), RIGHT, 2.0)
-    with pytest.raises(ValueError, match="pins of 0 to"):
-        one.weights(np.array([N], np.int32), np.ones((1, K), bool))
-    with pytest.raises(ValueError, match="are wanted"):
-        one.weights(np.array([0], np.int32), np.ones((1, K + 1), bool))
-    with pytest.raises(ValueError, match="are wanted"):
-        one.predict(np.ones((N, K)), np.ones((N + 1, 2)))
+    refused("are wanted", Kriging, NEAR, AROUND[1:], np.linalg.inv(SYSTEM), RIGHT, 2.0)
+    refused("pins of 0 to", Kriging, NEAR + np.int32(1), AROUND, np.linalg.inv(SYSTEM), RIGHT, 2.0)
+    refused("pins of 0 to", one.weights, np.array([N], np.int32), np.ones((1, K), bool))
+    refused("are wanted", one.weights, np.array([0], np.int32), np.ones((1, K + 1), bool))
+    refused("are wanted", one.predict, np.ones((N, K)), np.ones((N + 1, 2)))
     with pytest.raises(ValueError, match="are wanted"):
         one.square_around(np.ones((N, 2)), np.ones(N), np.ones((N, K)), np.ones(N + 1, bool))
     with pytest.raises(ValueError, match="is wanted"):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from edge.tracking.match import Links
+from tests.support.refusals import refused
 
 pytestmark = pytest.mark.kernels
 
@@ -21,14 +22,11 @@ def test_pieces_end_where_the_motion_differs_and_at_unknown_pins() -> None:
 
 @pytest.mark.parametrize("pin", [-1, 3])
 def test_links_to_a_pin_that_does_not_exist_are_refused(pin: int) -> None:
-    with pytest.raises(ValueError, match="pins of 0 to 2"):
-        Links(3, np.array([[0, 1], [1, pin]], np.int32), np.ones(2))
+    refused("pins of 0 to 2", Links, 3, np.array([[0, 1], [1, pin]], np.int32), np.ones(2))
 
 
 def test_links_refuse_other_sizes() -> None:
-    with pytest.raises(ValueError, match="a limit for each"):
-        Links(3, np.array([[0, 1], [1, 2]], np.int32), np.ones(3))
+    refused("a limit for each", Links, 3, np.array([[0, 1], [1, 2]], np.int32), np.ones(3))
     links = Links(3, np.array([[0, 1], [1, 2]], np.int32), np.ones(2))
     for motion, known in (((2, 2), 3), ((3, 2), 2), ((3, 3), 3)):
-        with pytest.raises(ValueError, match=r"motion \(3, 2\)"):
-            links.pieces(np.zeros(motion), np.ones(known, bool))
+        refused(r"motion \(3, 2\)", links.pieces, np.zeros(motion), np.ones(known, bool))

@@ -14,6 +14,7 @@ from edge.tracking.outliers import PhotometricFilter
 from edge.tracking.params import TrackingParams
 from edge.types import Array, Pins, Tracks
 from tests.support.fields import tip
+from tests.support.refusals import refused
 
 PIN = 60
 OFFSET_PX = np.array([1.5, -1.0])  # px
@@ -94,5 +95,4 @@ def test_arrays_of_another_number_of_pins_are_refused(field: str) -> None:
     rest = tip(127)
     affine = LocalAffine(Lattice(rest.xy_img, rest.pattern.pitch_px), 0.05)
     pins = replace(rest.pins, **{field: getattr(rest.pins, field)[1:]})
-    with pytest.raises(ValueError, match="are wanted"):
-        PhotometricFilter(affine, pins, np.ones(127), TrackingParams())
+    refused("are wanted", PhotometricFilter, affine, pins, np.ones(127), TrackingParams())
