@@ -203,7 +203,7 @@ def _shuffled(n: int) -> dict[str, Array]:
     ],
     ids=["too few", "no spread", "shuffled"],
 )
-def test_what_supports_no_fit_is_refused(values: dict[str, Array], expected: str) -> None:
+def test_data_that_support_no_fit_are_refused(values: dict[str, Array], expected: str) -> None:
     extract, _ = make(len(next(iter(values.values()))))
     with pytest.raises(FitError, match=expected) as caught:
         fit(REST, targets(values), extract, mm_per_px=None)

@@ -139,7 +139,7 @@ def sim(keys: str) -> Callable[[], object]:
         (sim("nothing?rate_hz=1e-300"), "rate_hz=1e-300: give 0 (its own) or 0.01 and more"),
     ],
 )
-def test_what_cannot_be_is_refused_with_what_can(make: Callable[[], object], message: str) -> None:
+def test_impossible_values_are_refused_with_possible_ones(make: Callable[[], object], message: str) -> None:
     with pytest.raises((ValueError, SourceError)) as caught:
         make()
     assert message in str(caught.value)
