@@ -37,16 +37,10 @@ def test_limits_have_a_hysteresis_either_way() -> None:
 def test_any_row_of_a_fault_holds_it_and_the_first_gives_the_reason() -> None:
     assert held_after({"level": 0.9, "black": 1.0}) == [{DARK: "black"}]
     assert held_after({"level": 0.1, "black": 1.0}) == [{DARK: "level 10%"}]
-
-
-def test_checks_without_a_measurement_stay_unchanged() -> None:
-    assert held_after({"saturated": 0.9}, {"level": 0.9}, {"saturated": 0.1}) == [
-        {BRIGHT: "full 90%"}
-    ] * 2 + [{}]
-
-
-def test_nan_is_no_fault() -> None:
     assert held_after({"level": math.nan, "saturated": math.nan}) == [{}]
+    # What is not measured anew stays as it was.
+    full = {BRIGHT: "full 90%"}
+    assert held_after({"saturated": 0.9}, {"level": 0.9}, {"saturated": 0.1}) == [full, full, {}]
 
 
 def test_a_fault_that_another_thread_raised_is_judged_with_the_next_frame() -> None:
