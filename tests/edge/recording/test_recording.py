@@ -143,6 +143,17 @@ def results() -> tuple[Tracks, Cells, Features, Reading]:
     return tracks, cells, features, reading
 
 
+def decode_by_the_library(path: Path) -> None:
+    """The mcap library's reader checks the CRCs, and decodes every message by the schemas in the file."""
+    factory = DecoderFactory()
+    with path.open("rb") as file:
+        for schema, channel, message in make_reader(file, validate_crcs=True).iter_messages():
+            if channel.message_encoding == "protobuf":
+                decode = factory.decoder_for("protobuf", schema)
+                assert decode is not None
+                decode(message.data)
+
+
 def test_results_read_back(tmp_path: Path) -> None:
     tracks, cells, features, reading = results()
     (frame,) = frames_of(1)
@@ -201,14 +212,7 @@ def test_results_read_back(tmp_path: Path) -> None:
     assert read_metadata(path)["run"] == {"operator": "nobody"}
     assert read_metadata(path)["voronoi_touch"]["serial"] == "T-1"
     assert RecordingSource(path).rate_hz == 240
-    # The mcap library's own reader checks the CRCs, and decodes every message by the schemas in the file.
-    factory = DecoderFactory()
-    with path.open("rb") as file:
-        for schema, channel, message in make_reader(file, validate_crcs=True).iter_messages():
-            if channel.message_encoding == "protobuf":
-                decode = factory.decoder_for("protobuf", schema)
-                assert decode is not None
-                decode(message.data)
+    decode_by_the_library(path)
 
 
 def test_a_truth_that_cannot_be_written_is_counted_and_named(tmp_path: Path) -> None:
