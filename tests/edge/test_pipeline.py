@@ -232,7 +232,7 @@ def test_rows_keep_the_order_of_the_calibration(
     assert np.hypot(*(in_order_of(calibration, fewer).xy_img - ordered.xy_img).T).max() < 0.3
 
 
-def test_what_is_no_rest_frame_of_the_calibration(
+def test_rest_frames_of_another_tip_or_a_touched_one_are_refused(
     data_dir: Path, frames: list[Frame], rest: Rest, calibration: Calibration
 ) -> None:
     other = Calibration.load(data_dir / "rings331_ball.json")
