@@ -51,10 +51,6 @@ def test_a_fault_that_another_thread_raised_is_judged_with_the_next_frame() -> N
     registry.report(BRIGHT, True, "by another thread")
     judge(facts)
     assert set(registry.active) == {BRIGHT}  # the limit of a fault that holds is the lower one
-
-
-def test_asking_which_faults_would_hold_reports_none() -> None:
-    registry = FaultRegistry()
-    held = Judge(CHECKS, registry).would_hold(Facts(level=0.1, black=True, saturated=0.6))
+    held = judge.would_hold(Facts(level=0.1, black=True, saturated=0.6))
     assert {code: check.measure for code, check in held.items()} == {DARK: "level", BRIGHT: "saturated"}
-    assert not registry.active
+    assert set(registry.active) == {BRIGHT}  # asking reports none

@@ -10,6 +10,7 @@ import textwrap
 import threading
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -411,24 +412,20 @@ def test_a_slow_disk_drops_messages_and_reports_it(tmp_path: Path, monkeypatch: 
     assert any("the disk is too slow" in text for text in texts)
 
 
-def test_a_disk_that_fills_up_while_recording(tmp_path: Path) -> None:
-    class Full:
-        """A file that holds one chunk."""
-
-        def __init__(self, file: Any) -> None:
-            self.file, self.left = file, 400_000
-
-        def write(self, data: bytes) -> int:
-            self.left -= len(data)
-            if self.left < 0:
-                raise OSError(28, "No space left on device")
-            return int(self.file.write(data))
-
-        def __getattr__(self, name: str) -> Any:
-            return getattr(self.file, name)
-
+def test_a_disk_that_fills_up_while_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     recorder = Recorder(tmp_path / "full.mcap", buffer_mb=100)
-    recorder._writer._writer._Writer__stream = Full(recorder._writer._file)
+    write_to_disk, left = recorder._writer._file.write, 400_000
+
+    def write(data: bytes) -> int:
+        """A file that holds one chunk."""
+        nonlocal left
+        left -= len(data)
+        if left < 0:
+            raise OSError(28, "No space left on device")
+        return int(write_to_disk(data))
+
+    full = Mock(wraps=recorder._writer._file, write=write)
+    monkeypatch.setattr(recorder._writer._writer, "_Writer__stream", full)
     for frame in frames_of(30, size=(640, 480)):
         recorder.frame(frame)
     recorder.close()
