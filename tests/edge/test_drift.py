@@ -49,12 +49,6 @@ def test_drift_is_subtracted_with_the_time_constant(rest: Rest) -> None:
     assert drift.limit_share < 0.1
 
 
-def test_the_same_tracks_as_long_as_nothing_is_learnt(rest: Rest) -> None:
-    drift = Drift(rest)
-    seen = tracks(rest.xy_img)
-    assert drift.correct(seen) is seen
-
-
 @pytest.mark.parametrize(
     ("quiet", "lost", "away", "seconds"),
     [
@@ -68,17 +62,13 @@ def test_drift_is_learnt_only_while_certainly_untouched(
     rest: Rest, quiet: bool, lost: int, away: float, seconds: float
 ) -> None:
     drift = Drift(rest, DriftParams(limit_px=0.3, time_s=1.0))
-    rest_for(drift, rest.xy_img + np.array([away, 0.0]), seconds, quiet=quiet, lost=lost)
-    assert drift.offset_px == 0.0
-
-
-def test_a_touch_restarts_the_waiting_time(rest: Rest) -> None:
-    drift = Drift(rest, DriftParams(time_s=1.0))
-    now = 0
+    now, moved = 0, rest.xy_img + np.array([away, 0.0])
     for _ in range(5):
-        now = rest_for(drift, rest.xy_img + 0.1, PARAMS.untouched_s - 0.5, now)
-        drift.learn(tracks(rest.xy_img + 0.1), now + STEP_NS, False)
+        now = rest_for(drift, moved, seconds, now, quiet, lost) + STEP_NS
+        drift.learn(tracks(moved), now, False)  # a touch restarts the waiting time
     assert drift.offset_px == 0.0
+    seen = tracks(rest.xy_img)
+    assert drift.correct(seen) is seen  # nothing was learnt
 
 
 def test_no_offset_ever_exceeds_the_limit(rest: Rest) -> None:

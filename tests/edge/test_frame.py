@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -21,19 +22,15 @@ from edge.pins import take_rest
 from edge.rest.tare import tare
 from edge.rest.tip_match import in_order_of
 from edge.sources import open_source
-from edge.types import Array, Feature, Frame, Image, Rest, Result, Tracks
+from edge.types import Array, Feature, Frame, Image, Pins, Rest, Tracks
 
 TARE = 8
 
 
 @pytest.fixture(scope="module")
-def frames(request: pytest.FixtureRequest) -> list[Frame]:
+def frames(data_dir: Path) -> list[Frame]:
     """A press and shear on 127 pins."""
-    folder: Path = request.getfixturevalue("data_dir")
-    source = open_source(str(folder / "press_shear.mcap"))
-    taken = list(source)
-    source.close()
-    return taken
+    return list(open_source(str(data_dir / "press_shear.mcap")))
 
 
 @pytest.fixture(scope="module")
@@ -183,31 +180,29 @@ def test_a_jump_gives_the_same_as_following(frames: list[Frame], rest: Rest) -> 
 
 
 @pytest.mark.parametrize(
-    ("demand", "cells", "surface", "contacts", "modes"),
+    ("demand", "computed"),
     [
-        ({Feature.SHEAR}, False, False, False, True),
-        ({Feature.CONTACTS}, True, False, True, False),
-        ({Feature.SURFACE}, True, True, False, False),
-        (set(ALL), True, True, True, True),
+        ({Feature.SHEAR}, {"modes_px"}),
+        ({Feature.CONTACTS}, {"cells", "contacts"}),
+        ({Feature.SURFACE}, {"cells", "surface"}),
+        (set(ALL), {"cells", "surface", "contacts", "modes_px"}),
     ],
     ids=["shear", "contacts", "surface", "all"],
 )
 def test_only_the_demand_is_computed(
-    frames: list[Frame],
-    rest: Rest,
-    demand: set[Feature],
-    cells: bool,
-    surface: bool,
-    contacts: bool,
-    modes: bool,
+    frames: list[Frame], rest: Rest, demand: set[Feature], computed: set[str]
 ) -> None:
     pipeline = Pipeline(rest, demand=frozenset(demand))
-    result = [pipeline.process(frame) for frame in frames][-1]
-    assert result.features is not None
-    assert (result.cells is not None) == cells
-    assert (result.features.surface is not None) == surface
-    assert (result.features.contacts is not None) == contacts
-    assert (result.features.modes_px is not None) == modes
+    results = [pipeline.process(frame) for frame in frames]
+    features, cells = results[-1].features, results[-1].cells
+    assert features is not None
+    found = {name for name in ("surface", "contacts", "modes_px") if getattr(features, name) is not None}
+    assert found | ({"cells"} if cells is not None else set()) == computed
+    untouched = results[TARE - 1].features
+    assert untouched is not None
+    assert not untouched.in_contact
+    assert untouched.surface is None
+    assert not untouched.contacts
 
 
 @pytest.mark.parametrize("several", [True, False])
@@ -220,14 +215,6 @@ def test_fits_of_several_contacts_can_be_left_out(data_dir: Path, several: bool)
     pairs = [contacts for contacts in found if contacts is not None and len(contacts) == 2]
     assert pairs
     assert all((contact.fitted is not None) is several for contacts in pairs for contact in contacts)
-
-
-def test_an_untouched_tip_has_no_surface_and_no_contacts(frames: list[Frame], rest: Rest) -> None:
-    result = Pipeline(rest).process(frames[TARE - 1])
-    assert result.features is not None
-    assert not result.features.in_contact
-    assert result.features.surface is None
-    assert result.features.contacts == ()
 
 
 def test_after_dark_frames_the_same_pins_are_held(frames: list[Frame], rest: Rest) -> None:
@@ -249,57 +236,36 @@ def test_rows_keep_the_order_of_the_calibration(
     frames: list[Frame], rest: Rest, calibration: Calibration
 ) -> None:
     ordered = in_order_of(calibration, rest)
-    distance = np.hypot(*(ordered.xy_img - calibration.rest.xy_img).T)
-    assert distance.max() < 0.3
+    assert np.hypot(*(ordered.xy_img - calibration.rest.xy_img).T).max() < 0.3
     # A tare that missed pins keeps their rows.
-    fewer = replace(rest, pins=replace(rest.pins, **{k: v[7:] for k, v in _columns(rest).items()}))
+    pins = rest.pins
+    later = Pins(pins.xy_img[7:], pins.sigma_px[7:], pins.radius_px[7:], pins.brightness[7:])
+    fewer = replace(rest, pins=later)
     assert np.hypot(*(in_order_of(calibration, fewer).xy_img - ordered.xy_img).T).max() < 0.3
 
 
-def _columns(rest: Rest) -> dict[str, np.ndarray]:
-    pins = rest.pins
-    return {
-        "xy_img": pins.xy_img,
-        "sigma_px": pins.sigma_px,
-        "radius_px": pins.radius_px,
-        "brightness": pins.brightness,
-    }
-
-
-def test_another_tip_is_refused(data_dir: Path, rest: Rest) -> None:
-    other = Calibration.load(data_dir / "rings331_ball.json")
-    with pytest.raises(
-        CalibrationError, match="320x320, the images are 280x210: give the calibration of this tip"
-    ):
-        in_order_of(other, rest)
-    same_size = replace(rest, pattern=replace(rest.pattern, size_px=other.rest.pattern.size_px))
-    with pytest.raises(CalibrationError, match=r"another tip: \d+ of its 331 pins"):
-        in_order_of(other, same_size)
-
-
-def test_a_touched_tip_is_no_rest_frame_of_the_calibration(
-    frames: list[Frame], calibration: Calibration
+def test_rest_frames_of_another_tip_or_a_touched_one_are_refused(
+    data_dir: Path, frames: list[Frame], rest: Rest, calibration: Calibration
 ) -> None:
+    other = Calibration.load(data_dir / "rings331_ball.json")
+    same_size = replace(rest, pattern=replace(rest.pattern, size_px=other.rest.pattern.size_px))
     touched = tare([frames[-1].image] * TARE, 0.5)
-    with pytest.raises(CalibrationError, match=r"deformed by \d\.\d px .* something touches the tip"):
-        in_order_of(calibration, touched)
-
-
-def test_a_moving_tip_is_no_rest_frame(frames: list[Frame]) -> None:
+    for made_for, taken, stated in (
+        (other, rest, "320x320, the images are 280x210: give the calibration of this tip"),
+        (other, same_size, r"another tip: \d+ of its 331 pins"),
+        (calibration, touched, r"deformed by \d\.\d px .* something touches the tip"),
+    ):
+        with pytest.raises(CalibrationError, match=stated):
+            in_order_of(made_for, taken)
     with pytest.raises(NoPins, match="the pins moved by"):
         tare([frame.image for frame in frames[10 : 10 + TARE]], 0.5)
-
-
-def test_no_pins_no_rest_frame() -> None:
     with pytest.raises(NoPins):
         tare([np.zeros((240, 320), np.uint8)] * TARE, 0.5)
 
 
 def grey_frames(path: Path, n: int = 10_000) -> list[Image]:
-    source = open_source(str(path))
-    taken = [frame.image for frame in islice(source, n)]
-    source.close()
-    return taken
+    with closing(open_source(str(path))) as source:
+        return [frame.image for frame in islice(source, n)]
 
 
 @pytest.mark.real

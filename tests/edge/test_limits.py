@@ -25,6 +25,7 @@ from edge.limits import BadContent, Name, Number
 from edge.sensors import load_sensor
 from edge.sources.lens_file import load_lens
 from tests.support.nasty import NASTY
+from tests.support.refusals import one_line
 
 
 class Item(msgspec.Struct, forbid_unknown_fields=True):
@@ -58,9 +59,7 @@ class Table(msgspec.Struct):
     ],
 )
 def test_errors_have_readable_messages(raw: str, expected: str) -> None:
-    with pytest.raises(BadContent) as caught:
-        limits.decode_json(raw.encode(), Table)
-    assert str(caught.value) == expected
+    assert one_line(BadContent, limits.decode_json, raw.encode(), Table) == expected
 
 
 def test_a_file_is_read_up_to_its_limit(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,8 @@ from edge.config import Config, LinkTable, SourceTable, StateTable
 from edge.errors import SourceError
 from edge.sources import open_source
 from edge.sources.live import PARAMS as LIVE
-from edge.types import Clock, Frame, Image, Lens, Polarity
+from edge.types import Clock, Frame, Image
+from tests.support import finger
 
 UP: dict[str, Any] = {
     "ifname": "can0", "flags": ["NOARP", "UP", "LOWER_UP"], "mtu": 72,
@@ -63,34 +64,21 @@ class Well(Machine):
         return n_bytes / 1e6 / self.write_mb_s
 
 
-class Camera:
+class Camera(finger.Camera):
     """A camera that shows the given images, at 100 frames/s."""
 
-    polarity = Polarity.FOUND
-    lens: Lens | None = None
-    name, size_px, rate_hz, live, dropped_n = "camera v4l2:0", (320, 320), 100.0, True, 0
-    condition = frame_condition = ""
-    recorded = ended = False
+    name = "camera v4l2:0"
 
     def __init__(self, images: list[Image], period_ns: int = 10_000_000) -> None:
+        super().__init__()
         self._images, self._period_ns, self._n = images, period_ns, 0
-        self.closed = False
 
-    def __iter__(self) -> Iterator[Frame]:
-        raise AssertionError("a live source is read")
-
-    def read(self, timeout_s: float) -> Frame | None:
+    def read(self, timeout_s: float) -> Frame | None:  # type: ignore[override]
         if not self._images:
             return None
         self._n += 1
         image = self._images[self._n % len(self._images)]
         return Frame(image, self._n * self._period_ns, self._n, Clock.HOST)
-
-    def peek(self) -> None:
-        """There is no image."""
-
-    def close(self) -> None:
-        self.closed = True
 
 
 @pytest.fixture(scope="module")
@@ -129,7 +117,7 @@ def examined(config: Config, rest: list[Image], data_dir: Path) -> Callable[...,
             if line.topic not in found or line.level != "ok":
                 found[line.topic] = line
         if isinstance(chosen, Camera):
-            assert chosen.closed
+            assert chosen.ended  # it was closed
         return found
 
     return examine_it

@@ -6,12 +6,7 @@ import numpy as np
 import pytest
 
 from edge.faults.frame_counts import FocusWindows, PinCounts, sample_levels
-from edge.faults.image_quality import (
-    ImageQuality,
-    common_step_px,
-    image_checks,
-    level_of,
-)
+from edge.faults.image_quality import ImageQuality, common_step_px, image_checks, level_of
 from edge.faults.judge import Facts, Judge
 from edge.faults.registry import FaultRegistry
 from edge.types import Frame, Image

@@ -37,16 +37,10 @@ def test_limits_have_a_hysteresis_either_way() -> None:
 def test_any_row_of_a_fault_holds_it_and_the_first_gives_the_reason() -> None:
     assert held_after({"level": 0.9, "black": 1.0}) == [{DARK: "black"}]
     assert held_after({"level": 0.1, "black": 1.0}) == [{DARK: "level 10%"}]
-
-
-def test_checks_without_a_measurement_stay_unchanged() -> None:
-    assert held_after({"saturated": 0.9}, {"level": 0.9}, {"saturated": 0.1}) == [
-        {BRIGHT: "full 90%"}
-    ] * 2 + [{}]
-
-
-def test_nan_is_no_fault() -> None:
     assert held_after({"level": math.nan, "saturated": math.nan}) == [{}]
+    # What is not measured anew stays as it was.
+    full = {BRIGHT: "full 90%"}
+    assert held_after({"saturated": 0.9}, {"level": 0.9}, {"saturated": 0.1}) == [full, full, {}]
 
 
 def test_a_fault_that_another_thread_raised_is_judged_with_the_next_frame() -> None:
@@ -57,10 +51,6 @@ def test_a_fault_that_another_thread_raised_is_judged_with_the_next_frame() -> N
     registry.report(BRIGHT, True, "by another thread")
     judge(facts)
     assert set(registry.active) == {BRIGHT}  # the limit of a fault that holds is the lower one
-
-
-def test_asking_which_faults_would_hold_reports_none() -> None:
-    registry = FaultRegistry()
-    held = Judge(CHECKS, registry).would_hold(Facts(level=0.1, black=True, saturated=0.6))
+    held = judge.would_hold(Facts(level=0.1, black=True, saturated=0.6))
     assert {code: check.measure for code, check in held.items()} == {DARK: "level", BRIGHT: "saturated"}
-    assert not registry.active
+    assert set(registry.active) == {BRIGHT}  # asking reports none

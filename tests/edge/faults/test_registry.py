@@ -18,14 +18,22 @@ from tests.support.waiting import SOON_S
 
 
 def test_each_fault_is_announced_once_when_it_appears_and_clears() -> None:
-    registry = FaultRegistry()
-    reported: list[tuple[FaultCode, bool, str]] = []
-    registry.listeners.append(lambda *what: reported.append(what))
-    for active in (True, True, False, False, True):
-        registry.report(FaultCode.CAMERA_LOST, active, "gone")
+    registry, made = FaultRegistry(), list[str]()
+    reported: list[tuple[FaultCode, bool, str, bool]] = []
+    registry.listeners.append(lambda *what: reported.append((*what, what[0] in registry.active)))
+
+    def message() -> str:
+        """Composed only for a fault that appears."""
+        made.append("gone")
+        return "gone"
+
     lost = FaultCode.CAMERA_LOST
-    assert reported == [(lost, True, "gone"), (lost, False, "gone"), (lost, True, "gone")]
-    assert registry.appeared[lost] == 2
+    for active in (False, True, True, False, False, True):
+        registry.report(lost, active, message)
+    on, off = (lost, True, "gone", True), (lost, False, "gone", False)
+    assert reported == [on, off, on]  # a listener may query the registry
+    assert registry.appeared[lost] == len(made) == 2
+    assert registry.active == {lost: "gone"}
 
 
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda f: f.code.name)
@@ -39,14 +47,6 @@ def test_each_fault_sets_its_bit_until_the_last_of_the_bit_is_gone(fault: object
         assert len(registry.active) == len(others) - i
         registry.report(other.code, False)
     assert registry.status == Status(0)
-
-
-def test_a_listener_may_query_the_registry() -> None:
-    registry = FaultRegistry()
-    seen: list[dict[FaultCode, str]] = []
-    registry.listeners.append(lambda *_: seen.append(registry.active))
-    registry.report(FaultCode.BUS_OFF, True, "x")
-    assert seen == [{FaultCode.BUS_OFF: "x"}]
 
 
 def test_each_fault_is_logged_when_it_appears_and_clears(caplog: pytest.LogCaptureFixture) -> None:
@@ -144,22 +144,18 @@ def test_free_space(tmp_path: Path) -> None:
 
 
 def test_the_board_monitor_checks_until_closed() -> None:
-    again, n = threading.Event(), [0]
+    checks = threading.Semaphore(0)
 
     def read() -> float:
-        n[0] += 1
-        if n[0] == 3:
-            again.set()
+        checks.release()
         return 20.0
 
     monitor = BoardMonitor(FaultRegistry(), read, params=BoardParams(period_s=0.001))
     monitor.start()
-    assert again.wait(SOON_S)
+    assert all(checks.acquire(timeout=SOON_S) for _ in range(3))
     monitor.close()
     assert monitor.temperature_degc == 20.0
-    seen = n[0]
     assert not monitor._thread.is_alive()
-    assert n[0] == seen
 
 
 # ---- the service manager --------------------------------------------------------------------------------
@@ -183,54 +179,33 @@ def received(manager: socket.socket) -> list[str]:
             return messages
 
 
-def test_ready_once_then_the_watchdog_while_images_flow(manager: socket.socket) -> None:
-    notifier = Notifier({"NOTIFY_SOCKET": manager.getsockname(), "WATCHDOG_USEC": "2"})  # notified every us
+@pytest.mark.parametrize(
+    ("environment", "notified_n"),
+    [
+        ({"WATCHDOG_USEC": "2"}, 3),  # every microsecond
+        ({"WATCHDOG_USEC": "60000000"}, 1),  # no more often than required
+        ({"WATCHDOG_USEC": "4", "WATCHDOG_PID": "1"}, 0),  # another process's
+    ],
+)
+def test_ready_once_then_the_watchdog_while_images_flow(
+    manager: socket.socket, environment: dict[str, str], notified_n: int
+) -> None:
+    notifier = Notifier({"NOTIFY_SOCKET": manager.getsockname(), **environment})
     assert received(manager) == []  # not ready before the first image
     for _ in range(3):
         notifier.frame()
-    assert received(manager) == ["READY=1", "WATCHDOG=1", "WATCHDOG=1", "WATCHDOG=1"]
+    assert received(manager) == ["READY=1"] + ["WATCHDOG=1"] * notified_n
     notifier.stopping()
     notifier.close()
     notifier.frame()
     assert received(manager) == ["STOPPING=1"]
 
 
-def test_the_watchdog_is_notified_no_more_often_than_required(manager: socket.socket) -> None:
-    notifier = Notifier({"NOTIFY_SOCKET": manager.getsockname(), "WATCHDOG_USEC": "60000000"})
-    for _ in range(100):
-        notifier.frame()
-    assert received(manager) == ["READY=1", "WATCHDOG=1"]
-
-
-def test_another_process_s_watchdog_is_ignored(manager: socket.socket) -> None:
-    environment = {"NOTIFY_SOCKET": manager.getsockname(), "WATCHDOG_USEC": "4", "WATCHDOG_PID": "1"}
-    Notifier(environment).frame()
-    assert received(manager) == ["READY=1"]
-
-
-def test_abstract_names() -> None:
+def test_abstract_names_and_no_manager(tmp_path: Path) -> None:
+    for environment in ({}, {"NOTIFY_SOCKET": str(tmp_path / "gone")}):
+        Notifier(environment).frame()
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener:
         listener.bind("")  # the kernel gives it an abstract name that is free
         name = listener.getsockname()[1:].decode()
         Notifier({"NOTIFY_SOCKET": f"@{name}"}).status("two\nlines")
         assert listener.recv(100) == b"STATUS=two lines"
-
-
-def test_without_a_manager_nothing_happens(tmp_path: Path) -> None:
-    Notifier({}).frame()
-    Notifier({"NOTIFY_SOCKET": str(tmp_path / "gone")}).frame()
-
-
-def test_messages_are_composed_only_for_faults_that_appear() -> None:
-    registry, made = FaultRegistry(), []
-
-    def message() -> str:
-        made.append(1)
-        return "gone"
-
-    registry.report(FaultCode.CAMERA_LOST, False, message)
-    assert not made
-    registry.report(FaultCode.CAMERA_LOST, True, message)
-    registry.report(FaultCode.CAMERA_LOST, True, message)
-    assert len(made) == 1
-    assert registry.active == {FaultCode.CAMERA_LOST: "gone"}

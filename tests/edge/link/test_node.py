@@ -252,6 +252,18 @@ def test_unusable_values_are_refused(bench: Bench, name: str, data: bytes, code:
     assert bench.finger.reboots == 0
 
 
+def test_unknown_and_write_only_objects_and_a_full_disk_are_refused(bench: Bench) -> None:
+    for index, sub, code in ((0x2999, 0, Abort.NO_OBJECT), (0x2020, 99, Abort.NO_SUB)):
+        with refused(code):
+            bench.remote.sdo.upload(index, sub)
+    with refused(Abort.WRITE_ONLY):
+        bench.read("tare")
+    bench.settings.mkdir()
+    with refused(Abort.NOT_STORED):
+        bench.write("divider", 7)
+    assert bench.read("divider") == 1
+
+
 def test_the_node_gives_the_reason_of_a_refusal(bench: Bench) -> None:
     bench.write("tare", 1)
     bench.finger.touched = True
@@ -267,15 +279,6 @@ def test_the_node_gives_the_reason_of_a_refusal(bench: Bench) -> None:
     assert bench.finger.tares == [False, True]
     with refused(Abort.NO_DATA):  # there is no reason any more
         bench.read("refusal")
-
-
-def test_unknown_objects_are_refused(bench: Bench) -> None:
-    with refused(Abort.NO_OBJECT):
-        bench.remote.sdo.upload(0x2999, 0)
-    with refused(Abort.NO_SUB):
-        bench.remote.sdo.upload(0x2020, 99)
-    with refused(Abort.WRITE_ONLY):
-        bench.read("tare")
 
 
 def test_block_transfer_is_refused_and_a_plain_one_does(bench: Bench) -> None:
@@ -308,13 +311,6 @@ def test_settings_survive_a_restart(bench: Bench) -> None:
     bench.write("restore_defaults", 0x64616F6C)
     assert bench.read("divider") == 1
     assert SettingsFile(bench.settings).values == NodeSettings()
-
-
-def test_setting_that_cannot_be_stored_is_refused(bench: Bench) -> None:
-    bench.settings.mkdir()
-    with refused(Abort.NOT_STORED):
-        bench.write("divider", 7)
-    assert bench.read("divider") == 1
 
 
 def test_divider_and_rate_thin_out(bench: Bench) -> None:

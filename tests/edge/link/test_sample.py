@@ -79,7 +79,7 @@ def test_without_a_result_only_the_frame_counts() -> None:
     assert isnan(state.pins_tracked)
 
 
-def test_what_does_not_fit_is_counted_or_a_programming_error() -> None:
+def test_contacts_that_do_not_fit_are_counted_and_unknown_values_refused() -> None:
     rest: dict[str, Any] = {"sample": 0, "status": Status(0), "capture_time_us": 0}
     state = to_state(Measured(tracks(), reading(6)), **rest)
     assert state.contact_n == 6

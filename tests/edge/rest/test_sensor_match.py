@@ -47,29 +47,28 @@ def test_a_simulated_sensor_is_recognised(name: str) -> None:
     assert found.match.pins_on == 1.0
 
 
-@pytest.mark.parametrize("name", ["gelsight-mini", "tactip-127"])
-def test_the_pitch_gives_the_scale_without_a_ruler(name: str) -> None:
-    scale = mm_per_px(load_sensor(name), rest_of(name))
-    assert scale == pytest.approx(true_mm_per_px(simulator(name)), rel=0.003)
-
-
-def test_without_a_known_pitch_there_is_no_scale() -> None:
-    assert mm_per_px(load_sensor("tactip-331"), rest_of("tactip-331")) is None
-    assert mm_per_px(load_sensor("digitac"), rest_of("tactip-331")) is None
-    assert mm_per_px(load_sensor("tactip-127"), rest_of("tactip-331")) is None  # it is another one
+@pytest.mark.parametrize(
+    ("sensor", "seen", "known"),
+    [
+        ("gelsight-mini", "gelsight-mini", True),
+        ("tactip-127", "tactip-127", True),
+        ("tactip-331", "tactip-331", False),  # its pitch is not known
+        ("digitac", "tactip-331", False),
+        ("tactip-127", "tactip-331", False),  # it is another one
+    ],
+)
+def test_a_known_pitch_gives_the_scale_without_a_ruler(sensor: str, seen: str, known: bool) -> None:
+    scale = mm_per_px(load_sensor(sensor), rest_of(seen))
+    assert scale == (pytest.approx(true_mm_per_px(simulator(seen)), rel=0.003) if known else None)
 
 
 def test_the_same_pins_in_another_layout_are_another_tip() -> None:
-    """127 pins in rings are no hexagonal lattice of 127."""
+    """127 pins in rings are no hexagonal lattice of 127; and a lattice is a square grid, sheared."""
     rings = take_rest([Simulator(Camera(Tip(127, "rings"), size_px=(320, 320))).frame().image])
     assert recognise(rings, KNOWN) is None
     found = layout_of(rings)
     assert found is not None
     assert found[0] == "rings"
-
-
-def test_a_hexagonal_lattice_is_no_square_grid() -> None:
-    """One is the other, sheared."""
     hexagonal = rest_of("tactip-127")
     assert recognise(hexagonal, [load_sensor("square-grid")]) is None
     assert match_layout(hexagonal, "square").pins_on < 0.1

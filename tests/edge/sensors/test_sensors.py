@@ -9,6 +9,7 @@ import pytest
 
 from edge.errors import ConfigError
 from edge.sensors import KnownSensor, known_sensors, load_sensor, sensor_names
+from tests.support.refusals import one_line
 
 
 def figures(sensor: KnownSensor) -> set[str]:
@@ -47,11 +48,9 @@ def test_each_figure_has_its_source_and_each_source_a_figure(sensor: KnownSensor
 def test_a_mistake_is_one_line_with_the_file(tmp_path: Path, text: str, expected: str) -> None:
     path = tmp_path / "mine.toml"
     path.write_text(text)
-    with pytest.raises(ConfigError) as raised:
-        load_sensor(str(path))
-    assert str(path) in str(raised.value)
-    assert expected in str(raised.value)
-    assert "\n" not in str(raised.value)
+    message = one_line(ConfigError, load_sensor, str(path))
+    assert str(path) in message
+    assert expected in message
 
 
 def test_an_unknown_name_lists_the_known_ones() -> None:

@@ -181,13 +181,6 @@ def test_depthai_recordings_keep_pixels_gaps_and_the_modules_times(dai: Any, tmp
 # -- hardware lines -------------------------------------------------------------------------------------
 
 
-def test_no_module_is_one_clear_line(dai: Any) -> None:
-    if dai.Device.getAllAvailableDevices():
-        pytest.skip("a module is attached")
-    message = one_line(SourceError, open_source, "oak:19443010F1A5F02E00")
-    assert "no such OAK module; free modules here: none" in message
-
-
 @pytest.mark.parametrize(
     ("spec", "stated"),
     [
@@ -198,11 +191,11 @@ def test_no_module_is_one_clear_line(dai: Any) -> None:
         ("oak:?crop=1,2,3", "crop=1,2,3: give x,y,width,height within the image of 640x400"),
         ("oak:?crop=600,0,100,100", "crop=600,0,100,100: give x,y,width,height within the image of 640x400"),
         ("oak:?width=320&height=200&crop=0,0,400,100", "within the image of 320x200"),
+        ("oak:19443010F1A5F02E00", "no such OAK module; free modules here: "),
     ],
 )
-def test_bad_keys(dai: Any, spec: str, stated: str) -> None:
-    with pytest.raises(SourceError, match=stated):
-        open_source(spec)
+def test_a_bad_address_is_one_line(dai: Any, spec: str, stated: str) -> None:
+    assert stated in one_line(SourceError, open_source, spec)
 
 
 def test_without_depthai_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

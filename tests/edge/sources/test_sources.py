@@ -199,7 +199,7 @@ def test_files_that_are_not_images_or_videos_are_refused(
     assert capfd.readouterr().err == ""  # OpenCV's own messages are suppressed
 
 
-def test_what_is_missing_or_odd_in_a_folder(tmp_path: Path) -> None:
+def test_missing_and_odd_images_of_a_folder_are_named(tmp_path: Path) -> None:
     with pytest.raises(SourceError, match="no such file"):
         read_image(tmp_path / "b.png")
     with pytest.raises(SourceError, match="no images in it"):

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -14,17 +13,13 @@ from edge.errors import InputError, SinkError
 from edge.types import Array, Features, Frame, Pins, Tracks
 from edge.view.figures import figure, surface_figure
 from edge.view.palette import PAPER, SAFE, Palette, cell_colours, cell_rgba
-from edge.view.panels import (
-    View,
-    draw_camera,
-    draw_touch,
-    picture,
-    save_pins_overlay,
-)
+from edge.view.panels import View, draw_camera, draw_touch, picture, save_pins_overlay
 from edge.view.params import PARAMS
 from edge.view.video import CODECS, write_video
 from tests.support.fields import contact_region
+from tests.support.processes import python
 
+Scene = tuple[View, Array, Tracks]
 PITCH = 20.0
 SIZE = 320
 
@@ -58,7 +53,7 @@ def features_of(
 
 
 @pytest.fixture
-def scene() -> tuple[View, Array, Tracks]:
+def scene() -> Scene:
     xy = square_grid()
     tracks = Tracks(xy, np.full(len(xy), 0.05), np.ones(len(xy), bool), 1.0)
     return View.of(xy, PITCH, SIZE), xy, tracks
@@ -76,30 +71,15 @@ def at(canvas: np.ndarray, view: View, xy_img: Array) -> tuple[int, int, int]:
 @pytest.mark.parametrize("palette", [PAPER, SAFE])
 def test_colours_run_from_expanded_over_paper_to_compressed(palette: Palette) -> None:
     colours = cell_colours(np.array([-0.5, 0.0, 0.5, 9.0, np.nan]), palette).tolist()
-    assert colours == [
-        list(palette.expanded),
-        list(palette.paper),
-        list(palette.compressed),
-        list(palette.compressed),
-        list(palette.edge),
-    ]
-
-
-def test_more_change_is_more_colour() -> None:
-    distance = np.abs(cell_colours(np.linspace(0, 0.5, 20)).astype(int) - 255).sum(axis=1)
-    assert np.all(np.diff(distance) > 0)
-
-
-def test_the_safe_palette_is_distinguishable_without_red_and_green() -> None:
-    """A deuteranope's eye hardly tells red from green: blue and brightness must do it alone."""
-    up, down = (cell_colours(np.array([s]), SAFE)[0].astype(float) for s in (0.5, -0.5))
-    assert abs(up[0] - down[0]) > 120
-
-
-def test_overlays_are_transparent_where_nothing_changed() -> None:
-    (nothing, enlarged) = cell_rgba(np.array([0.0, 0.5]))
-    assert nothing[3] == 0.0
-    assert enlarged == (PAPER.compressed[2] / 255, PAPER.compressed[1] / 255, PAPER.compressed[0] / 255, 0.7)
+    ends = [palette.expanded, palette.paper, palette.compressed, palette.compressed, palette.edge]
+    assert colours == [list(end) for end in ends]
+    if palette is SAFE:
+        # A deuteranope's eye hardly tells red from green: blue must do it alone.
+        assert abs(colours[2][0] - colours[0][0]) > 120
+    else:  # overlays are transparent where nothing changed
+        nothing, enlarged = cell_rgba(np.array([0.0, 0.5]))
+        assert nothing[3] == 0.0
+        assert enlarged == (*(level / 255 for level in reversed(palette.compressed)), 0.7)
 
 
 # -- the touch -----------------------------------------------------------------------------------
@@ -119,7 +99,7 @@ def test_equal_changes_look_equal_to_both_sides() -> None:
     assert (np.diff(expanded) < 0).all()
 
 
-def test_no_mean_motion_is_no_arrow(scene: tuple[View, Array, Tracks], tmp_path: Path) -> None:
+def test_no_mean_motion_is_no_arrow(scene: Scene, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib", reason="figures need voronoi-touch[calib]")
     view, xy, tracks = scene
     for motion, arrows in ((0.01, False), (6.0, True)):
@@ -132,28 +112,25 @@ def test_no_mean_motion_is_no_arrow(scene: tuple[View, Array, Tracks], tmp_path:
         assert (arrow in (tmp_path / "a.svg").read_text()) == arrows
 
 
-def test_cells_are_red_where_compressed_and_blue_where_expanded(scene: tuple[View, Array, Tracks]) -> None:
+def test_cells_are_red_where_compressed_and_blue_where_expanded(scene: Scene) -> None:
     view, xy, tracks = scene
     change = np.zeros(len(xy))
     change[10], change[30] = 0.5, -0.5
-    canvas = draw_touch(view, squares(xy), tracks, features_of(xy, change, np.zeros_like(xy)))
+    canvas = draw_touch(view, squares(xy), tracks, features_of(xy, change, np.zeros_like(xy), contacts=1))
     beside = np.array([6.0, 6.0])  # off the pin's dot
     assert at(canvas, view, xy[10] + beside) == PAPER.compressed
     assert at(canvas, view, xy[30] + beside) == PAPER.expanded
     assert at(canvas, view, xy[20] + beside) == PAPER.paper
     assert at(canvas, view, xy[20]) == PAPER.pin
-
-
-def test_the_star_stands_on_the_contact(scene: tuple[View, Array, Tracks]) -> None:
-    view, xy, tracks = scene
-    features = features_of(xy, np.zeros(len(xy)), np.zeros_like(xy), contacts=1)
-    canvas = draw_touch(view, squares(xy), tracks, features)
     assert at(canvas, view, xy[0]) == PAPER.contact
     star = np.argwhere((canvas == PAPER.contact).all(axis=2))[:, ::-1].mean(axis=0)
     assert np.allclose(star, view.canvas(xy[0]), atol=1.0)
+    bare = draw_touch(view, [], tracks, None)  # without features the pins alone are drawn
+    assert at(bare, view, xy[3]) == PAPER.pin
+    assert at(bare, view, xy[3] + 7.0) == PAPER.paper
 
 
-def test_vectors_point_along_the_pins_motion(scene: tuple[View, Array, Tracks]) -> None:
+def test_vectors_point_along_the_pins_motion(scene: Scene) -> None:
     """Down and right is +y and +x; lengths are the gains times the motion."""
     view, xy, tracks = scene
     motion = np.tile([6.0, 0.0], (len(xy), 1))
@@ -172,7 +149,7 @@ def test_vectors_point_along_the_pins_motion(scene: tuple[View, Array, Tracks]) 
     assert abs(arrow[:, 0].max() - head[0]) < 4
 
 
-def test_lost_pins_and_open_cells_are_skipped(scene: tuple[View, Array, Tracks]) -> None:
+def test_lost_pins_and_open_cells_are_skipped(scene: Scene) -> None:
     view, xy, _ = scene
     seen = np.ones(len(xy), bool)
     seen[8] = False
@@ -188,17 +165,10 @@ def test_lost_pins_and_open_cells_are_skipped(scene: tuple[View, Array, Tracks])
     assert canvas.shape == (SIZE, SIZE, 3)
 
 
-def test_without_features_only_the_pins_are_drawn(scene: tuple[View, Array, Tracks]) -> None:
-    view, xy, tracks = scene
-    canvas = draw_touch(view, [], tracks, None)
-    assert at(canvas, view, xy[3]) == PAPER.pin
-    assert at(canvas, view, xy[3] + 7.0) == PAPER.paper
-
-
 # -- the camera image ----------------------------------------------------------------------------
 
 
-def test_the_camera_panel_shows_the_same_place(scene: tuple[View, Array, Tracks]) -> None:
+def test_the_camera_panel_shows_the_same_place_and_brightness(scene: Scene) -> None:
     view, xy, _ = scene
     image = np.zeros((240, 240), np.uint8)
     x, y = xy[12].astype(int)
@@ -206,19 +176,13 @@ def test_the_camera_panel_shows_the_same_place(scene: tuple[View, Array, Tracks]
     canvas = draw_camera(view, image)
     spot = np.argwhere(canvas[:, :, 0] > 128)[:, ::-1].mean(axis=0)
     assert np.allclose(spot, view.canvas(xy[12]), atol=0.51)
-
-
-def test_deep_images_keep_their_brightness(scene: tuple[View, Array, Tracks]) -> None:
-    view = scene[0]
     deep = draw_camera(view, np.full((240, 240), 2048, np.uint16), bits=12)
     assert at(deep, view, np.array([100.0, 100.0])) == (128, 128, 128)
 
 
 @pytest.mark.parametrize("mm_per_px", [0.0, 0.05])
 @pytest.mark.parametrize("confidence", [1.0, 0.2])
-def test_pictures_have_one_size(
-    scene: tuple[View, Array, Tracks], mm_per_px: float, confidence: float
-) -> None:
+def test_pictures_have_one_size(scene: Scene, mm_per_px: float, confidence: float) -> None:
     view, xy, tracks = scene
     view = View(view.corner_img, view.scale, view.size, mm_per_px)
     tracks = Tracks(tracks.xy_img, tracks.sigma_px, tracks.seen, confidence)
@@ -250,7 +214,7 @@ def test_overlay_of_found_pins(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("mm_per_px", [0.0, 0.05])
-def test_figures_for_print(tmp_path: Path, scene: tuple[View, Array, Tracks], mm_per_px: float) -> None:
+def test_figures_for_print(tmp_path: Path, scene: Scene, mm_per_px: float) -> None:
     pytest.importorskip("matplotlib", reason="figures need voronoi-touch[calib]")
     _, xy, tracks = scene
     change = np.zeros(len(xy))
@@ -259,6 +223,8 @@ def test_figures_for_print(tmp_path: Path, scene: tuple[View, Array, Tracks], mm
     frame = Frame(np.full((240, 240), 90, np.uint8), 0, 0)
     figure(tmp_path / "a.png", frame, tracks, squares(xy), features, mm_per_px=mm_per_px)
     surface_figure(tmp_path / "s.png", features, mm_per_px=mm_per_px)
+    with pytest.raises(InputError, match=r"demand Feature\.SURFACE"):
+        surface_figure(tmp_path / "s.png", replace(features, surface=None))
     for name in ("a.png", "s.png"):
         drawn = cv2.imread(str(tmp_path / name))
         assert drawn is not None
@@ -266,16 +232,9 @@ def test_figures_for_print(tmp_path: Path, scene: tuple[View, Array, Tracks], mm
         assert red.sum() > 200  # the compressed cell, the top of the hill
 
 
-def test_a_surface_that_is_not_in_demand(tmp_path: Path, scene: tuple[View, Array, Tracks]) -> None:
-    _, xy, _ = scene
-    with pytest.raises(InputError, match=r"demand Feature\.SURFACE"):
-        surface_figure(tmp_path / "s.png", features_of(xy, np.zeros(len(xy)), np.zeros_like(xy)))
-
-
 def test_drawing_does_without_matplotlib() -> None:
     code = "import edge.view.panels, sys; print('matplotlib' in sys.modules)"
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert run.stdout.strip() == "False"
+    assert python("-c", code).stdout == "False\n"
 
 
 # -- video -------------------------------------------------------------------------------------------
@@ -298,11 +257,11 @@ def test_videos_play_back(tmp_path: Path, suffix: str) -> None:
 
 def test_impossible_videos_are_refused(tmp_path: Path) -> None:
     one = np.zeros((20, 20, 3), np.uint8)
-    with pytest.raises(SinkError, match="no format"):
-        write_video([one], tmp_path / "a.gif", 25.0)
-    with pytest.raises(SinkError, match="no pictures"):
-        write_video([], tmp_path / "a.avi", 25.0)
-    with pytest.raises(SinkError, match="cannot be written"):
-        write_video([one], tmp_path / "no such folder" / "a.avi", 25.0)
-    with pytest.raises(SinkError, match="a picture is 40x20, not 20x20"):
-        write_video([one, np.zeros((20, 40, 3), np.uint8)], tmp_path / "a.avi", 25.0)
+    for pictures, name, stated in (
+        ([one], "a.gif", "no format"),
+        ([], "a.avi", "no pictures"),
+        ([one], "no such folder/a.avi", "cannot be written"),
+        ([one, np.zeros((20, 40, 3), np.uint8)], "a.avi", "a picture is 40x20, not 20x20"),
+    ):
+        with pytest.raises(SinkError, match=stated):
+            write_video(pictures, tmp_path / name, 25.0)
