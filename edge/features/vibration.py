@@ -81,7 +81,7 @@ class Vibration:
         pins        (k,) int32, rows of the pins in the contact
         sigma_px    noise of one coordinate of one pin in one frame
         capture_ns  start of its exposure
-        Returns     rms in px, NaN while it is not known; upper end of its band in Hz, None while there is none
+        Returns     rms in px, NaN while it is not known; upper end of its band in Hz, None while it is not
         Raises      ValueError: no such pin
         """
         k: cython.Py_ssize_t

@@ -141,6 +141,7 @@ class TactileSample(IdlStruct):
     slip_speed_mm_s: float32
     slip_probability: float32
     orientation_deg: float32
+    vibration_mm: float32
     temperature_degc: float32
     contacts: sequence[TactileContact]  # type: ignore[type-arg]
 
