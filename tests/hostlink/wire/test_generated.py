@@ -219,8 +219,9 @@ def test_c_refuses_damaged_frames(c_decoder: Path) -> None:
         run_c(c_decoder, [(0, bytes(frame))])
 
 
-def test_c_refuses_frames_of_the_version_before(c_decoder: Path) -> None:
-    golden = json.loads(FILE.with_name("frames_v1.json").read_text(encoding="utf-8"))
+@pytest.mark.parametrize("version", [1, 2])
+def test_c_refuses_frames_of_versions_before(c_decoder: Path, version: int) -> None:
+    golden = json.loads(FILE.with_name(f"frames_v{version}.json").read_text(encoding="utf-8"))
     for row in golden["samples"]:
         for number, data in [(0, row["frame"]), *row["parts"]]:
             with pytest.raises(subprocess.CalledProcessError):
