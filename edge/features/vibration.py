@@ -119,6 +119,7 @@ class Vibration:
         total: cython.double = 0.0
         once: cython.double
         twice: cython.double
+        axis: cython.Py_ssize_t
         k: cython.Py_ssize_t
         i: cython.Py_ssize_t
         for k in range(pins.shape[0]):
@@ -146,6 +147,7 @@ class Vibration:
         """Let the other pins begin where the held ones are on average."""
         once: cython.double
         twice: cython.double
+        axis: cython.Py_ssize_t
         i: cython.Py_ssize_t
         k: cython.Py_ssize_t
         for axis in range(2):
