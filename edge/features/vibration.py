@@ -81,8 +81,7 @@ class Vibration:
         pins        (k,) int32, rows of the pins in the contact
         sigma_px    noise of one coordinate of one pin in one frame
         capture_ns  start of its exposure
-        Returns     rms in px, NaN while it is not known; upper end of its band in Hz, None while there is
-                    none
+        Returns     rms in px, NaN while it is not known; upper end of its band in Hz, None while it is not
         Raises      ValueError: no such pin
         """
         k: cython.Py_ssize_t
@@ -120,6 +119,7 @@ class Vibration:
         total: cython.double = 0.0
         once: cython.double
         twice: cython.double
+        axis: cython.Py_ssize_t
         k: cython.Py_ssize_t
         i: cython.Py_ssize_t
         for k in range(pins.shape[0]):
@@ -147,6 +147,7 @@ class Vibration:
         """Let the other pins begin where the held ones are on average."""
         once: cython.double
         twice: cython.double
+        axis: cython.Py_ssize_t
         i: cython.Py_ssize_t
         k: cython.Py_ssize_t
         for axis in range(2):

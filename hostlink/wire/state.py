@@ -28,11 +28,10 @@ from hostlink.wire.fields import (
     VERSION,
     Schema,
 )
+from hostlink.wire.state_fields import StateFields
 from hostlink.wire.status import Status
 
 __all__ = ["Contact", "State", "check_of", "pack_state", "quantise", "restore", "unpack_state"]
-
-NO_STATUS: Final = Status(0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +72,8 @@ def _sample(cls: type[T]) -> type[T]:
     """
     made = dataclass(frozen=True, init=False)(cls)
     for row in fields(cast("Any", made)):
+        if row.name != "contacts" and row.name not in _NAMES:  # the table has changed: generate
+            continue
         setattr(made, row.name, _Decoded(row.name, row.default, _decoder_of(row.name)))
     return made
 
@@ -124,7 +125,7 @@ _status = cache(Status)  # making a flag from its bits costs more than the rest 
 
 
 @_sample
-class State:
+class State(StateFields):
     """One sample of one fingertip; give the fields by name. Meaning, unit, frame, range: `fields.LAYOUT`.
 
     Floats are NaN where not measured, not calibrated, not asked for or not to be trusted.
@@ -133,35 +134,6 @@ class State:
     Raises TypeError: no such field; ValueError: more contacts
     """
 
-    sample: int = 0
-    status: Status = NO_STATUS
-    capture_time_us: int = 0
-    latency_us: float = nan
-    pins_tracked: float = nan
-    contact_n: int = 0
-    displacement_mm: float = nan
-    displacement_sigma_mm: float = nan
-    force_n: float = nan
-    force_x_n: float = nan
-    force_y_n: float = nan
-    force_xy_sigma_n: float = nan
-    torque_z_nmm: float = nan
-    torque_z_sigma_nmm: float = nan
-    friction: float = nan
-    slip_margin: float = nan
-    pressure_kpa: float = nan
-    contact_area_mm2: float = nan
-    shear_x_mm: float = nan
-    shear_y_mm: float = nan
-    shear_sigma_mm: float = nan
-    torsion_deg: float = nan
-    tilt_x_deg: float = nan
-    tilt_y_deg: float = nan
-    slip_speed_mm_s: float = nan
-    slip_probability: float = nan
-    orientation_deg: float = nan
-    vibration_mm: float = nan
-    temperature_degc: float = nan
     contacts: tuple[Contact, ...] = ()
 
     if not TYPE_CHECKING:  # a type checker reads the fields

@@ -22,7 +22,7 @@ from edge.pins import take_rest
 from edge.rest.tare import tare
 from edge.rest.tip_match import in_order_of
 from edge.sources import open_source
-from edge.types import Array, Feature, Frame, Image, Pins, Rest, Tracks
+from edge.types import Array, Feature, Frame, Image, Pins, Rest, Result, Tracks
 
 TARE = 8
 

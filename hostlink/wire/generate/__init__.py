@@ -7,6 +7,7 @@
     c     C99 codec, written by cantools, and E2E
     doc   WIRE.md
     ros   ROS 2 messages
+    python  attributes of `State`
 
 Needs cantools (extra `dev`): nothing else imports this.
 """
@@ -27,7 +28,7 @@ def generate(node: int = 1) -> dict[str, str]:
     node  node id that DBC identifiers are for
     Raises ImportError: cantools is not installed
     """
-    from hostlink.wire.generate import c, dbc, doc, eds, ros
+    from hostlink.wire.generate import c, dbc, doc, eds, python, ros
 
     fd, classic = dbc.fd(node), dbc.classic(node)
     return {
@@ -39,6 +40,7 @@ def generate(node: int = 1) -> dict[str, str]:
         "c/vt_e2e.h": c.e2e_header(),
         "c/vt_e2e.c": c.e2e_source(),
         "c/vt_parts_fields.h": c.parts_fields(),
+        "wire/state_fields.py": python.state_fields(),
         "WIRE.md": doc.markdown(),
         "bridge/voronoi_touch_msgs/msg/TactileContact.msg": ros.contact(),
         "bridge/voronoi_touch_msgs/msg/TactileSample.msg": ros.sample(),

@@ -37,7 +37,8 @@ TactileSample: float32 force_x_n, float32 force_y_n, float32 force_xy_sigma_n, f
 TactileSample: float32 torque_z_sigma_nmm, float32 friction, float32 slip_margin, float32 pressure_kpa
 TactileSample: float32 contact_area_mm2, float32 shear_x_mm, float32 shear_y_mm, float32 shear_sigma_mm
 TactileSample: float32 torsion_deg, float32 tilt_x_deg, float32 tilt_y_deg, float32 slip_speed_mm_s
-TactileSample: float32 slip_probability, float32 orientation_deg, float32 temperature_degc
+TactileSample: float32 slip_probability, float32 orientation_deg, float32 vibration_mm
+TactileSample: float32 temperature_degc
 TactileSample: TactileContact[] contacts
 """
 
