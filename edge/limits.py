@@ -23,31 +23,6 @@ import msgspec
 
 from hostlink import input_file
 
-__all__ = [
-    "CALIBRATION_BYTES",
-    "CONFIG_BYTES",
-    "IMAGE_PIXELS",
-    "IMAGE_SIDE_PX",
-    "PINS_MAX",
-    "PINS_MIN",
-    "POINTS_MAX",
-    "RATE_MAX_HZ",
-    "RATE_MIN_HZ",
-    "SETTINGS_BYTES",
-    "BadContent",
-    "ImageSide",
-    "Name",
-    "Number",
-    "Pixels",
-    "check_numbers",
-    "decode_json",
-    "explain",
-    "quote",
-    "read_bounded",
-    "read_toml",
-    "read_toml_as",
-]
-
 CALIBRATION_BYTES = 2 << 20  # a 1000-pin tip with every model takes about 0.5 MB
 CONFIG_BYTES = 64 << 10  # every key with a comment takes 4 kB
 SETTINGS_BYTES = 4 << 10  # five numbers

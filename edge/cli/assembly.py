@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from hostlink.web import Listen
     from hostlink.wire import State
 
-__all__ = ["expect_sensor", "load_calibration", "make_loop", "open_configured", "start_worker"]
-
 log = logging.getLogger("edge")
 
 

@@ -30,22 +30,6 @@ from edge.sensors import KnownSensor, known_sensors, missing_pins
 from edge.types import AdjustableSource, Frame, FrameSource, Lens, LiveSource, Polarity, Rest
 from hostlink.wire.address import Address, AddressError, parse_address
 
-__all__ = [
-    "LEVELS",
-    "LIMITS",
-    "DoctorLimits",
-    "Line",
-    "calibration",
-    "camera",
-    "clock",
-    "disk",
-    "link",
-    "pins",
-    "processor",
-    "sensor",
-    "worst",
-]
-
 LEVELS = ("ok", "warn", "fail")
 FD_MTU = 72  # bytes; MTU of a Linux interface for CAN FD
 

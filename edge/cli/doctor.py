@@ -26,7 +26,7 @@ import click
 
 from edge.cli import checks
 from edge.cli.assembly import expect_sensor, open_configured
-from edge.cli.checks import LEVELS, LIMITS, Line, worst
+from edge.cli.checks import LIMITS, Line, worst
 from edge.cli.machine import Machine
 from edge.cli.options import (
     calibration_option,
@@ -40,8 +40,6 @@ from edge.cli.progress import waiting
 from edge.config import Config, load_config
 from edge.errors import InputError
 from edge.types import Frame, FrameSource, LiveSource
-
-__all__ = ["LEVELS", "Line", "Machine", "doctor", "examine", "worst"]
 
 _COLOURS = {"ok": "green", "warn": "yellow", "fail": "red"}
 

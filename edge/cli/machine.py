@@ -11,8 +11,6 @@ from typing import Any
 
 from edge.runtime.board_monitor import Thermometer
 
-__all__ = ["Machine"]
-
 
 class Machine:
     """Facts about the machine.

@@ -20,20 +20,6 @@ if TYPE_CHECKING:
     from edge.config import Config
     from hostlink.web import Listen
 
-__all__ = [
-    "LoopOptions",
-    "SpeedFactor",
-    "calibration_option",
-    "config_option",
-    "loop_options",
-    "overwrite_option",
-    "rest_option",
-    "sensor_option",
-    "sink_option",
-    "source_option",
-    "with_sensor",
-]
-
 Command = Callable[..., None]
 
 config_option = click.option(

@@ -13,8 +13,6 @@ from edge.runtime.process import limit_resources
 from hostlink.cli_exit import program_name, run_command
 from hostlink.command_group import CommandGroup, CommandRow
 
-__all__ = ["COMMANDS", "cli", "main"]
-
 COMMANDS = {
     "run": CommandRow("edge.cli.run:run", "Run the finger: camera in, bus out, until stopped."),
     "replay": CommandRow(

@@ -18,8 +18,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.progress import Progress
 
-__all__ = ["bar", "counting", "waiting"]
-
 
 @dataclass(frozen=True, slots=True)
 class ProgressParams:

@@ -45,8 +45,6 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-__all__ = ["Made", "caption", "render", "render_recording"]
-
 PALETTES = {"paper": PAPER, "safe": SAFE}
 #: Features in a picture; the surface is not drawn.
 DRAWN = frozenset(Feature) - {Feature.SURFACE}

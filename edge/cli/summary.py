@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from edge.types import FrameSource
     from hostlink.wire import State
 
-__all__ = ["LABELS", "Summary", "damage_of", "json_line", "print_summary"]
-
 #: Keys of the JSON, and their text for people; the last word is the unit.
 LABELS = {
     "frames_n": "images processed",

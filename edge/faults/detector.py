@@ -24,8 +24,6 @@ from hostlink.clock import DRIFT_MAX
 from hostlink.wire import FaultCode as F
 from hostlink.wire import Status
 
-__all__ = ["NO_CALIBRATION", "FaultDetector", "FaultParams"]
-
 
 @dataclass(frozen=True, slots=True)
 class FaultParams:

@@ -24,16 +24,6 @@ from edge.pins.params import PARAMS as PINS
 from edge.types import Array, Frame, Image, Rest
 from hostlink.wire import FaultCode as F
 
-__all__ = [
-    "ONE_LEVEL",
-    "PARAMS",
-    "ImageParams",
-    "ImageQuality",
-    "common_step_px",
-    "image_checks",
-    "level_of",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class ImageParams:

@@ -17,8 +17,6 @@ from edge.faults.registry import FaultRegistry
 from edge.params import PARAMS
 from hostlink.wire import FaultCode
 
-__all__ = ["Check", "Facts", "Judge"]
-
 
 @dataclass
 class Facts:

@@ -26,8 +26,6 @@ from edge.geometry.neighbours import nearest_of
 from edge.params import PARAMS as RUNTIME
 from edge.types import Index, Mask, Rest, Tracks
 
-__all__ = ["PinVisibility", "PinVisibilityParams"]
-
 
 @dataclass(frozen=True, slots=True)
 class PinVisibilityParams:

@@ -16,8 +16,6 @@ from collections.abc import Callable
 from edge.params import PARAMS
 from hostlink.wire import FAULTS, FaultCode, Status
 
-__all__ = ["FaultLog", "FaultRegistry"]
-
 log = logging.getLogger(__name__)
 
 _STATUS = {fault.code: fault.status for fault in FAULTS}

@@ -8,8 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from enum import IntEnum
 
-__all__ = ["Nmt", "NmtCommand", "NmtState"]
-
 
 class NmtState(IntEnum):
     """A node's state, as its heartbeat has it."""

@@ -22,15 +22,14 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 
+from edge.link.link_sink import LinkSink, SinkCounters
 from edge.link.nmt import NmtCommand, NmtState
-from edge.link.object_server import Device, ObjectServer, RequestRefused
+from edge.link.object_server import Device, ObjectServer
 from edge.link.params import PARAMS
 from edge.link.ports import CanPort, SerialPort
 from edge.link.settings import SettingsFile
-from edge.link.sinks import CanFdSink, CanSink, LinkSink, SerialSink, SinkCounters
+from edge.link.sinks import CanFdSink, CanSink, SerialSink
 from hostlink.wire import FAULTS, FEATURE_BITS, CanIds, FaultCode, State, Status, pack_detail, pack_emergency
-
-__all__ = ["Device", "Node", "RequestRefused"]
 
 Value = int | float | str | bytes
 

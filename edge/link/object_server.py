@@ -35,8 +35,6 @@ from hostlink.wire.objects import TYPES
 if TYPE_CHECKING:
     from edge.link.settings import SettingsFile
 
-__all__ = ["Aborted", "Device", "ObjectServer", "RequestRefused", "size_of"]
-
 log = logging.getLogger(__name__)
 Value = int | float | str | bytes
 

@@ -11,17 +11,16 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any
 
-from edge.link.can_frame import CanFrame
+from edge.link.link_sink import LinkSink
+from edge.link.medium import CanFrame
 from edge.link.nmt import Nmt, NmtCommand, NmtState
 from edge.link.object_server import Aborted, ObjectServer
 from edge.link.params import PARAMS
 from edge.link.sdo_server import DOWNLOAD_MAX, TOO_LONG, SdoServer
-from edge.link.sinks import CanSink, LinkSink, SerialSink
+from edge.link.sinks import CanSink, SerialSink
 from hostlink.wire import Abort, CorruptFrame, Kind, Message, ObjectReply, ObjectRequest, Op
 from hostlink.wire.canid import NODES_MAX
 from hostlink.wire.serial import CHUNK_MAX
-
-__all__ = ["CanPort", "SerialPort"]
 
 
 class _Port(ABC):

@@ -15,8 +15,6 @@ from edge.types import Reading, Tracks
 from hostlink.wire import Contact, State, Status
 from hostlink.wire.fields import CONTACTS_MAX
 
-__all__ = ["Measured", "to_state"]
-
 #: Standard deviations that are sent, each with the values that it is of; two axes share the larger one.
 SIGMAS = (
     ("displacement_sigma_mm", ("displacement_mm",)),

@@ -47,8 +47,6 @@ from hostlink.wire.sdo import (
     segment_data,
 )
 
-__all__ = ["DOWNLOAD_MAX", "TOO_LONG", "SdoServer"]
-
 DOWNLOAD_MAX = CALIBRATION_BYTES  # bounds the memory that a client can take
 TOO_LONG = f"longer than {DOWNLOAD_MAX >> 20} MiB, so no calibration"
 _NO_REPEAT = (b"", b"")  # the last segment and its answer; none

@@ -12,8 +12,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-__all__ = ["SendQueue"]
-
 Kind = Literal["control", "sample", "detail"]
 
 

@@ -12,8 +12,6 @@ from edge.link.params import PARAMS
 from hostlink.wire.address import Address
 from hostlink.wire.open_errors import message_of
 
-__all__ = ["SerialMedium", "open_port"]
-
 # A port that is gone is an OSError (serial.SerialException is one), ValueError for a closed file descriptor,
 # TypeError for a handle that became None.
 _BROKEN = (OSError, ValueError, TypeError)

@@ -20,8 +20,6 @@ from edge.params import PARAMS
 from hostlink.output_file import OutputError, writing
 from hostlink.wire import OBJECTS
 
-__all__ = ["NodeSettings", "SettingsFile"]
-
 log = logging.getLogger(__name__)
 
 _STORED = {o.name: o for o in OBJECTS if o.stored and o.type != "domain"}

@@ -13,11 +13,16 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from edge.link.can_frame import CAN_ERR_BUSOFF, CAN_ERR_RESTARTED, CanFrame, is_off_after
-from edge.link.medium import FULL, MediumError, MediumFull
+from edge.link.medium import (
+    CAN_ERR_BUSOFF,
+    CAN_ERR_RESTARTED,
+    FULL,
+    CanFrame,
+    MediumError,
+    MediumFull,
+    is_off_after,
+)
 from hostlink.wire.open_errors import message_of
-
-__all__ = ["SocketCanMedium", "open_socket"]
 
 INTERFACES = Path("/sys/class/net")
 

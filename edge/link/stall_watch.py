@@ -9,8 +9,6 @@ from __future__ import annotations
 import threading
 import time
 
-__all__ = ["StallWatch"]
-
 
 class StallWatch:
     """stall_s  longest time without a sent item."""

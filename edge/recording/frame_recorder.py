@@ -12,8 +12,6 @@ from edge.view.palette import cell_rgba
 from hostlink.topics import DIAGNOSIS_S, Diagnosis, finger_name, level_of, status_text
 from hostlink.wire import State, pack_state, unpack_state
 
-__all__ = ["FrameRecorder"]
-
 
 class FrameRecorder:
     """A recorder in the loop's own process; implements `session.Recording`.

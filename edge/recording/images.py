@@ -16,8 +16,6 @@ from edge.recording.topics import proto, stamp
 from edge.sources.image_header import check_size, image_size
 from edge.types import Image
 
-__all__ = ["OtherSize", "decode_image", "image_message"]
-
 
 class OtherSize(ValueError):
     """An image of another size than the recording's others."""

@@ -21,8 +21,6 @@ from edge.errors import SourceError
 from hostlink.input_file import open_input
 from hostlink.mcap_chunk import UNPACKED_MAX, unpack_chunk
 
-__all__ = ["RawMessage", "attachments_in", "damage", "image_count", "metadata_in", "raw_messages"]
-
 
 class RawMessage(NamedTuple):
     """One message as stored."""

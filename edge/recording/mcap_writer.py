@@ -19,8 +19,6 @@ from edge.errors import SinkError
 from edge.recording.params import PARAMS
 from edge.recording.topics import Topic, proto, schema_of
 
-__all__ = ["Compression", "McapWriter"]
-
 Compression = Literal["none", "lz4", "zstd"]
 
 

@@ -9,8 +9,6 @@ from typing import NamedTuple
 
 from edge.recording.topics import Topic
 
-__all__ = ["Item", "MessageQueue"]
-
 
 class Item(NamedTuple):
     """A message that is not encoded yet.

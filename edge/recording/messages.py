@@ -18,17 +18,6 @@ from numpy.typing import NDArray
 from edge.recording.topics import proto, stamp
 from edge.types import Array, Cells, Features, Frame, Reading, Tracks
 
-__all__ = [
-    "annotations_of",
-    "cells_cloud",
-    "cloud_to_array",
-    "features_json",
-    "log_message",
-    "pins_cloud",
-    "reading_json",
-    "to_json",
-]
-
 _PIXEL_CENTRE = 0.5  # foxglove.ImageAnnotations: origin on the corner of the top-left pixel
 
 

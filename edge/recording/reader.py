@@ -34,8 +34,6 @@ from edge.recording.params import PARAMS
 from edge.recording.topics import TOPICS, proto
 from edge.types import Clock, Frame, Image, Lens, Polarity
 
-__all__ = ["RecordingSource", "open_recording", "read_attachments", "read_messages", "read_metadata"]
-
 _TIME_MAX_NS = 1 << 62  # 146 years
 _SEQUENCE_MAX = 1 << 53
 _IMAGE_SCHEMAS = ("foxglove.RawImage", "foxglove.CompressedImage")

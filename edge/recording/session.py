@@ -12,8 +12,6 @@ from edge.recording.params import PARAMS
 from edge.types import Frame
 from hostlink.wire import FaultCode, State
 
-__all__ = ["Recording", "RecordingSession"]
-
 log = logging.getLogger(__name__)
 
 

@@ -19,17 +19,6 @@ import msgspec
 from edge.errors import SourceError
 from hostlink.topics import DIAGNOSTICS, SAMPLE, finger_name
 
-__all__ = [
-    "TOPICS",
-    "FoxgloveMessages",
-    "Topic",
-    "contacts_topic",
-    "proto",
-    "sample_topic",
-    "schema_of",
-    "stamp",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class Topic:

@@ -30,8 +30,6 @@ from edge.types import Array, Cells, Features, Frame, Reading, Tracks
 from hostlink.topics import Diagnosis, contact_scene, diagnostics_message, sample_message, tip_transforms
 from hostlink.wire import State
 
-__all__ = ["Recorder"]
-
 
 class _LogClock:
     """Times in the file.

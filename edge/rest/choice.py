@@ -34,16 +34,6 @@ from edge.tracking import Tracker
 from edge.types import Array, Frame, FrameSource, Image, Lens, Mask, Pins, Polarity, Rest, Tracks
 from hostlink.wire import RestFrameReason
 
-__all__ = [
-    "GivenRest",
-    "RestChoice",
-    "RestChoiceParams",
-    "aligned",
-    "choose_rest",
-    "rest_if_touched",
-    "rest_of_source",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class RestChoiceParams:

@@ -26,8 +26,6 @@ from edge.geometry.lattice import N_RING
 from edge.geometry.layout import pin_layout
 from edge.types import Array, Complex, Mask, Rest
 
-__all__ = ["CLEAR", "LayoutMatch", "match_layout"]
-
 _SYMMETRY = {"hex": 6, "rings": 6, "square": 4}
 #: Pitches. A prediction that says nothing is wrong by 0.5 / sqrt(2) in the median: uniform in half a pitch.
 CLEAR = 0.5 * 0.5 / 2**0.5

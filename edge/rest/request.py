@@ -23,8 +23,6 @@ from edge.rest.tare import RestFrame
 from edge.types import Frame
 from hostlink.wire import RestFrameReason, RestFrameState
 
-__all__ = ["Prepared", "TareBusy", "TareOutcome", "TareRequest", "TareState"]
-
 
 class TareBusy(EdgeError):
     """A rest frame is being taken already."""

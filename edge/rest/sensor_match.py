@@ -19,8 +19,6 @@ from edge.rest.tip_match import PARAMS as TIP
 from edge.sensors import KnownSensor
 from edge.types import Rest
 
-__all__ = ["SensorMatch", "layout_of", "mm_per_px", "recognise"]
-
 
 @dataclass(frozen=True, slots=True)
 class SensorMatch:

@@ -24,8 +24,6 @@ from edge.cells import Tessellator
 from edge.errors import DegenerateLayout
 from edge.types import Array, Complex, Rest, Tracks
 
-__all__ = ["PARAMS", "RestSymmetry", "SymmetryParams", "symmetry_of"]
-
 
 @dataclass(frozen=True, slots=True)
 class SymmetryParams:

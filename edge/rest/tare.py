@@ -41,8 +41,6 @@ from edge.tracking import Tracker
 from edge.types import Image, Lens, Pins, Polarity, Rest, Tracks
 from hostlink.wire import RestFrameReason
 
-__all__ = ["RestFrame", "TareParams", "TareRefused", "take_rest_frame", "tare"]
-
 Reason = RestFrameReason
 LET_GO = "let go, or force the tare"
 

@@ -20,8 +20,6 @@ from edge.params import PARAMS as RUNTIME
 from edge.tracking import Tracker
 from edge.types import Lens, Pins, Rest, Tracks
 
-__all__ = ["in_order_of", "match_rest"]
-
 
 @dataclass(frozen=True, slots=True)
 class TipMatchParams:

@@ -20,9 +20,6 @@ from edge.limits import CALIBRATION_BYTES, SETTINGS_BYTES
 from edge.params import PARAMS as RUNTIME
 from hostlink.wire import FaultCode
 
-__all__ = ["PARAMS", "BoardMonitor", "BoardParams", "Thermometer", "free_space_problem"]
-
-
 #: At which a Raspberry Pi begins to throttle (maker's documentation, "frequency management").
 HOT_DEGC = 80.0
 

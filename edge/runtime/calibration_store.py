@@ -14,8 +14,6 @@ from edge.errors import CalibrationError
 from edge.limits import CALIBRATION_BYTES, BadContent, read_bounded
 from hostlink.output_file import find_unfinished, writing
 
-__all__ = ["CalibrationStore"]
-
 log = logging.getLogger(__name__)
 
 

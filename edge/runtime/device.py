@@ -13,14 +13,12 @@ from functools import cache
 
 from edge.calibration import Calibration
 from edge.errors import CalibrationError
-from edge.link.node import RequestRefused
+from edge.link.object_server import RequestRefused
 from edge.rest.request import TareBusy
 from edge.runtime.calibration_store import CalibrationStore
 from edge.runtime.loop import Loop
 from edge.types import Clock, Feature
 from hostlink.wire import FaultCode
-
-__all__ = ["LoopDevice"]
 
 
 class LoopDevice:

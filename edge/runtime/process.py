@@ -26,8 +26,6 @@ from typing import NoReturn
 
 from edge.params import PARAMS
 
-__all__ = ["give_back_memory", "limit_resources", "run_and_exit"]
-
 _MMAP_THRESHOLD, _TRIM_THRESHOLD = -3, -1  # `mallopt`'s, glibc's malloc.h
 #: Value of both: more than an image of 640 x 480 px in double precision.
 _LARGE_BYTES = 4 << 20

@@ -11,8 +11,6 @@ import numpy as np
 from edge.params import PARAMS
 from edge.types import Array
 
-__all__ = ["LoopStatistics", "StatisticsCollector"]
-
 
 @dataclass(slots=True)
 class LoopStatistics:

@@ -13,8 +13,6 @@ import socket
 import time
 from collections.abc import Mapping
 
-__all__ = ["Notifier"]
-
 log = logging.getLogger(__name__)
 
 #: Of the watchdog's time, after which sd_watchdog_enabled(3) asks for the next message.

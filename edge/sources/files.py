@@ -27,8 +27,6 @@ from edge.sources.image_header import check_image_header, check_size
 from edge.types import Clock, Frame, Image, Lens, Polarity
 from hostlink.input_file import read_bounded
 
-__all__ = ["IMAGE_SUFFIXES", "FolderSource", "VideoSource", "quiet_opencv", "read_image", "to_grey"]
-
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".webp")
 _GIVE = f"give {', '.join(IMAGE_SUFFIXES)}"
 

@@ -14,8 +14,6 @@ from collections.abc import Callable
 
 from edge.limits import IMAGE_PIXELS, IMAGE_SIDE_PX
 
-__all__ = ["check_image_header", "check_size", "image_size"]
-
 _SOF = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # JPEG: start of frame, of all kinds
 _STANDALONE = frozenset({0x01, *range(0xD0, 0xD9)})  # JPEG: markers without a length
 _PNM = re.compile(rb"P[1-6](?:\s|#[^\n]*\n)+(\d{1,9})(?:\s|#[^\n]*\n)+(\d{1,9})\s")

@@ -8,8 +8,6 @@ from edge import limits
 from edge.errors import SourceError
 from edge.types import FrameSource, Lens, MeasuredSource
 
-__all__ = ["lens_for", "load_lens", "text_of"]
-
 #: In a source's address: what the camera's maker measured.
 FACTORY = "factory"
 

@@ -23,8 +23,6 @@ import numpy as np
 from edge.errors import SourceError
 from edge.types import Frame, Lens, Polarity
 
-__all__ = ["PARAMS", "LiveParams", "ThreadedSource", "Watch", "stalled_after_s"]
-
 
 @dataclass(frozen=True, slots=True)
 class LiveParams:

@@ -40,16 +40,6 @@ from edge.types import Clock, Frame, Lens
 if TYPE_CHECKING:
     import depthai as dai
 
-__all__ = [
-    "Crop",
-    "OakSource",
-    "camera_output",
-    "find_module",
-    "lens_of",
-    "open_oak",
-    "replay_output",
-]
-
 MakeOutput = Callable[["dai.Pipeline"], "dai.Node.Output"]
 
 

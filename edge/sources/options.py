@@ -20,9 +20,6 @@ from edge.errors import SourceError
 from edge.limits import IMAGE_SIDE_PX, NUMBER_MAX
 from edge.types import Polarity
 
-__all__ = ["Options", "Spec", "convert", "parse_spec"]
-
-
 #: Dark or bright for every source; other values are the source's own: a number for the simulator.
 _SHARED = "pins"
 

@@ -17,8 +17,6 @@ from dataclasses import replace
 from edge.sources.live import ThreadedSource
 from edge.types import Clock, Frame, FrameSource
 
-__all__ = ["Paced"]
-
 
 class Paced(ThreadedSource):
     """A live source over a recording.

@@ -28,8 +28,6 @@ from edge.sources.live import ThreadedSource, Watch
 from edge.sources.options import Options
 from edge.types import Array, Clock, Frame, Image
 
-__all__ = ["PiCamera", "PiCameraSource", "PiRequest", "load_picamera2", "open_picamera"]
-
 
 @dataclass(frozen=True, slots=True)
 class PiCameraParams:

@@ -34,8 +34,6 @@ from edge.sources.live import ThreadedSource, Watch
 from edge.sources.options import Options
 from edge.types import Clock, Frame, Image
 
-__all__ = ["V4l2Source", "VideoDevice", "find_device", "list_cameras", "open_v4l2"]
-
 
 @dataclass(frozen=True, slots=True)
 class V4l2Params:

@@ -16,8 +16,6 @@ from edge.types import Array, Features, Frame, Tracks
 from edge.view.palette import PAPER, Bgr, Palette, cell_colours
 from edge.view.params import PARAMS
 
-__all__ = ["figure", "surface_figure"]
-
 _COLUMN_IN = 7.16  # both columns of an IEEE page
 
 

@@ -19,8 +19,6 @@ from numpy.typing import NDArray
 from edge.types import Array
 from edge.view.params import PARAMS
 
-__all__ = ["PAPER", "SAFE", "Palette", "cell_colours", "cell_rgba"]
-
 Bgr = tuple[int, int, int]
 
 

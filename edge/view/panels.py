@@ -21,8 +21,6 @@ from edge.types import Array, Features, Frame, Image, Pins, Tracks
 from edge.view.palette import PAPER, Bgr, Palette, cell_colours
 from edge.view.params import PARAMS
 
-__all__ = ["View", "draw_camera", "draw_touch", "picture", "save_pins_overlay"]
-
 Canvas = NDArray[np.uint8]
 _SHIFT = 4
 _ONE = 1 << _SHIFT

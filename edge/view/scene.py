@@ -23,8 +23,6 @@ from edge.types import Array, Frame, Rest
 from edge.view.palette import PAPER, SAFE, Palette, cell_colours, cell_rgba
 from edge.view.params import PARAMS
 
-__all__ = ["CHART", "Arrays", "camera", "hello", "touch"]
-
 Arrays = dict[str, tuple[str, bytes]]
 
 

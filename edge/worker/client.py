@@ -47,8 +47,6 @@ from edge.worker.view_feed import ViewFeed
 from hostlink.web import Listen
 from hostlink.wire import RestFrameState
 
-__all__ = ["WorkerClient", "WorkerConfig"]
-
 log = logging.getLogger(__name__)
 
 #: Features that the page always shows; the surface is computed only for a viewer that requests it.

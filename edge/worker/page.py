@@ -30,8 +30,6 @@ from edge.worker.messages import Show
 from hostlink.web import Listen, PageServer, WebError, pack_packet
 from hostlink.wire import State
 
-__all__ = ["LivePage"]
-
 
 @dataclass(frozen=True, slots=True)
 class PageParams:

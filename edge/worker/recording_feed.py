@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     from edge.types import Frame
     from hostlink.wire import State
 
-__all__ = ["RecordingFeed"]
-
 
 class RecordingFeed:
     """Sends each turn of the loop to the recorder, and keeps its state.

@@ -29,8 +29,6 @@ from typing import Any
 
 from edge.worker.params import PARAMS
 
-__all__ = ["Inbox", "Outbox", "pair", "receive"]
-
 ALIGN = 64  # a cache line
 _HEAD = struct.Struct(
     "<QI"

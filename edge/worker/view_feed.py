@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from edge.types import Features, Frame, Rest
     from hostlink.wire import State
 
-__all__ = ["ViewFeed"]
-
 _MEANING = {fault.code: fault.meaning for fault in FAULTS}
 
 

@@ -66,7 +66,7 @@ from rich.table import Table
 from calib.sim.source import SceneSource
 from edge.calibration import Calibration
 from edge.faults.registry import FaultRegistry
-from edge.link.media import open_bus
+from edge.link.medium import opener
 from edge.link.node import Node
 from edge.link.settings import SettingsFile
 from edge.link.sinks import CanFdSink
@@ -309,11 +309,11 @@ class Soak:
         self.loop = Loop(self.source, [], self.calibration, faults=self.registry, board=monitor)
         address = parse_address(f"virtual:soak{outcome.seed}")
         self.refused_s = Times(outcome.seconds * 2 * rate_hz)
-        opener = faulty_medium(
-            open_bus(address, ()), self.rows["link"], self.clock, outcome.seed, self.refused_s.append
+        faulty = faulty_medium(
+            opener(address, ()), self.rows["link"], self.clock, outcome.seed, self.refused_s.append
         )
         self.node = Node(
-            CanFdSink(str(address), opener, NODE), LoopDevice(self.loop, "soak"), SettingsFile(), NODE
+            CanFdSink(str(address), faulty, NODE), LoopDevice(self.loop, "soak"), SettingsFile(), NODE
         )
         self.registry.listeners.append(self.node.report)
         self.loop.sinks.append(self.node)

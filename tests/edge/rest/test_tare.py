@@ -19,7 +19,7 @@ from calib.sim.simulator import Simulator
 from calib.sim.tip import Tip
 from edge.calibration import Calibration
 from edge.errors import CalibrationError
-from edge.link.node import RequestRefused
+from edge.link.object_server import RequestRefused
 from edge.pins import take_rest
 from edge.pins.detect import learn as really_learn
 from edge.rest.request import TareBusy
