@@ -6,7 +6,7 @@ from pathlib import Path
 
 from edge.cells import cell_polygons
 from edge.pipeline import Result
-from edge.recording import Recorder
+from edge.recording.writer import Recorder
 from edge.types import Frame
 from edge.view.palette import cell_rgba
 from hostlink.topics import DIAGNOSIS_S, Diagnosis, finger_name, level_of, status_text

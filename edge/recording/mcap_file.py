@@ -193,18 +193,20 @@ def image_count(path: Path, topic: str | None) -> int:
             return 0
 
 
-def attachments_in(path: Path) -> dict[str, bytes]:
-    """Attached files by name; of several with one name the last."""
+def read_attachments(path: str | Path) -> dict[str, bytes]:
+    """Attached files by name; where several have one name, the last. Raises SourceError: no such file, not
+    MCAP.
+    """
     from mcap.records import Attachment
 
-    return {record.name: record.data for record in _outside_chunks(path, Attachment)}
+    return {record.name: record.data for record in _outside_chunks(Path(path), Attachment)}
 
 
-def metadata_in(path: Path) -> dict[str, dict[str, str]]:
-    """Key-value pairs by the record's name."""
+def read_metadata(path: str | Path) -> dict[str, dict[str, str]]:
+    """Key-value pairs by the record's name; `voronoi_touch` is the recorder's own. Raises SourceError."""
     from mcap.records import Metadata
 
-    return {record.name: dict(record.metadata) for record in _outside_chunks(path, Metadata)}
+    return {record.name: dict(record.metadata) for record in _outside_chunks(Path(path), Metadata)}
 
 
 def _outside_chunks(path: Path, kind: type[Any]) -> list[Any]:

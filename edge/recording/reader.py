@@ -11,10 +11,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import islice
 from pathlib import Path
-from typing import Annotated, Any, Protocol
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
@@ -24,15 +24,16 @@ from edge.limits import RATE_MAX_HZ
 from edge.recording.images import OtherSize, decode_image
 from edge.recording.mcap_file import (
     RawMessage,
-    attachments_in,
     damage,
     image_count,
-    metadata_in,
     raw_messages,
+    read_metadata,
 )
 from edge.recording.params import PARAMS
 from edge.recording.topics import TOPICS, proto
-from edge.types import Clock, Frame, Image, Lens, Polarity
+from edge.sources.files import FileSource
+from edge.sources.options import Options
+from edge.types import Clock, Frame, Image
 
 _TIME_MAX_NS = 1 << 62  # 146 years
 _SEQUENCE_MAX = 1 << 53
@@ -76,35 +77,15 @@ def read_messages(path: str | Path, topics: Sequence[str] | None = None) -> Iter
         yield raw.topic, raw.log_ns, message
 
 
-def read_attachments(path: str | Path) -> dict[str, bytes]:
-    """Attached files by name; of several with one name the last. Raises SourceError: does not exist, not
-    MCAP.
-    """
-    return attachments_in(Path(path))
-
-
-def read_metadata(path: str | Path) -> dict[str, dict[str, str]]:
-    """Key-value pairs by the record's name; `voronoi_touch` is the recorder's own. Raises SourceError."""
-    return metadata_in(Path(path))
-
-
-class RecordingSource:
-    """FrameSource over an MCAP file. Iterating again starts again.
+class RecordingSource(FileSource):
+    """FrameSource over an MCAP file.
 
     topic   image topic; None: /camera/image, else the first one with images
     Raises  SourceError: does not exist, not MCAP, no images. Images of another size are counted in `faults`
     """
 
-    live = False
-
     def __init__(self, path: str | Path, topic: str | None = None) -> None:
-        self.path = Path(path)
-        self.name = f"recording {self.path}"
-        self.dropped_n = 0
-        self.polarity = Polarity.FOUND
-        self.lens: Lens | None = None
-        self.faults: Counter[str] = Counter()
-        self._closed = False
+        super().__init__("recording", path)
         self.metadata = read_metadata(self.path)
         self._topic = topic
         faults: Counter[str] = Counter()
@@ -175,17 +156,9 @@ class RecordingSource:
             yield frame
 
     @property
-    def truncated(self) -> bool:
-        """Whether the file is truncated; known once it has been read to its end."""
-        return self.faults["truncated"] > 0
-
-    @property
     def frames_n(self) -> int:
         """Images, from the file's index; 0: it has none, as after a kill."""
         return image_count(self.path, self._topic)
-
-    def close(self) -> None:
-        self._closed = True
 
 
 def _frame(
@@ -203,14 +176,7 @@ def _frame(
     return Frame(image, about.capture_ns, about.sequence, Clock.RECORDED, bits, truth), about.clock
 
 
-class _Options(Protocol):
-    """The settings of a source that `open_recording` uses."""
-
-    @property
-    def extra(self) -> Mapping[str, str]: ...
-
-
-def open_recording(where: str, options: _Options) -> RecordingSource:
+def open_recording(where: str, options: Options) -> RecordingSource:
     """The scheme `mcap:FILE?topic=...`, and files that end in .mcap. Raises SourceError."""
     for key in options.extra:
         if key != "topic":

@@ -10,8 +10,7 @@
 Each takes options after a question mark: `north.avi?pins=dark`, `v4l2:0?rate_hz=120&lens=lens.toml`.
 
 Further schemes come from installed packages through the entry point group `voronoi_touch.sources`: a
-callable `(where, options) -> FrameSource`, named as the scheme. The recording reader and the simulator
-are found that way too, so that this package does not import them.
+callable `(where, options) -> FrameSource`, named as the scheme. The simulator is found that way too.
 """
 
 from __future__ import annotations
@@ -74,8 +73,9 @@ _BUILT_IN: dict[str, Opener] = {
     "v4l2": _later("edge.sources.v4l2", "open_v4l2"),
     "oak": _later("edge.sources.oak", "open_oak"),
     "picamera": _later("edge.sources.picamera", "open_picamera"),
+    "mcap": _later("edge.recording.reader", "open_recording"),
 }
-_FROM_EXTRA = {"sim": "voronoi-touch[calib]", "mcap": "voronoi-touch[edge]"}
+_FROM_EXTRA = {"sim": "voronoi-touch[calib]"}
 
 
 def _from_packages(name: str | None = None) -> EntryPoints:

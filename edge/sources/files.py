@@ -1,9 +1,7 @@
 """Recordings as videos and as folders of images.
 
-- Colour is converted to grey. All images of a recording have one size.
-- Opening reads the first image, so that a bad file is one clear line before anything starts. Damage
-  further on is counted in `faults`, and reading goes on.
-- Each iteration starts from the beginning.
+Opening reads the first image, so that a bad file is one clear line before anything starts. Damage further on
+is counted in `faults`, and reading goes on.
 """
 
 from __future__ import annotations
@@ -111,24 +109,43 @@ def read_image(path: str | Path) -> Image:
         raise SourceError(f"image {path}: {error}") from error
 
 
-class FolderSource:
+class FileSource:
+    """What all recordings have in common. Each iteration starts from the beginning.
+
+    kind    what it is, for messages
+    faults  how often each kind of damage was met, in the last reading
+    """
+
+    live = False
+
+    def __init__(self, kind: str, path: str | Path) -> None:
+        self.path = Path(path)
+        self.name = f"{kind} {self.path}"
+        self.dropped_n = 0
+        self.polarity = Polarity.FOUND
+        self.lens: Lens | None = None
+        self.faults: Counter[str] = Counter()
+        self._closed = False
+
+    @property
+    def truncated(self) -> bool:
+        """Whether the file is truncated; known once it has been read to its end."""
+        return self.faults["truncated"] > 0
+
+    def close(self) -> None:
+        self._closed = True
+
+
+class FolderSource(FileSource):
     """A folder of images in natural order, or one image.
 
     rate_hz  nominal rate of the stills
     Raises   SourceError: does not exist, empty, the first file is not an image
     """
 
-    live = False
-
     def __init__(self, path: str | Path, rate_hz: float = 0.0) -> None:
-        self.path = Path(path)
-        self.name = f"images {self.path}"
+        super().__init__("images", path)
         self.rate_hz = rate_hz or PARAMS.stills_hz
-        self.dropped_n = 0
-        self.polarity = Polarity.FOUND
-        self.lens: Lens | None = None
-        self.faults: Counter[str] = Counter()
-        self._closed = False
         if self.path.is_dir():
             found = [p for p in self.path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES and p.is_file()]
             self.paths = sorted(found, key=_natural)
@@ -169,27 +186,16 @@ class FolderSource:
             bits = 16 if image.dtype == np.uint16 else 8
             yield Frame(image, round(n * 1e9 / self.rate_hz), n, Clock.RECORDED, bits)
 
-    def close(self) -> None:
-        self._closed = True
 
-
-class VideoSource:
+class VideoSource(FileSource):
     """A video file, through OpenCV's FFmpeg.
 
     rate_hz  0: the file's own
     Raises   SourceError: does not exist, not a video, no frame in it
     """
 
-    live = False
-
     def __init__(self, path: str | Path, rate_hz: float = 0.0) -> None:
-        self.path = Path(path)
-        self.name = f"video {self.path}"
-        self.dropped_n = 0
-        self.polarity = Polarity.FOUND
-        self.lens: Lens | None = None
-        self.faults: Counter[str] = Counter()
-        self._closed = False
+        super().__init__("video", path)
         self._own_rate = not rate_hz
         capture = self._open()
         try:
@@ -210,8 +216,8 @@ class VideoSource:
 
     def _open(self) -> Any:
         if not self.path.is_file():
-            what = "a folder" if self.path.is_dir() else "no such file"
-            what = "a pipe or a device" if what != "a folder" and self.path.exists() else what
+            is_there = "a folder" if self.path.is_dir() else "a pipe or a device"
+            what = is_there if self.path.exists() else "no such file"
             raise SourceError(f"{self.name}: {what}; give a video file or a recording")
         with quiet_opencv():
             # absolute: FFmpeg takes the start of a name with a colon for a protocol
@@ -248,11 +254,3 @@ class VideoSource:
                 yield Frame(to_grey(image), capture_ns, at, Clock.RECORDED)
         finally:
             capture.release()
-
-    @property
-    def truncated(self) -> bool:
-        """Whether the file is shorter than its header states; known once it has been read to its end."""
-        return self.faults["truncated"] > 0
-
-    def close(self) -> None:
-        self._closed = True

@@ -168,10 +168,14 @@ class ThreadedSource(ABC):
             frame, self._slot = self._slot, None
             self.frame_condition = self._slot_condition if frame is not None else ""
             self._changed.notify_all()
-        if frame is None and self._failure is not None:
-            failure, self._failure = self._failure, None
-            raise failure
+        if frame is None:
+            self._raise_failure()
         return frame
+
+    def _raise_failure(self) -> None:
+        failure, self._failure = self._failure, None
+        if failure is not None:
+            raise failure
 
     def peek(self) -> Frame | None:
         """The frame that the next `read` would give, without taking it; for another thread. None: there is
@@ -195,7 +199,7 @@ class ThreadedSource(ABC):
             self._ended = True
             self._changed.notify_all()
 
-    def measure_rate(self, least_hz: float, patience_s: float, advice: str = "") -> float:
+    def measure_rate(self, least_hz: float, patience_s: float) -> float:
         """Measured frames a second; the frames are discarded. 0: their times give no rate.
 
         Raises SourceError: no frame in time, or slower than `least_hz`
@@ -209,9 +213,7 @@ class ThreadedSource(ABC):
             self._times = None
             self._slot = None
             self.dropped_n = 0
-        if self._failure is not None:
-            failure, self._failure = self._failure, None
-            raise failure
+        self._raise_failure()
         if not times:
             raise SourceError(
                 f"{self.name}: no frame within {patience_s:g} s; check the cable and who else uses it"
@@ -221,6 +223,7 @@ class ThreadedSource(ABC):
         measured_hz = 1e9 / float(np.median(steps)) if len(steps) else 0.0
         if measured_hz < least_hz:
             raise SourceError(
-                f"{self.name}: {measured_hz:.1f} frames/s, at least {least_hz:g} wanted; {advice}"
+                f"{self.name}: {measured_hz:.1f} frames/s, at least {least_hz:g} wanted; "
+                "shorten exposure_us, light the tip better, or ask for less"
             )
         return measured_hz

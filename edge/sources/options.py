@@ -52,6 +52,10 @@ class Options:
     check_rate: bool = True
     extra: Mapping[str, str] = field(default_factory=dict)
 
+    def size_or(self, default_px: tuple[int, int]) -> tuple[int, int]:
+        """The width and height that are asked for, px."""
+        return (self.width, self.height) if self.width and self.height else default_px
+
     def without_extra(self, name: str) -> Options:
         """Self; raises SourceError if the specification has a key that this source does not know."""
         for key, value in self.extra.items():

@@ -31,8 +31,9 @@ from edge.runtime.process import limit_resources
 limit_resources()
 
 from edge.errors import EdgeError  # noqa: E402  (after the number of library threads is set)
-from edge.recording import TOPICS, Recorder  # noqa: E402
 from edge.recording.frame_recorder import FrameRecorder  # noqa: E402
+from edge.recording.topics import TOPICS  # noqa: E402
+from edge.recording.writer import Recorder  # noqa: E402
 from edge.runtime.process import run_and_exit  # noqa: E402
 from edge.worker.messages import (  # noqa: E402
     Answer,

@@ -19,7 +19,7 @@ from calib.rig.base import CLEAR
 from calib.rig.simulated import CameraTable, SimulatedRig, Simulation
 from calib.sim import Tip, Tool
 from edge.errors import InputError
-from edge.recording import RecordingSource
+from edge.recording.reader import RecordingSource
 from edge.types import Frame
 
 SMALL = Simulation(tip=Tip(37, "hex"), camera=CameraTable(size_px=(96, 96)))

@@ -21,7 +21,7 @@ from calib.sim.source import open_sim
 from edge.errors import SourceError
 from edge.geometry.layout import pin_layout
 from edge.pins import detect, take_rest
-from edge.recording import RecordingSource
+from edge.recording.reader import RecordingSource
 from edge.sources import Options, open_source
 from edge.tracking import Tracker
 from edge.types import Array

@@ -27,7 +27,8 @@ from calib.sim.simulator import Simulator
 from calib.sim.tip import Tip
 from edge.__main__ import main
 from edge.cli.options import LoopOptions
-from edge.recording import Recorder, read_messages
+from edge.recording.reader import read_messages
+from edge.recording.writer import Recorder
 from edge.runtime.loop import Loop
 from edge.runtime.statistics import LoopStatistics
 from edge.sensors import load_sensor

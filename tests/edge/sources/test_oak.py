@@ -69,6 +69,28 @@ def frames_output(
     return make
 
 
+def replay_output(path: Path, rate_hz: float, metadata: Path | None = None) -> oak.MakeOutput:
+    """A video through depthai's own nodes: FFV1 comes out bit-exact; the stream ends with the file.
+
+    metadata  the MCAP that RecordVideo wrote beside it: the original times and sequence numbers
+    """
+
+    def make(pipeline: Any) -> Any:
+        import depthai
+
+        node = pipeline.create(depthai.node.ReplayVideo)
+        node.setReplayVideoFile(path)
+        if metadata is not None:
+            node.setReplayMetadataFile(metadata)
+        node.setOutFrameType(depthai.ImgFrame.Type.GRAY8)
+        node.setLoop(False)
+        if rate_hz:
+            node.setFps(rate_hz)
+        return node.out
+
+    return make
+
+
 def lock_step(dai: Any, steps: list[int], **options: Any) -> list[Frame]:
     """Every frame is taken before the next one is made."""
     go = threading.Semaphore(1)
@@ -138,9 +160,7 @@ def test_replay_is_exact_and_ends(dai: Any, tmp_path: Path) -> None:
     for i in range(20):
         writer.write(noise(i))
     writer.release()
-    source = oak.OakSource(
-        oak.replay_output(path, 100.0), Options(width=SIZE[0], height=SIZE[1], rate_hz=100.0)
-    )
+    source = oak.OakSource(replay_output(path, 100.0), Options(width=SIZE[0], height=SIZE[1], rate_hz=100.0))
     before_ns = time.monotonic_ns()
     frames = list(source)
     # depthai drops what is still queued at the end of a file; nothing before that is lost.
@@ -175,7 +195,7 @@ def test_depthai_recordings_keep_pixels_gaps_and_the_modules_times(dai: Any, tmp
         )
         pipeline.stop()
         pipeline.wait()
-    source = oak.OakSource(oak.replay_output(video, 0.0, metadata), HOST, own_clock=True)
+    source = oak.OakSource(replay_output(video, 0.0, metadata), HOST, own_clock=True)
     frames = list(source)
     assert len(frames) >= 30
     assert {f.sequence for f in frames} <= set(steps)
@@ -187,7 +207,7 @@ def test_depthai_recordings_keep_pixels_gaps_and_the_modules_times(dai: Any, tmp
 
 def test_a_replay_of_nothing_ends(dai: Any, tmp_path: Path) -> None:
     (tmp_path / "bad.mkv").write_bytes(b"not a video")
-    source = oak.OakSource(oak.replay_output(tmp_path / "bad.mkv", 0.0), HOST)
+    source = oak.OakSource(replay_output(tmp_path / "bad.mkv", 0.0), HOST)
     assert list(source) == []
     source.close()
 

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from edge.errors import SourceError
-from edge.recording import Recorder, RecordingSource
+from edge.recording.reader import RecordingSource
+from edge.recording.writer import Recorder
 from edge.sources import (
     FolderSource,
     Paced,

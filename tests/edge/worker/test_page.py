@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 
 from edge.cells import cell_polygons
-from edge.recording import RecordingSource, read_attachments, read_messages
+from edge.recording.mcap_file import read_attachments
+from edge.recording.reader import RecordingSource, read_messages
 from edge.types import Feature
 from edge.worker.page import PARAMS
 from hostlink.web import PageServer, WebError, parse_listen

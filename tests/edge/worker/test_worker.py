@@ -21,7 +21,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
-from edge.recording import RecordingSource, read_messages
+from edge.recording.reader import RecordingSource, read_messages
 from edge.sources import open_source
 from edge.worker.client import WorkerClient, WorkerConfig
 from edge.worker.messages import Answer, Ask

@@ -16,7 +16,7 @@ import pytest
 from mcap.data_stream import RecordBuilder
 from mcap.records import Channel, Header, Message
 
-from edge.recording import Recorder
+from edge.recording.writer import Recorder
 from edge.types import Clock, Frame
 from hostlink.commands.cli import main
 from hostlink.commands.plot import Series, draw, read_series
