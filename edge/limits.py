@@ -1,15 +1,8 @@
 """The limits under which every file and upload is parsed: calibration, settings, configuration, recordings.
 
-    raw = read_bounded(path, limits.CALIBRATION_BYTES)      # the size is known before anything is read
-    content = decode_json(raw, CalibrationFile)             # structure, lengths and ranges by the types
-    ...                                                     # further checks by the stage
-    ...                                                     # only then is anything built from it
-
-Rules
-- The cost of a file in time and memory is bounded by its size in bytes and by the lengths in its types.
-- NaN and infinity are never accepted, and every number has a range that its quantity can have.
-- An error is one line: the place in the file, what would be right. `BadContent` carries it; the reader of the
-  file puts the file's name before it.
+The cost of a file in time and memory is bounded by its size in bytes, which is known before anything is read,
+and by the lengths in its types. NaN and infinity are never accepted. An error is one line, `BadContent`: the
+place in the file, what would be right; the reader of the file puts the file's name before it.
 """
 
 from __future__ import annotations

@@ -149,7 +149,7 @@ def pins(
     x, y = rest.xy_img.T
     margin = float(np.min([x, y, width - 1 - x, height - 1 - y])) - p.pin_radius_px
     symmetry = symmetry_of(rest)
-    touched = symmetry.in_contact
+    in_contact = symmetry.in_contact
     return [
         Line("pins", "ok", finding),
         judged(
@@ -161,7 +161,8 @@ def pins(
             f"centre the tip: pins need {p.pitch_px:.0f} px of space to move",
         ),
         judged(
-            "touch", touched, f"something touches the tip: {symmetry.message}" if touched else "none seen",
+            "touch", in_contact,
+            f"something touches the tip: {symmetry.message}" if in_contact else "none seen",
             "let go; or is the camera not square to the tip?",
         ),
     ], rest  # fmt: skip

@@ -1,9 +1,7 @@
 """Progress of work that takes longer than two seconds; on stderr, and only on a terminal.
 
-Rules
-- It never runs while the loop works: a spinner ends before frames are read, and the bar of a replay is drawn
-  by the loop itself, `drawn_hz` times a second, after the sample has left.
-- rich is imported only when something is shown.
+The bar of a replay is drawn by the loop itself, after the sample has left; a spinner ends before frames are
+read.
 """
 
 from __future__ import annotations

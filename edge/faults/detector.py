@@ -1,7 +1,6 @@
 """Which faults hold, from what the loop sees: camera, order of images, picture, pins, load, place.
 
-`begin` looks at a frame's time before it is computed, since that decides how; `judge` writes all other facts
-when it is computed, and has them judged at once. Whatever raises a fault also clears it.
+`begin` looks at a frame's time before it is computed, since that decides how; `judge` does all else after it.
 """
 
 from __future__ import annotations

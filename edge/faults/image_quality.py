@@ -1,12 +1,8 @@
 """Does the image show pins as the rest frame did? Dark, overexposed, out of focus; and has the camera moved?
 
-Rules
-- Dark and overexposed are checked in every image, against the full scale and against the rest frame, on
-  `sample_n` rows and columns.
-- Focus is measured in `sample_n` windows as wide as the pitch: wherever the pins have moved, about one pin
-  lies in each, so this needs no tracking. The measure is the energy of the gradient over the square of the
-  contrast, which does not depend on brightness, relative to that of the rest frame.
-- Without contrast focus is not reported if the image is dark or overexposed: that explains it.
+Focus is measured in windows as wide as the pitch: wherever the pins have moved, about one pin lies in each,
+so this needs no tracking. The measure is the energy of the gradient over the square of the contrast, which
+does not depend on brightness. It is not reported if the image is dark or overexposed: that explains it.
 """
 
 from __future__ import annotations

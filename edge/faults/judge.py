@@ -1,9 +1,4 @@
-"""The table of faults that follow from measured numbers, and one walk over it a frame.
-
-    stages, camera, image --> Facts --> Judge --> FaultRegistry
-
-A stage writes what it has counted into `Facts`; nothing is judged before the frame is computed.
-"""
+"""The table of faults that follow from measured numbers (`Facts`), and one walk over it a frame (`Judge`)."""
 
 from __future__ import annotations
 

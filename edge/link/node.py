@@ -3,16 +3,12 @@
     loop --send--> Node --[NMT state, rate, divider, SYNC]--> sink ==bus==> host
                    ^ objects (SDO, serial requests), NMT, SYNC <============
 
-Rules
-- A node is a `Sink`: it sends what is due and skips the rest. Skipped is not dropped.
-- It starts by itself: boot-up, pre-operational, operational (CiA 302-2's self-starting device), for most
-  hands have no NMT master. A master can stop it, and start it again.
+- It starts by itself (CiA 302-2's self-starting device), for most hands have no NMT master.
 - Transmission type 254: samples are sent as they come. 1..240: the newest sample is latched, and each n-th
-  SYNC sends it, once; without a new sample nothing is sent, for a repetition would look like a new one.
+  SYNC sends it, once: a repetition would look like a new one.
 - A fault sends one emergency when it appears, and one with code 0 and the remaining error register when it
   clears (CiA 301, 7.2.7); the fault byte is 0 when none remains.
 - Objects are served by the link's reader thread: `Device` methods are called from there, not from the loop.
-- The application is accessed through `Device` alone.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """The object server: reads and writes of the object table, by SDO or over serial.
 
-Every access takes the same steps: does the object exist, is the access allowed, does the value fit, who
-provides or applies it. An access that fails raises `Aborted` with CiA 301's code, and no other error.
+An access that fails raises `Aborted` with CiA 301's code, and no other error.
 """
 
 from __future__ import annotations

@@ -1,8 +1,4 @@
-"""A CANopen node on our links: NMT, heartbeat, emergencies and the SDO server on CAN; the same over serial.
-
-CAN     identifiers are those of the configured bases
-serial  heartbeat, emergency, NMT and SYNC have message types of their own; objects come as requests
-"""
+"""A CANopen node on our links: NMT, heartbeat, emergencies and objects, on CAN and over serial."""
 
 from __future__ import annotations
 

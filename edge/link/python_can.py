@@ -1,8 +1,4 @@
-"""Buses that python-can drives: all but the kernel's own.
-
-python-can reports a dead bus in many ways: its own errors, OSError, ValueError for a closed file descriptor,
-TypeError for a handle that became None. They are translated here; the link's guard takes all others.
-"""
+"""Buses that python-can drives: all but the kernel's own. It reports a dead bus in many ways (`_BROKEN`)."""
 
 from __future__ import annotations
 

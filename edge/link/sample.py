@@ -1,9 +1,7 @@
 """A frame's result as the wire's sample: `to_state`. No units change here, only names and validity.
 
-Rules
-- An unknown value is NaN, never 0; which values are valid was decided before (calibration, pipeline).
-- Contacts: the strongest that fit the frame are listed, all of them are counted.
-- Without trusted identities, or without a result, the sample is still sent: status bits and time, no values.
+An unknown value is NaN, never 0. Without trusted identities, or without a result, the sample is still sent:
+status bits and time, no values.
 """
 
 from __future__ import annotations

@@ -1,21 +1,16 @@
 """The SDO server of CiA 301: objects over CAN, in frames of 8 bytes.
 
 `canopen` has one, but its transfers share state: a stray segment can write with the state that a read has
-left. Here one segmented transfer is under way at a time, with its own state.
+left.
 
-Rules
-- Values of up to 4 bytes need one frame each way and no state: they are served at any time.
-- A longer one starts a transfer. While it is under way another one is refused (NOT_NOW); a client that
-  disappeared blocks it for `idle_s` at most. A request that is repeated before the first segment restarts it.
-- A segment must belong to the transfer: the same direction, the expected toggle bit, not beyond the announced
-  size. Any other ends the transfer. An abort for its object, or for none, ends it too.
-- A segment that comes again just as it was (its answer was late or lost) gets the same answer again, and
-  moves nothing. CiA 301 has no repetition; a host repeats after a timeout.
+- Values of up to 4 bytes need one frame each way and no state. A longer one starts a transfer; while it is
+  under way another one is refused (NOT_NOW). A client that disappeared blocks it for `idle_s` at most.
+- A segment that does not belong to the transfer ends it. One that comes again just as it was (its answer was
+  late or lost) gets the same answer again, and moves nothing: a host repeats after a timeout.
 - So does the write of a short value, if it was done. Our hosts number these in the bytes behind the value,
   which CiA 301 leaves open. Another client's counts as repeated where the client had time to give up waiting
   and no other request came between. What was refused is judged anew.
-- Block transfer is not offered, for its bursts of 127 frames would hold the samples up: a block download is
-  refused, and so is a block upload, but where it allows a plain one by a size of its own (pst).
+- Block transfer is not offered: its bursts of 127 frames would hold the samples up.
 """
 
 from __future__ import annotations

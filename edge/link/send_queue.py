@@ -1,7 +1,6 @@
 """The queue of a link: answers and emergencies first, then samples, then detail, one item at a time.
 
-Detail is taken only when nothing else waits, and its items keep a distance: a sample cannot overtake
-items in the driver's queue, so there must never be more than one.
+The items of the detail keep a distance: a sample cannot overtake what is in the driver's queue.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """A CAN interface of the kernel, by its sockets alone: python-can would take 14 MB and a tenth of the start.
 
-The kernel passes on only the identifiers that are wanted, and of the error frames those of bus-off. On a bus
-with other fingers their samples would wake the reader a thousand times a second.
+The kernel passes on only what is wanted: other fingers' samples would wake the reader a thousand times a
+second.
 """
 
 from __future__ import annotations

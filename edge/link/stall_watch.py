@@ -1,8 +1,4 @@
-"""Detects that a link sends nothing, and wakes the thread that reports it.
-
-Writes and drops are reported here. One thread sleeps in `wait` until something may have changed, or a
-stall has lasted so long that it is a fault. Times are `time.monotonic`.
-"""
+"""Detects that a link sends nothing, and wakes the thread that reports it. Times are `time.monotonic`."""
 
 from __future__ import annotations
 

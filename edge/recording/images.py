@@ -1,8 +1,4 @@
-"""Images as Foxglove messages, encoded and decoded.
-
-Pixels are stored without loss: as PNG for small files, or as raw rows for speed. Decoding gives grey images
-of 8 or 16 bits, from files of other tools too.
-"""
+"""Images as Foxglove messages without loss, and back: also from files of other tools, of 8 or 16 bits."""
 
 from __future__ import annotations
 

@@ -1,10 +1,8 @@
 """The records of an MCAP file, which may be damaged or malicious.
 
-- Read chunk by chunk, never the whole file into memory. With an index, damage to one chunk loses that chunk
-  only; without one (killed, truncated), everything up to the last complete chunk is read.
-- Damage is counted in `faults`, and reading goes on.
-- Memory is bounded before it is allocated: no length may point beyond the end of the file (`_Bounded`), no
-  chunk unpacks to more than `UNPACKED_MAX`, and its records are read one by one.
+It is read chunk by chunk; damage is counted in `faults`, and reading goes on. Memory is bounded before it is
+allocated: no length may point beyond the end of the file (`_Bounded`), no chunk unpacks to more than
+`UNPACKED_MAX`, and its records are read one by one.
 """
 
 from __future__ import annotations

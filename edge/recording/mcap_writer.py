@@ -1,8 +1,7 @@
 """An MCAP file that grows by whole chunks: what the kernel has been given survives a kill.
 
-A chunk is closed after `chunk_bytes` or `chunk_age_s`, whichever comes first, so a killed process loses at
-most that much. (A power cut may lose more: an fsync for each chunk would stall an SD card; the file is synced
-when it is closed.)
+A power cut may lose more: an fsync for each chunk would stall an SD card; the file is synced when it is
+closed.
 """
 
 from __future__ import annotations

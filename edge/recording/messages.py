@@ -1,9 +1,7 @@
 """Results of the stages as messages: one function a message.
 
-- Numbers per pin are stored as packed little-endian float64 in `foxglove.PointCloud`: exact, and cheap to
-  write. Overlays (`ImageAnnotations`) repeat some of it for viewing only.
-- Image coordinates here put pixel centres on integers; Foxglove's annotations put the origin on the
-  corner of the first pixel. The half pixel is added in this module only.
+Image coordinates here put pixel centres on integers; Foxglove's annotations put the origin on the corner of
+the first pixel. The half pixel is added in this module only.
 """
 
 from __future__ import annotations

@@ -1,11 +1,7 @@
 """Reads recordings back: ours, and any MCAP file with a Foxglove image topic.
 
-- Damage in the middle is counted in `faults`, and reading goes on (`mcap_file.py`); only a file without any
-  image is an error.
-- An image's header is read before its pixels: one that is larger than any camera's, or of another size than
-  the recording's others, is counted and not decoded.
-- Frames have `Clock.RECORDED`: their times may be compared with one another, not with the present.
-  `recorded_clock` is the original clock.
+Damage is counted in `faults`, and reading goes on; only a file without any image is an error. Frames have
+`Clock.RECORDED`: their times may be compared with one another, not with the present.
 """
 
 from __future__ import annotations

@@ -1,9 +1,7 @@
 """The contents of a recording: one table of topics, and their schemas.
 
-- Samples, contacts, tips and diagnoses are as the bridge to Foxglove has them (`hostlink.topics`).
-- A well-known Foxglove schema (protobuf) wherever one fits; JSON with a JSON schema for other numbers,
-  because PlotJuggler plots those directly.
-- protobuf and the schemas are imported when the first message of their kind is made.
+Foxglove's schemas (protobuf, imported with the first message) wherever one fits; JSON for other numbers,
+because PlotJuggler plots those directly.
 """
 
 from __future__ import annotations

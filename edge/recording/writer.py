@@ -1,13 +1,10 @@
 """Writes a recording while the loop runs.
 
-- Nothing here waits for the disk: a call puts references on a bounded queue, a thread encodes and writes
-  them. What does not fit is dropped and counted, and a warning in the file marks the gap.
-- Once the file is open, nothing here raises into the loop: a full disk stops the recording, sets
-  `fault`, and later messages count as dropped.
-- A recording grows under its own name, by whole chunks (`mcap_writer.py`): after a kill it can be read up to
-  the last of them.
-- One time axis: `log_time` = capture time + one offset for the whole file, taken from the wall clock at the
-  first frame. Intervals stay exact, and all messages of a frame share one time.
+- A call puts references on a bounded queue, a thread encodes and writes them. What does not fit is dropped
+  and counted, and a warning in the file marks the gap. A full disk sets `fault`; nothing raises into the
+  loop.
+- `log_time` is the capture time plus one offset for the whole file, taken from the wall clock at the first
+  frame: intervals stay exact, and all messages of a frame share one time.
 """
 
 from __future__ import annotations

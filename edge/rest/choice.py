@@ -1,15 +1,9 @@
 """A rest frame for a recording that need not begin untouched: its least deformed image.
 
-Idea
-- A touch enlarges the cells under it, and its place differs from image to image. So the low quantile of a
-  cell's area over many images is about its area untouched, even if no image is.
-- Each image is as deformed as its cells differ from that, as a relative root mean square. A shift or rotation
-  does not change areas, and a zoom is removed.
-- An untouched tip looks the same each time, a touch rarely does: if images show the same cells to within
-  the noise, the image is chosen among those that most others agree with, and is trusted.
-- How many pins such an image must show, and how many images beside it are averaged, is as for a tare.
-- With a calibration its rest pins are taken, moved onto the chosen image by a shift, a rotation and a zoom.
-  The half of the pins that fits best decides them.
+A touch enlarges the cells under it, and its place differs from image to image. So the low quantile of a
+cell's area over many images is about its area untouched, even if no image is; each image is as deformed as
+its cells differ from that. An untouched tip looks the same each time, a touch rarely does: if images show the
+same cells to within the noise, the image is chosen among those that most others agree with, and is trusted.
 """
 
 from __future__ import annotations

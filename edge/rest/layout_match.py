@@ -1,16 +1,10 @@
 """Which regular layout the pins of a rest frame stand in.
 
-Idea: lay the layout over the pin in the middle and its neighbours, where perspective and lens hardly
-distort, and grow outwards: pins that have a site predict where the next sites are, and a free pin there
-takes the site. On the right layout the predictions are good to a few hundredths of a pitch, through a
-fisheye too; on a wrong one they are as good as chance.
-
-Rules
-- A pin takes a site that is predicted nearer than half a pitch: beyond, another site is next to it.
-- The first neighbours must stand as the layout has them, but for rotation and zoom: what grows from them may
-  be sheared, and a sheared hexagonal lattice is a square one.
-- Growth ends when half of a round's predictions are no better than half of what chance gives.
-- A square grid has no end: the image's border cuts it. Of its sites those among the pins count.
+The layout is laid over the pin in the middle and its neighbours, where perspective and lens hardly distort,
+and grows outwards: pins that have a site predict where the next sites are, and a free pin there takes the
+site. On the right layout the predictions are good to a few hundredths of a pitch, through a fisheye too; on a
+wrong one they are as good as chance. The first neighbours must stand as the layout has them, but for rotation
+and zoom: a sheared hexagonal lattice is a square one.
 """
 
 from __future__ import annotations

@@ -1,12 +1,9 @@
 """Requests for a rest frame, and the outcome of the last one.
 
-        ask() -> images are collected -> a job takes and checks the rest frame -> accepted or refused
-                                                                                  (in another thread; the loop
-                                                                                  goes on with the old rest
-                                                                                  frame)
+    ask() -> images are collected -> a job takes and checks the rest frame -> accepted or refused
+                                     (another thread; the loop goes on with the old rest frame)
 
-Requests come from any thread; everything else is the loop's. The requester waits on `TareRequest.done` or, at
-the other end of a bus, reads `TareState.outcome` until it is not BUSY.
+Requests come from any thread; everything else is the loop's.
 """
 
 from __future__ import annotations

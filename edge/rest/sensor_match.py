@@ -1,11 +1,7 @@
 """Which known sensor a rest frame shows, and what follows: the scale, and whether pins are missing.
 
-Rules
-- Recognised is a sensor whose layout the pins stand in: nearly all pins have a site, nearly all sites a pin
-  (as `edge.rest.tip_match` asks of a calibration's tip), and the layout predicts them clearly better
-  than chance.
-- Of those that fit, the one that predicts best is taken; of one layout the one whose file states more.
-- A sensor without a known layout is never recognised; it can be named.
+A sensor is recognised by its layout: nearly all pins have a site, nearly all sites a pin, and the layout
+predicts them clearly better than chance. One without a known layout can only be named.
 """
 
 from __future__ import annotations

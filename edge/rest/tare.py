@@ -1,13 +1,9 @@
 """The rest frame: taken from a few images of the untouched tip, matched to known pins, and checked.
 
-Everything is measured against the rest frame, so one that shows a touch makes every later value wrong without
-any sign of it. So each candidate is checked:
-
-        within itself    the pins do not move from the first image to the last
-        by known pins    those of the calibration, or else of the last accepted rest frame, seen from where
-                                          the camera is now: the residual after a homography (a camera that
-                                          turned in its mount, another focus) must be untouched
-        without known pins   the last image by the first, and the symmetry of its cells
+A rest frame that shows a touch makes every later value wrong without any sign of it. So each candidate is
+checked within itself (the pins do not move), against known pins (the calibration's, or else the last accepted
+rest frame's, after a homography: a camera may have turned), and without known pins by the symmetry of its
+cells.
 
 "Untouched" is decided by the contact detector, with the noise that it expects of the pins' positions. The
 noise is also measured in the candidate, because creep and temperature bend a tip a little: if the typical

@@ -1,11 +1,7 @@
 """Whether a rest frame shows the tip that a calibration belongs to, and which pin is which.
 
-Used at each tare (`edge.rest.tare`), which then checks more closely whether the tip is untouched.
-
-Rules
-- A camera that was taken out and put back shifts and rotates all pins alike, a little. The residual after the
-  best common shift, rotation and zoom is deformation: a touch, or another tip.
-- Nearly all of the calibration's pins must be seen, and nearly all pins seen must be the calibration's.
+A camera that was taken out and put back shifts and rotates all pins alike, a little. The residual after the
+best common shift, rotation and zoom is deformation: a touch, or another tip.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """What no image shows: the board's temperature, free space, and whether camera and links still respond.
 
-`BoardMonitor` has its own thread: reading sysfs may take milliseconds, which the loop cannot spare, and a
-dead camera must be announced even while a search for lost pins runs.
+It has a thread of its own: sysfs takes milliseconds, and a dead camera must be announced during a search,
+too.
 """
 
 from __future__ import annotations

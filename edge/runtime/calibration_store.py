@@ -1,7 +1,6 @@
 """The calibration that a host has uploaded, on disk: the one in use, and the last good one beside it.
 
-A file is stored only after it was tried on the tip, and replaced atomically. If it cannot be used at a start
-(a damaged disk, a file of an older release, another tip since), the finger starts with the previous file.
+A file is stored only after it was tried on the tip. If it cannot be used at a start, the previous one is.
 """
 
 from __future__ import annotations

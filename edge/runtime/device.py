@@ -1,8 +1,6 @@
 """The running program as its bus nodes see it: identity, tare, calibration, features, reboot.
 
-Called from the links' threads. Nothing here waits for the loop: what changes the pipeline is posted to it and
-done between two frames. What can be refused at once raises `RequestRefused`; `rest_frame` reports the outcome
-of the other requests.
+Called from the links' threads. Nothing here waits for the loop: what changes the pipeline is posted to it.
 """
 
 from __future__ import annotations

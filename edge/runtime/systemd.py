@@ -1,8 +1,7 @@
-"""Reports to the service manager: one datagram to $NOTIFY_SOCKET a message (sd_notify(3)).
+"""Reports to the service manager, if there is one: a datagram to $NOTIFY_SOCKET a message (sd_notify(3)).
 
-Without a service manager every call does nothing. READY after the first image, STOPPING at the end, and
-WATCHDOG only while images arrive: a service whose camera hangs for longer than the unit's WatchdogSec is
-restarted, which also reopens the camera.
+WATCHDOG is sent only while images arrive: a service whose camera hangs is restarted, which reopens the
+camera.
 """
 
 from __future__ import annotations

@@ -1,13 +1,7 @@
-"""Known sensors as data: one TOML file each. A figure that no source gives is left out.
+"""Known sensors as data: one TOML file each. What no source gives is left out.
 
-    sensor = load_sensor("gelsight-mini")       # or the path of a file of one's own
-    sensor.pins.pitch_mm                        # None: nobody has published it
-
-Rules
-- Each figure has its source in [sources], under its key; a test compares the two for the files in this
-  folder.
-- Lengths are the sensor's own. What it looks like in pixels is learnt from its image, never taken from
-  here.
+sensor = load_sensor("gelsight-mini")       # or the path of a file of one's own
+sensor.pins.pitch_mm                        # None: nobody has published it
 """
 
 from __future__ import annotations

@@ -1,9 +1,7 @@
 """Width and height of an image file from its first bytes, before memory is allocated for its pixels.
 
-A 15 MB PNG may stand for 32000 x 32000 pixels of 8 bytes. So only the formats of this table are accepted: the
-header is read here, the size is bounded, and only then a library decodes.
-
-Sources: PNG (RFC 2083), JPEG (ITU T.81, B.2.2), BMP (BITMAPINFOHEADER), Netpbm, TIFF 6.0, WebP (RFC 9649).
+A 15 MB PNG may stand for 32000 x 32000 pixels of 8 bytes. Sources: PNG (RFC 2083), JPEG (ITU T.81, B.2.2),
+BMP (BITMAPINFOHEADER), Netpbm, TIFF 6.0, WebP (RFC 9649).
 """
 
 from __future__ import annotations

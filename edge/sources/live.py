@@ -1,11 +1,7 @@
 """Base of all live sources: a thread that reads, one slot for the newest frame, and detection of faults.
 
-- The slot holds one frame. A slow reader gets the newest one, and `dropped_n` counts those it missed;
-  nothing queues.
-- A device that is lost, stalls, freezes or goes dark raises no exception: `faults` counts how often each
-  appeared, `condition` is the present one ("" if there is none), and the iterator waits until frames
-  come back or `close` is called.
-- `read(timeout_s)` is for a loop with other work: None when no frame came in time.
+A slow reader gets the newest frame, and `dropped_n` counts those it missed. A device that is lost, stalls,
+freezes or goes dark raises no exception: `condition` says so, and the iterator waits until frames come back.
 """
 
 from __future__ import annotations

@@ -1,11 +1,8 @@
 """How a source is requested: a specification, and settings that every kind of source understands.
 
-    v4l2:0?exposure_us=2000&format=GREY
-    ----  - ---------------------------
-    scheme where  keys; they win over the settings given in code or configuration
-
-A setting of 0 or None leaves the camera's own. Sources ignore settings that have no meaning for them
-(a recording has no exposure), but an unknown key is an error.
+v4l2:0?exposure_us=2000&format=GREY
+----  - ---------------------------
+scheme where  keys; they win over the settings given in code or configuration
 """
 
 from __future__ import annotations

@@ -1,11 +1,8 @@
-"""Colours, and how an area change becomes one.
+"""Colours (BGR, as in OpenCV), and how an area change becomes one.
 
-The paper shades compressed cells (area up) red and expanded ones (area down) blue. Red and blue of equal
-weight are distinguishable for most colour-blind readers, but not in grey print and not beside red vectors;
-`SAFE` takes orange and blue of the Okabe-Ito set, and black vectors.
-Between white and the full colour they are mixed in OKLab (Ottosson 2020), where equal steps look equal: mixed
-in sRGB, blue fades earlier than red.
-Colours are BGR, as in OpenCV.
+The paper shades compressed cells (area up) red and expanded ones blue; `SAFE` takes orange and blue of the
+Okabe-Ito set, and black vectors. Between white and the full colour they are mixed in OKLab (Ottosson 2020),
+where equal steps look equal: mixed in sRGB, blue fades earlier than red.
 """
 
 from __future__ import annotations

@@ -1,9 +1,6 @@
-"""The two panels of the paper's figures, drawn by OpenCV: fast enough for a live view and for video.
+"""The two panels of the paper's figures, drawn by OpenCV: left the touch, right the camera's image.
 
-- Left the touch: cells, contacts, shear; right the camera's image, with the pins marked.
-- A `View` is fixed for a tip, so that pictures do not jump from frame to frame.
-- All coordinates go through `View.fixed`: fixed-point, 1/16 px, anti-aliased.
-- Vectors are lengthened by factors that the legend states.
+All coordinates go through `View.fixed`: fixed-point, 1/16 px, anti-aliased.
 """
 
 from __future__ import annotations

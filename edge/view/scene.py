@@ -1,11 +1,6 @@
-"""One frame as the page draws it: a short header, and raw arrays.
+"""One frame as the page draws it: a short header, and raw arrays, which are only cast and copied here.
 
-Rules
-- The browser does as much as it can: it gets pins and triangles and makes the cells itself (other viewers
-  may request the cells' corners). Here arrays are
-  only cast and copied (`tobytes`), some 50 us, and the image becomes a JPEG, which OpenCV does without the
-  interpreter's lock.
-- Places are px of the camera's image, pixel centres on integers, at any size of the transmitted picture.
+Places are px of the camera's image, pixel centres on integers, at any size of the transmitted picture.
 """
 
 from __future__ import annotations

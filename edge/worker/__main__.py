@@ -1,10 +1,5 @@
 """The second process: `python -m edge.worker DATA CONTROL MEMORY`, with inherited file descriptors.
 
-    main thread     Inbox -> recorder, page
-    "control"       receives the answers of the loop
-    "view"          the page's server; its commands in worker threads
-    "recorder"      encodes and writes
-
 It ends when the data channel ends, whether the loop has closed it or died; received messages are written
 first. Signals are handled by the loop: a service manager sends them to both.
 """

@@ -1,10 +1,7 @@
 """The loop's side of the worker: starts it, sends new results, runs its viewers' commands, survives its end.
 
-Rules
-- `ViewFeed` and `RecordingFeed` run in the loop's thread after the sample has left, and never wait.
-- A separate thread receives from the worker; what changes the pipeline is posted to the loop.
-- The end of the socket is the end of the process. If it was not ended by us, a recording counts as broken
-  (what was written can be read), and the page is served again at the same address.
+What changes the pipeline is posted to the loop. The end of the socket is the end of the process: if we did
+not end it, a recording counts as broken, and the page is served again at the same address.
 """
 
 from __future__ import annotations

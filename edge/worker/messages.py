@@ -1,8 +1,4 @@
-"""The messages between the two processes.
-
-On the data channel, from the loop: `Show`, `Take`, `Event`, `Attach`, `Stopped`. Over the control socket,
-both ways: `Begin`, `Answer` to the worker; `Ready`, `Ask`, `Wants`, `PageReport`, `RecordingReport` from it.
-"""
+"""The messages between the two processes: data from the loop, control messages both ways."""
 
 from __future__ import annotations
 

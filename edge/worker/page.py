@@ -1,14 +1,7 @@
 """The live page of the fingertip, in the second process: takes data from the loop, makes packets for viewers.
 
-    main thread     show, take: keep what is new
-    server thread   make(wants): the newest data as a packet
-    worker threads  viewers' commands
-
-Rules
-- Charts show every sample, not only those whose picture was drawn: `recent` holds the samples since the last
-  packet, and is bounded.
-- Without a new result packets are still sent, `keepalive_hz` a second: with the camera's image if there is
-  one (to aim and to focus before pins are found), and with the faults.
+Charts show every sample, not only those whose picture was drawn. Without a new result packets are still sent:
+with the camera's image, to aim and to focus before pins are found, and with the faults.
 """
 
 from __future__ import annotations
