@@ -38,37 +38,25 @@ FD_MTU = 72  # bytes; MTU of a Linux interface for CAN FD
 class DoctorLimits:
     """Limits beyond which a topic is a warning or a failure.
 
-    rate_share     of the requested rate
-    dim            mean level, share of full scale, below which more light would help
-    glare          share of saturated pixels above which less exposure would help
-    soft_edge      blur of a pin's edge over its radius
-    few_pins       share of the calibration's pins: fewer are a warning
-    lost_pins      share of the calibration's pins: fewer are a failure
-    old_days       age of a calibration
-    rough_mm       residual of the calibration of displacement or shear
-    bus_errors_n   of a CAN controller's counters; the controller warns from here on (ISO 11898-1)
-    clock_step_ns  resolution of the monotonic clock
 
     What is measured:
     sample_frames_n, sample_s  frames that are checked, and the longest wait for them
-    rest_frames_n  of them that make a rest frame
-    write_bytes    written to measure the disk
     """
 
-    rate_share: float = 0.9
-    dim: float = 0.03
-    glare: float = 0.05
-    soft_edge: float = 0.45
-    few_pins: float = 0.97
-    lost_pins: float = 0.8
-    old_days: int = 365
-    rough_mm: float = 0.3
-    bus_errors_n: int = 96
-    clock_step_ns: float = 1e6
+    rate_share: float = 0.9  # of the requested rate
+    dim: float = 0.03  # mean level, share of full scale, below which more light would help
+    glare: float = 0.05  # share of saturated pixels above which less exposure would help
+    soft_edge: float = 0.45  # blur of a pin's edge over its radius
+    few_pins: float = 0.97  # share of the calibration's pins: fewer are a warning
+    lost_pins: float = 0.8  # share of the calibration's pins: fewer are a failure
+    old_days: int = 365  # age of a calibration
+    rough_mm: float = 0.3  # residual of the calibration of displacement or shear
+    bus_errors_n: int = 96  # of a CAN controller's counters; the controller warns from here on (ISO 11898-1)
+    clock_step_ns: float = 1e6  # resolution of the monotonic clock
     sample_frames_n: int = 60
     sample_s: float = 3.0
-    rest_frames_n: int = 8
-    write_bytes: int = 16 << 20
+    rest_frames_n: int = 8  # of them that make a rest frame
+    write_bytes: int = 16 << 20  # written to measure the disk
 
 
 LIMITS = DoctorLimits()

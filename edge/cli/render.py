@@ -95,28 +95,17 @@ def render(
 
 @dataclass(frozen=True, slots=True)
 class Style:
-    """palette  "paper" or "safe"
-    rate_hz  pictures a second; None: the recording's own
-    height   of a panel, px
-    """
-
-    palette: str = "paper"
-    rate_hz: float | None = None
-    height: int = 640
+    palette: str = "paper"  # "paper" or "safe"
+    rate_hz: float | None = None  # pictures a second; None: the recording's own
+    height: int = 640  # of a panel, px
 
 
 @dataclass(frozen=True, slots=True)
 class Made:
-    """frames_n        in the video
-    unidentified_n  of them without values, because the pins could not be identified
-    pins_n          of the rest frame
-    rate_hz         pictures a second
-    """
-
-    frames_n: int
-    unidentified_n: int
-    pins_n: int
-    rate_hz: float
+    frames_n: int  # in the video
+    unidentified_n: int  # of them without values, because the pins could not be identified
+    pins_n: int  # of the rest frame
+    rate_hz: float  # pictures a second
 
 
 def render_recording(

@@ -56,19 +56,14 @@ class Check:
     """One row: the fault appears when the number reaches `raise_at`, and clears when it is away from it by
     the share of `raise_at` that all checks have in common. Rows of the same fault are alternatives: it holds
     while one of them does. NaN reaches no limit.
-
-    measure  name of the number, a field of `Facts`
-    unit     of the number and of the limit
-    reason   for the log; a format of the fields of `Facts`
-    below    the fault is below the limit
     """
 
     code: FaultCode
-    measure: str
+    measure: str  # name of the number, a field of `Facts`
     raise_at: float
-    unit: str
-    reason: str
-    below: bool = False
+    unit: str  # of the number and of the limit
+    reason: str  # for the log; a format of the fields of `Facts`
+    below: bool = False  # the fault is below the limit
 
     def limit(self, holds: bool) -> float:
         """What the number has to reach for the fault to appear, or to go on."""

@@ -41,15 +41,12 @@ log = logging.getLogger(__name__)
 class SinkCounters:
     """Counts of samples since the opening.
 
-    sent        samples given to the medium
-    dropped     samples that could not be sent
-    reconnects  times the medium was lost and came back
     detail_sent, detail_skipped   groups of detail segments sent, and skipped in favour of samples
     """
 
-    sent: int = 0
-    dropped: int = 0
-    reconnects: int = 0
+    sent: int = 0  # samples given to the medium
+    dropped: int = 0  # samples that could not be sent
+    reconnects: int = 0  # times the medium was lost and came back
     detail_sent: int = 0
     detail_skipped: int = 0
 

@@ -28,15 +28,11 @@ class MediumFull(Exception):
 
 
 class CanFrame(NamedTuple):
-    """A data frame with an 11-bit identifier.
-
-    data  up to 8 bytes; with fd up to 64, in a length that CAN FD has
-    fd    CAN FD, the data at the second bit rate
-    """
+    """A data frame with an 11-bit identifier."""
 
     can_id: int
-    data: bytes
-    fd: bool = False
+    data: bytes  # up to 8 bytes; with fd up to 64, in a length that CAN FD has
+    fd: bool = False  # CAN FD, the data at the second bit rate
 
 
 def is_off_after(error_id: int, before: bool) -> bool:

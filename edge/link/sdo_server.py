@@ -49,21 +49,15 @@ _NO_REPEAT = (b"", b"")  # the last segment and its answer; none
 
 @dataclass(slots=True)
 class _Transfer:
-    """A value of more than 4 bytes being transferred.
-
-    writes   the client writes (download); else it reads
-    data     received so far, or still to be sent
-    size     announced; None: it was not
-    moved    a segment was transferred
-    """
+    """A value of more than 4 bytes being transferred."""
 
     index: int
     sub: int
-    writes: bool
-    data: bytearray
-    size: int | None = None
+    writes: bool  # the client writes (download); else it reads
+    data: bytearray  # received so far, or still to be sent
+    size: int | None = None  # announced; None: it was not
     toggle: int = 0
-    moved: bool = False
+    moved: bool = False  # a segment was transferred
     last_used_s: float = field(default_factory=time.monotonic)
 
 

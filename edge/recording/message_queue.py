@@ -11,18 +11,14 @@ from edge.recording.topics import Topic
 
 
 class Item(NamedTuple):
-    """A message that is not encoded yet.
+    """A message that is not encoded yet."""
 
-    cost_bytes  memory that it occupies
-    encode      called by the thread that writes
-    """
-
-    cost_bytes: int
+    cost_bytes: int  # memory that it occupies
     topic: Topic
     log_ns: int
     publish_ns: int
     sequence: int
-    encode: Callable[[], bytes]
+    encode: Callable[[], bytes]  # called by the thread that writes
 
 
 class MessageQueue:

@@ -20,14 +20,9 @@ from hostlink.topics import DIAGNOSTICS, SAMPLE, finger_name
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """name    topic in the file
-    schema    name of the schema; "foxglove." ones are protobuf, the rest JSON
-    content   JSON schema, for JSON; other fields may follow
-    """
-
-    name: str
-    schema: str
-    content: Mapping[str, Any] = field(default_factory=dict)
+    name: str  # topic in the file
+    schema: str  # name of the schema; "foxglove." ones are protobuf, the rest JSON
+    content: Mapping[str, Any] = field(default_factory=dict)  # JSON schema, for JSON; other fields may follow
 
     @property
     def is_json(self) -> bool:

@@ -55,20 +55,13 @@ PARAMS = RestChoiceParams()
 
 @dataclass(frozen=True, slots=True)
 class RestChoice:
-    """The image that shows the tip least deformed.
+    """The image that shows the tip least deformed."""
 
-    index            of the image, from 0
-    rest             rest frame made of it
-    deformation_rel  rms relative area change of its cells against those untouched
-    typical_rel      the same, median over the images
-    agree_n          other images, of `compared_n`, that show the same cells
-    """
-
-    index: int
-    rest: Rest
-    deformation_rel: float
-    typical_rel: float
-    agree_n: int
+    index: int  # of the image, from 0
+    rest: Rest  # rest frame made of it
+    deformation_rel: float  # rms relative area change of its cells against those untouched
+    typical_rel: float  # the same, median over the images
+    agree_n: int  # other images, of `compared_n`, that show the same cells
     compared_n: int
 
     @property
@@ -115,16 +108,11 @@ def choose_rest(
 
 @dataclass(frozen=True, slots=True)
 class _Comparison:
-    """k images, relative to one of them.
+    """k images, relative to one of them."""
 
-    index        the least deformed one
-    deformation  (k,) NaN: pins not identified
-    agrees       (k, k) whether two show the same cells
-    """
-
-    index: int
-    deformation: Array
-    agrees: Mask
+    index: int  # the least deformed one
+    deformation: Array  # (k,) NaN: pins not identified
+    agrees: Mask  # (k, k) whether two show the same cells
 
     @property
     def known_n(self) -> int:

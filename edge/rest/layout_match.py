@@ -27,18 +27,12 @@ CLEAR = 0.5 * 0.5 / 2**0.5
 
 @dataclass(frozen=True, slots=True)
 class LayoutMatch:
-    """A layout laid over the pins of a rest frame.
+    """A layout laid over the pins of a rest frame."""
 
-    pins_on        share of the pins that have a site
-    sites_filled   share of the layout's sites that have a pin; of a grid's sites among the pins
-    residual       pitches, 95 % quantile of the pins' distance from where their neighbours predict them
-    pitch_px       distance of neighbouring pins in the middle
-    """
-
-    pins_on: float
-    sites_filled: float
-    residual: float
-    pitch_px: float
+    pins_on: float  # share of the pins that have a site
+    sites_filled: float  # share of the layout's sites that have a pin; of a grid's sites among the pins
+    residual: float  # pitches, 95 % quantile of the pins' distance from where their neighbours predict them
+    pitch_px: float  # distance of neighbouring pins in the middle
 
 
 def match_layout(rest: Rest, layout: str, count: int = 0) -> LayoutMatch:

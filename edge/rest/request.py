@@ -39,17 +39,14 @@ class TareOutcome:
 class TareRequest:
     """A request for a new rest frame.
 
-    force        accept it although it shows a touch
-    calibration  to be used from then on; None: the present one stays
     store        called when the rest frame is good, before it is used. Raises OSError
-    done         gets the outcome
     """
 
     number: int
-    force: bool = False
-    calibration: Calibration | None = None
+    force: bool = False  # accept it although it shows a touch
+    calibration: Calibration | None = None  # to be used from then on; None: the present one stays
     store: Callable[[], None] | None = None
-    done: Future[TareOutcome] = field(default_factory=Future)
+    done: Future[TareOutcome] = field(default_factory=Future)  # gets the outcome
 
 
 @dataclass(frozen=True, slots=True)

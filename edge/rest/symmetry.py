@@ -32,14 +32,10 @@ PARAMS = SymmetryParams()
 
 @dataclass(frozen=True, slots=True)
 class RestSymmetry:
-    """Of the cells of a rest frame, as rms relative area.
+    """Of the cells of a rest frame, as rms relative area."""
 
-    asymmetry     smooth, and neither alike in all directions nor even across
-    irregularity  from cell to cell
-    """
-
-    asymmetry: float
-    irregularity: float
+    asymmetry: float  # smooth, and neither alike in all directions nor even across
+    irregularity: float  # from cell to cell
 
     @property
     def in_contact(self) -> bool:

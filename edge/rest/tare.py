@@ -45,18 +45,14 @@ LET_GO = "let go, or force the tare"
 class TareParams:
     """Thresholds of the tare; evidence in docs/tuning.md.
 
-    frames_n   images that the rest frame is made from
-    steady_px  largest motion of 90 % of the pins from the first image to the last
     kept_rel   smallest share of the last rest frame's pins that must be found, without a calibration
-    polarity   of the pins, as far as it is known
-    lens       whose distortion is removed from the pins' places
     """
 
-    frames_n: int = 8
-    steady_px: float = 0.5
+    frames_n: int = 8  # images that the rest frame is made from
+    steady_px: float = 0.5  # largest motion of 90 % of the pins from the first image to the last
     kept_rel: float = TIP.shared_min
-    polarity: Polarity = Polarity.FOUND
-    lens: Lens | None = None
+    polarity: Polarity = Polarity.FOUND  # of the pins, as far as it is known
+    lens: Lens | None = None  # whose distortion is removed from the pins' places
 
 
 PARAMS = TareParams()
@@ -77,16 +73,11 @@ class TareRefused(EdgeError):
 
 @dataclass(frozen=True, slots=True)
 class RestFrame:
-    """A rest frame that may be used.
+    """A rest frame that may be used."""
 
-    rest     row i is pin i of the calibration, where there is one
-    reason   NONE, or why it is implausible: then it was forced
-    message  the same as text
-    """
-
-    rest: Rest
-    reason: RestFrameReason = Reason.NONE
-    message: str = ""
+    rest: Rest  # row i is pin i of the calibration, where there is one
+    reason: RestFrameReason = Reason.NONE  # NONE, or why it is implausible: then it was forced
+    message: str = ""  # the same as text
 
 
 def take_rest_frame(

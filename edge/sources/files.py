@@ -31,14 +31,10 @@ _GIVE = f"give {', '.join(IMAGE_SUFFIXES)}"
 
 @dataclass(frozen=True, slots=True)
 class FileParams:
-    """Parameters by name.
+    """Parameters by name."""
 
-    stills_hz  of stills, and of videos that do not state a rate: a live replay uses it
-    bad_max_n  damaged frames in a row after which a video has ended
-    """
-
-    stills_hz: float = 30.0
-    bad_max_n: int = 8
+    stills_hz: float = 30.0  # of stills, and of videos that do not state a rate: a live replay uses it
+    bad_max_n: int = 8  # damaged frames in a row after which a video has ended
 
 
 PARAMS = FileParams()

@@ -24,29 +24,22 @@ _SHARED = "pins"
 @dataclass(frozen=True, slots=True)
 class Options:
     """width, height  px; 0: the camera's own
-    rate_hz        frames a second; 0: the camera's own, or the recording's
-    exposure_us    manual exposure; 0: unchanged
     gain           in the camera's own unit (V4L2 control, ISO for OAK, a factor for picamera2); 0: unchanged
-    focus          lens position in the camera's own unit; None: unchanged
-    format         pixel format: GREY, Y10, Y12, Y16, MJPG, YUYV; "": the best that the camera has
-    pins           dark or bright; "": found when the rest frame is taken
     lens           file of `edge lens`, or factory: distortion that is removed from the pins' places; "": none
-    buffers        kernel buffers of a V4L2 camera
-    check_rate     measure the rate at the start, and refuse a camera that is slower than asked
     extra          keys of the specification that are the source's own
     """
 
     width: int = 0
     height: int = 0
-    rate_hz: float = 0.0
-    exposure_us: int = 0
+    rate_hz: float = 0.0  # frames a second; 0: the camera's own, or the recording's
+    exposure_us: int = 0  # manual exposure; 0: unchanged
     gain: int = 0
-    focus: int | None = None
-    format: str = ""
-    pins: Polarity = Polarity.FOUND
+    focus: int | None = None  # lens position in the camera's own unit; None: unchanged
+    format: str = ""  # pixel format: GREY, Y10, Y12, Y16, MJPG, YUYV; "": the best that the camera has
+    pins: Polarity = Polarity.FOUND  # dark or bright; "": found when the rest frame is taken
     lens: str = ""
-    buffers: int = 1
-    check_rate: bool = True
+    buffers: int = 1  # kernel buffers of a V4L2 camera
+    check_rate: bool = True  # measure the rate at the start, and refuse a camera that is slower than asked
     extra: Mapping[str, str] = field(default_factory=dict)
 
     def size_or(self, default_px: tuple[int, int]) -> tuple[int, int]:

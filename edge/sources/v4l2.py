@@ -54,14 +54,9 @@ os.environ.setdefault("OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT", "1")
 
 @dataclass(frozen=True, slots=True)
 class VideoDevice:
-    """path    e.g. /dev/video0
-    serial  of the USB device; "" if it has none
-    label   the driver's name for it
-    """
-
-    path: str
-    serial: str
-    label: str
+    path: str  # e.g. /dev/video0
+    serial: str  # of the USB device; "" if it has none
+    label: str  # the driver's name for it
 
 
 def _text(path: Path) -> str:

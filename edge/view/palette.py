@@ -22,25 +22,19 @@ Bgr = tuple[int, int, int]
 @dataclass(frozen=True, slots=True)
 class Palette:
     """compressed, expanded  full colour for larger, for smaller area
-    paper                 an unchanged cell, and the background
-    edge                  outlines of cells
-    pin                   where a pin is
-    contact               the star
     local, shear          vectors of single pins, and their mean
-    ink                   text and axes
-    halo                  drawn round marks, so that they stand out from any cell
     """
 
     compressed: Bgr
     expanded: Bgr
-    paper: Bgr
-    edge: Bgr
-    pin: Bgr
-    contact: Bgr
+    paper: Bgr  # an unchanged cell, and the background
+    edge: Bgr  # outlines of cells
+    pin: Bgr  # where a pin is
+    contact: Bgr  # the star
     local: Bgr
     shear: Bgr
-    ink: Bgr
-    halo: Bgr
+    ink: Bgr  # text and axes
+    halo: Bgr  # drawn round marks, so that they stand out from any cell
 
 
 PAPER = Palette(

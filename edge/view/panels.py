@@ -26,18 +26,12 @@ _FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """Which part of the image a panel shows.
+    """Which part of the image a panel shows."""
 
-    corner_img  (x, y) px of its upper left corner
-    scale       canvas px for one image px
-    size        (width, height) of a panel, canvas px
-    mm_per_px   for the scale bar; 0: in px
-    """
-
-    corner_img: tuple[float, float]
-    scale: float
-    size: tuple[int, int]
-    mm_per_px: float = 0.0
+    corner_img: tuple[float, float]  # (x, y) px of its upper left corner
+    scale: float  # canvas px for one image px
+    size: tuple[int, int]  # (width, height) of a panel, canvas px
+    mm_per_px: float = 0.0  # for the scale bar; 0: in px
 
     @classmethod
     def of(cls, xy_img: Array, pitch_px: float, height: int = 640, mm_per_px: float = 0.0) -> View:

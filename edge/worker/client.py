@@ -52,20 +52,12 @@ SHOWN = frozenset({Feature.DISPLACEMENT, Feature.CONTACTS, Feature.SHEAR, Featur
 
 @dataclass(frozen=True, slots=True)
 class WorkerConfig:
-    """listen      where the live page is served; None: no page
-    record      a file to record from the first frame on; None: none
-    overwrite   whether that file may exist already
-    recordings  folder for recordings started on the page
-    tip         about the tip, for recordings
-    finger      its number
-    """
-
-    listen: Listen | None = None
-    record: Path | None = None
-    overwrite: bool = False
-    recordings: Path = Path(".")
-    tip: Mapping[str, str] = field(default_factory=dict)
-    finger: int = 1
+    listen: Listen | None = None  # where the live page is served; None: no page
+    record: Path | None = None  # a file to record from the first frame on; None: none
+    overwrite: bool = False  # whether that file may exist already
+    recordings: Path = Path(".")  # folder for recordings started on the page
+    tip: Mapping[str, str] = field(default_factory=dict)  # about the tip, for recordings
+    finger: int = 1  # its number
 
 
 class WorkerClient:

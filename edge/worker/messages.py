@@ -13,38 +13,22 @@ from hostlink.wire import State
 
 @dataclass(frozen=True, slots=True)
 class Begin:
-    """listen   where to serve the page; None: no page
-    source      the camera's name
-    rate_hz     the camera's
-    recordings  folder for recordings started on the page
-    record      file to record from the start; "": none
-    overwrite   whether it may exist already
-    tip         about the tip
-    finger      its number
-    log_level   of the program
-    """
-
-    listen: Listen | None
-    source: str
-    rate_hz: float
-    recordings: str
-    record: str
-    overwrite: bool
-    tip: dict[str, str]
-    finger: int
-    log_level: int
+    listen: Listen | None  # where to serve the page; None: no page
+    source: str  # the camera's name
+    rate_hz: float  # the camera's
+    recordings: str  # folder for recordings started on the page
+    record: str  # file to record from the start; "": none
+    overwrite: bool  # whether it may exist already
+    tip: dict[str, str]  # about the tip
+    finger: int  # its number
+    log_level: int  # of the program
 
 
 @dataclass(frozen=True, slots=True)
 class Ready:
-    """port   where the page is served
-    refused  the user's mistake, as text; "": none
-    kind     of the error, a class of `edge.errors`
-    """
-
-    port: int = 0
-    refused: str = ""
-    kind: str = ""
+    port: int = 0  # where the page is served
+    refused: str = ""  # the user's mistake, as text; "": none
+    kind: str = ""  # of the error, a class of `edge.errors`
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,23 +36,18 @@ class Show:
     """New data for viewers since the last such message.
 
     now_s, last_s  monotonic time: now, and of the newest result
-    seen_n         results since the start
-    rows           of the charts: one a sample
-    frame          the newest image, with or without a result; None: as before
     result, state  the newest; None: as before
-    rest           the rest frame; None: as before
-    about          data that do not come from a frame
     """
 
     now_s: float
     last_s: float
-    seen_n: int
-    rows: list[tuple[float, ...]]
-    frame: Frame | None
+    seen_n: int  # results since the start
+    rows: list[tuple[float, ...]]  # of the charts: one a sample
+    frame: Frame | None  # the newest image, with or without a result; None: as before
     result: Result | None
     state: State | None
-    rest: Rest | None
-    about: dict[str, Any]
+    rest: Rest | None  # the rest frame; None: as before
+    about: dict[str, Any]  # data that do not come from a frame
 
 
 @dataclass(frozen=True, slots=True)
