@@ -15,28 +15,11 @@ import numpy as np
 from edge.cells import cell_polygons
 from edge.pipeline import Result
 from edge.types import Array, Frame, Rest
+from edge.view.chart import CHART
 from edge.view.palette import PAPER, SAFE, Palette, cell_colours, cell_rgba
 from edge.view.params import PARAMS
 
 Arrays = dict[str, tuple[str, bytes]]
-
-
-#: What the charts show of every sample, in this order; the page finds them by name.
-CHART = (
-    "time_s",
-    "displacement_mm",
-    "shear_x_mm",
-    "shear_y_mm",
-    "torsion_deg",
-    "force_n",
-    "force_x_n",
-    "force_y_n",
-    "slip_margin",
-    "latency_ms",
-    "volume_px2",
-    "shear_x_px",
-    "shear_y_px",
-)
 
 
 def hello(source: str, serial: str) -> dict[str, Any]:

@@ -11,6 +11,7 @@ loop never waits, and sends only while somebody watches or a recording is made. 
 
 from __future__ import annotations
 
-from edge.worker.client import WorkerClient, WorkerConfig
+from edge.worker.client import WorkerClient
+from edge.worker.messages import WorkerConfig
 
 __all__ = ["WorkerClient", "WorkerConfig"]

@@ -61,6 +61,8 @@ class Worker:
 
     def __init__(self, control: socket.socket, inbox: Inbox, begin: Begin) -> None:
         self._control, self._inbox, self._begin = control, inbox, begin
+        self._config = config = begin.config
+        self._serial = config.tip.get("serial", "")
         self._recording: FrameRecorder | None = None
         self._switching = threading.Lock()  # one worker thread at a time starts or stops a recording
         self._drained = threading.Event()
@@ -68,16 +70,16 @@ class Worker:
         self._numbers = count()
         self._reported: dict[type, object] = {PageReport: PageReport(), RecordingReport: RecordingReport()}
         self._due_s = 0.0
-        if begin.record:
-            self._recording = self._frame_recorder(self._recorder(Path(begin.record), begin.overwrite))
+        if config.record is not None:
+            self._recording = self._frame_recorder(self._recorder(config.record, config.overwrite))
         self._page: Any = None
-        if begin.listen is not None:
+        if config.listen is not None:
             from edge.worker.page import LivePage
 
             self._page = LivePage(
-                begin.listen,
+                config.listen,
                 begin.source,
-                begin.tip.get("serial", ""),
+                self._serial,
                 {"tare": self._tare, "record": self._record},
                 self._on_wants,
             )
@@ -180,19 +182,18 @@ class Worker:
 
     def _record(self, fields: Mapping[str, Any]) -> str:
         with self._switching:
-            return (
-                self._begin_recording() if self._recording is None else self._end_recording(self._recording)
-            )
+            recording = self._recording
+            return self._begin_recording() if recording is None else self._end_recording(recording)
 
     def _recorder(self, path: Path, overwrite: bool = False) -> Recorder:
-        return Recorder(path, tip=self._begin.tip, rate_hz=self._begin.rate_hz, overwrite=overwrite)
+        return Recorder(path, tip=self._config.tip, rate_hz=self._begin.rate_hz, overwrite=overwrite)
 
     def _frame_recorder(self, recorder: Recorder) -> FrameRecorder:
-        return FrameRecorder(recorder, self._begin.finger, self._begin.tip.get("serial", ""))
+        return FrameRecorder(recorder, self._config.finger, self._serial)
 
     def _begin_recording(self) -> str:
-        folder = Path(self._begin.recordings)
-        name = f"{self._begin.tip.get('serial', 'tip')}-{datetime.now():%Y%m%d-%H%M%S}.mcap"
+        folder = self._config.recordings
+        name = f"{self._serial or 'tip'}-{datetime.now():%Y%m%d-%H%M%S}.mcap"
         try:
             folder.mkdir(parents=True, exist_ok=True)
             recorder = self._recorder(folder / name)

@@ -13,9 +13,9 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,7 @@ from edge.errors import InputError
 from edge.rest.request import TareBusy
 from edge.runtime.loop import Loop
 from edge.types import Feature
+from edge.worker.feeds import RecordingFeed, ViewFeed
 from edge.worker.messages import (
     Answer,
     Ask,
@@ -36,11 +37,10 @@ from edge.worker.messages import (
     RecordingReport,
     Stopped,
     Wants,
+    WorkerConfig,
 )
 from edge.worker.params import PARAMS
-from edge.worker.recording_feed import RecordingFeed
 from edge.worker.shared_memory import Outbox, pair, receive
-from edge.worker.view_feed import ViewFeed
 from hostlink.web import Listen
 from hostlink.wire import RestFrameState
 
@@ -48,16 +48,6 @@ log = logging.getLogger(__name__)
 
 #: Features that the page always shows; the surface is computed only for a viewer that requests it.
 SHOWN = frozenset({Feature.DISPLACEMENT, Feature.CONTACTS, Feature.SHEAR, Feature.TORSION})
-
-
-@dataclass(frozen=True, slots=True)
-class WorkerConfig:
-    listen: Listen | None = None  # where the live page is served; None: no page
-    record: Path | None = None  # a file to record from the first frame on; None: none
-    overwrite: bool = False  # whether that file may exist already
-    recordings: Path = Path(".")  # folder for recordings started on the page
-    tip: Mapping[str, str] = field(default_factory=dict)  # about the tip, for recordings
-    finger: int = 1  # its number
 
 
 class WorkerClient:
@@ -101,7 +91,7 @@ class WorkerClient:
 
     def start(self) -> None:
         """Start the process, and begin to send to it. Raises InputError."""
-        self._start_process(str(self._config.record or ""))
+        self._start_process(self._config.record)
         self._loop.result_callbacks.append(self.view.on_result)
         self._loop.tick_callbacks.append(self.view.on_tick)
         if self._config.record is not None:
@@ -158,7 +148,7 @@ class WorkerClient:
 
     # ---- the process ----------------------------------------------------------------------------------
 
-    def _start_process(self, record: str) -> None:
+    def _start_process(self, record: Path | None) -> None:
         """Raises InputError: the page or the recording cannot be started."""
         outbox = Outbox(PARAMS.memory_bytes)
         control, far_control = pair()
@@ -173,7 +163,9 @@ class WorkerClient:
         )
         far_control.close()
         outbox.far_end.close()
-        control.send(pickle.dumps(self._first_message(record)))
+        source, level = self._loop.source, logging.getLogger().getEffectiveLevel()
+        config = replace(self._config, listen=self._listen, record=record, tip=dict(self._config.tip))
+        control.send(pickle.dumps(Begin(config, source.name, source.rate_hz, level)))
         control.settimeout(PARAMS.start_s)
         early: list[Any] = []  # viewers of an earlier worker may reconnect before this one is ready
         try:
@@ -199,20 +191,6 @@ class WorkerClient:
             target=self._receive_loop, args=(control, early), name="worker client", daemon=True
         )
         self._thread.start()
-
-    def _first_message(self, record: str) -> Begin:
-        source, config = self._loop.source, self._config
-        return Begin(
-            self._listen,
-            source.name,
-            source.rate_hz,
-            str(config.recordings),
-            record,
-            config.overwrite,
-            dict(config.tip),
-            config.finger,
-            logging.getLogger().getEffectiveLevel(),
-        )
 
     # ---- the thread that receives ---------------------------------------------------------------------
 
@@ -291,7 +269,7 @@ class WorkerClient:
         if self._listen is None or time.monotonic() - self._started_s < PARAMS.lived_s or self._closing:
             return
         try:
-            self._start_process("")
+            self._start_process(None)
         except InputError as error:
             log.error("the live page has ended: %s", error)
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from edge.pipeline import Result
@@ -12,15 +14,20 @@ from hostlink.wire import State
 
 
 @dataclass(frozen=True, slots=True)
+class WorkerConfig:
+    listen: Listen | None = None  # where the live page is served; None: no page
+    record: Path | None = None  # a file to record from the first frame on; None: none
+    overwrite: bool = False  # whether that file may exist already
+    recordings: Path = Path(".")  # folder for recordings started on the page
+    tip: Mapping[str, str] = field(default_factory=dict)  # about the tip, for recordings
+    finger: int = 1  # its number
+
+
+@dataclass(frozen=True, slots=True)
 class Begin:
-    listen: Listen | None  # where to serve the page; None: no page
+    config: WorkerConfig
     source: str  # the camera's name
     rate_hz: float  # the camera's
-    recordings: str  # folder for recordings started on the page
-    record: str  # file to record from the start; "": none
-    overwrite: bool  # whether it may exist already
-    tip: dict[str, str]  # about the tip
-    finger: int  # its number
     log_level: int  # of the program
 
 

@@ -18,7 +18,8 @@ import numpy as np
 from edge.errors import InputError
 from edge.pipeline import Result
 from edge.types import Frame, Rest
-from edge.view.scene import CHART, Arrays, camera, hello, touch
+from edge.view.chart import CHART
+from edge.view.scene import Arrays, camera, hello, touch
 from edge.worker.messages import Show
 from hostlink.web import Listen, PageServer, WebError, pack_packet
 from hostlink.wire import State
@@ -38,26 +39,11 @@ class PageParams:
 PARAMS = PageParams()
 #: Numbers beside the picture; fields of the state frame.
 VALUES = (
-    "displacement_mm",
-    "displacement_sigma_mm",
-    "force_n",
-    "force_x_n",
-    "force_y_n",
-    "force_xy_sigma_n",
-    "torque_z_nmm",
-    "torque_z_sigma_nmm",
-    "friction",
-    "slip_margin",
-    "shear_x_mm",
-    "shear_y_mm",
-    "shear_sigma_mm",
-    "torsion_deg",
-    "tilt_x_deg",
-    "tilt_y_deg",
-    "slip_probability",
-    "contact_n",
+    "displacement_mm", "displacement_sigma_mm", "force_n", "force_x_n", "force_y_n", "force_xy_sigma_n",
+    "torque_z_nmm", "torque_z_sigma_nmm", "friction", "slip_margin", "shear_x_mm", "shear_y_mm",
+    "shear_sigma_mm", "torsion_deg", "tilt_x_deg", "tilt_y_deg", "slip_probability", "contact_n",
     "latency_us",
-)
+)  # fmt: skip
 
 
 class LivePage:
@@ -116,10 +102,8 @@ class LivePage:
 
     def show(self, show: Show) -> None:
         """Take new data from the loop."""
-        if show.rest is not None:
-            self._rest = show.rest
-        if show.frame is not None:
-            self._frame = show.frame
+        self._rest = show.rest or self._rest
+        self._frame = show.frame or self._frame
         if show.result is not None and show.state is not None:
             self._latest = (show.result, show.state)
         self._about = show.about

@@ -533,7 +533,7 @@ def test_a_recording_that_does_not_fit_on_the_disk_is_no_success(
     fault: str | None,
 ) -> None:
     """As the worker reports it."""
-    monkeypatch.setattr("edge.worker.recording_feed.RecordingFeed.fault", property(lambda feed: fault))
+    monkeypatch.setattr("edge.worker.feeds.RecordingFeed.fault", property(lambda feed: fault))
     arguments = ("replay", data_dir / "press_shear.mcap", "--speed", "max", "-q")
     assert run(monkeypatch, *arguments, "--record", tmp_path / "a.mcap") == (1 if fault else 0)
     assert (f"recording: {fault}" in caplog.text) == (fault is not None)
