@@ -61,10 +61,7 @@ _LOOP_OPTIONS = (
     ),
     overwrite_option,
     click.option(
-        "--view",
-        "view_here",
-        is_flag=True,
-        help="Serve a live page at 127.0.0.1:8765, or at --view-at.",
+        "--view", "view_here", is_flag=True, help="Serve a live page at 127.0.0.1:8765, or at --view-at."
     ),
     click.option(
         "--view-at",

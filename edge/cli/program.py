@@ -16,16 +16,14 @@ from hostlink.command_group import CommandGroup, CommandRow
 COMMANDS = {
     "run": CommandRow("edge.cli.run:run", "Run the finger: camera in, bus out, until stopped."),
     "replay": CommandRow(
-        "edge.cli.replay:replay",
-        "Send RECORDING (MCAP, video, folder of images) as if it were live.",
+        "edge.cli.replay:replay", "Send RECORDING (MCAP, video, folder of images) as if it were live."
     ),
     "render": CommandRow(
         "edge.cli.render:render",
         "Make a video of RECORDING: cells, contacts and shear beside the camera's image.",
     ),
     "inspect": CommandRow(
-        "edge.cli.inspect:inspect",
-        "Find the pins in each IMAGE, without prior knowledge, and list them.",
+        "edge.cli.inspect:inspect", "Find the pins in each IMAGE, without prior knowledge, and list them."
     ),
     "sensor": CommandRow(
         "edge.cli.sensor:sensor",
@@ -36,8 +34,7 @@ COMMANDS = {
         "Measure a lens by IMAGEs of a checkerboard, for ?lens=FILE in a source's address.",
     ),
     "doctor": CommandRow(
-        "edge.cli.doctor:doctor",
-        "Check camera, pins, calibration, link, processor, clock and disk.",
+        "edge.cli.doctor:doctor", "Check camera, pins, calibration, link, processor, clock and disk."
     ),
 }
 

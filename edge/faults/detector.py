@@ -67,13 +67,7 @@ def fault_checks(p: FaultParams = PARAMS) -> tuple[Check, ...]:
 #: Conditions of a camera that sends no images, or one again and again.
 _STALLED = ("stalled", "frozen")
 #: Faults that a new rest frame clears.
-_OF_THE_REST = (
-    F.TARE_IMPLAUSIBLE,
-    F.CALIBRATION_FOREIGN,
-    F.CAMERA_MOVED,
-    F.TRACKER_LOST,
-    F.PINS_LOST,
-)
+_OF_THE_REST = (F.TARE_IMPLAUSIBLE, F.CALIBRATION_FOREIGN, F.CAMERA_MOVED, F.TRACKER_LOST, F.PINS_LOST)
 #: Faults under which no drift is learnt.
 _NOT_QUIET = (
     Status.CAMERA_FAULT | Status.IMAGE_FAULT | Status.PINS_LOST | Status.TRACKER_LOST | Status.CAMERA_MOVED

@@ -38,22 +38,6 @@ log = logging.getLogger(__name__)
 Value = int | float | str | bytes
 
 FORCE = 2  # value of the tare object
-_DESCRIBED = frozenset(
-    {
-        "hardware_version",
-        "software_version",
-        "serial_number",
-        "calibration_id",
-        "pin_n",
-        "camera",
-        "camera_rate_hz",
-        "uptime_s",
-        "samples_n",
-        "dropped_n",
-        "latency_p50_us",
-        "latency_p99_us",
-    }
-)
 _INDICES = frozenset(o.index for o in OBJECTS)
 _SETTINGS = frozenset({"heartbeat_ms", "rate_hz", "divider", "features", "detail_divider"})
 _COB_IDS = {
@@ -246,7 +230,7 @@ class ObjectServer:
             return int.from_bytes(sha256(serial.encode()).digest()[:4], "big")
         if name == "time_us":
             return self._device.clock_us()
-        return self._described().get(name, obj.default) if name in _DESCRIBED else obj.default
+        return self._described().get(name, obj.default)
 
     def _described(self) -> Mapping[str, Value]:
         """The device's description, at most `described_s` old."""

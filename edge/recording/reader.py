@@ -18,13 +18,7 @@ import numpy as np
 from edge.errors import SourceError
 from edge.limits import RATE_MAX_HZ
 from edge.recording.images import OtherSize, decode_image
-from edge.recording.mcap_file import (
-    RawMessage,
-    damage,
-    image_count,
-    raw_messages,
-    read_metadata,
-)
+from edge.recording.mcap_file import RawMessage, damage, image_count, raw_messages, read_metadata
 from edge.recording.params import PARAMS
 from edge.recording.topics import TOPICS, proto
 from edge.sources.files import FileSource

@@ -213,10 +213,7 @@ class GivenRest:
 
 
 def rest_of_source(
-    source: FrameSource,
-    how: str,
-    calibration: Calibration | None = None,
-    params: RestChoiceParams = PARAMS,
+    source: FrameSource, how: str, calibration: Calibration | None = None, params: RestChoiceParams = PARAMS
 ) -> GivenRest:
     """The rest frame of a recording that is read twice.
 
@@ -253,9 +250,7 @@ def rest_if_touched(source: FrameSource, calibration: Calibration | None = None)
     images = [frame.image for frame in islice(source, TARE.frames_n)]
     try:
         take_rest_frame(
-            images,
-            replace(TARE, steady_px=np.inf, polarity=source.polarity, lens=source.lens),
-            calibration,
+            images, replace(TARE, steady_px=np.inf, polarity=source.polarity, lens=source.lens), calibration
         )
     except TareRefused as error:
         if error.reason is not RestFrameReason.TOUCHED:

@@ -23,11 +23,7 @@ class CameraSource(ThreadedSource):
     """
 
     def __init__(
-        self,
-        name: str,
-        options: Options,
-        retry_s: float,
-        clock_ns: Callable[[], int] = time.monotonic_ns,
+        self, name: str, options: Options, retry_s: float, clock_ns: Callable[[], int] = time.monotonic_ns
     ) -> None:
         super().__init__(name)
         self._options, self._retry_s, self._clock_ns = options, retry_s, clock_ns

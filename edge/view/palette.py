@@ -50,11 +50,7 @@ PAPER = Palette(
     halo=(255, 255, 255),
 )
 SAFE = replace(  # Okabe and Ito: orange, blue, bluish green, black
-    PAPER,
-    compressed=(0, 140, 230),
-    expanded=(178, 114, 0),
-    contact=(90, 110, 0),
-    local=(60, 60, 60),
+    PAPER, compressed=(0, 140, 230), expanded=(178, 114, 0), contact=(90, 110, 0), local=(60, 60, 60)
 )
 
 
