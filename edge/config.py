@@ -3,8 +3,6 @@
 Every key has a default that works, so an empty file is a valid one. Command-line options override keys.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

@@ -5,8 +5,6 @@ and by the lengths in its types. NaN and infinity are never accepted. An error i
 place in the file, what would be right; the reader of the file puts the file's name before it.
 """
 
-from __future__ import annotations
-
 import re
 import tomllib
 from pathlib import Path

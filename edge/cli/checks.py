@@ -1,7 +1,5 @@
 """The checks of `edge doctor`, one function a topic. Evidence for the limits: docs/tuning.md, "Doctor"."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Sequence

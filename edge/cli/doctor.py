@@ -3,8 +3,6 @@
 It changes nothing. A topic that cannot be checked because another failed is skipped, not guessed.
 """
 
-from __future__ import annotations
-
 import json
 import time
 from collections.abc import Callable, Sequence

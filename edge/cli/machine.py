@@ -1,7 +1,5 @@
 """Facts about the machine for `edge doctor`: network interfaces, processor, clock, disk."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -4,8 +4,6 @@ The rest frame is the recording's first frames, as in a replay; they are in the 
 cannot be identified is shown with its image and without cells.
 """
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing

@@ -3,8 +3,6 @@
 `begin` looks at a frame's time before it is computed, since that decides how; `judge` does all else after it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

@@ -5,8 +5,6 @@ so this needs no tracking. The measure is the energy of the gradient over the sq
 does not depend on brightness. It is not reported if the image is dark or overexposed: that explains it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import isqrt, nan
 

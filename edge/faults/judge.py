@@ -1,7 +1,5 @@
 """The table of faults that follow from measured numbers (`Facts`), and one walk over it a frame (`Judge`)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial

@@ -9,8 +9,6 @@
   explanations are compared by their likelihoods.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import log, sqrt
 

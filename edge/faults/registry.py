@@ -5,8 +5,6 @@ only which of them hold. A fault is announced once when it appears and once when
 appeared is counted.
 """
 
-from __future__ import annotations
-
 import logging
 import threading
 import time

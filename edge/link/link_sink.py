@@ -15,8 +15,6 @@
 - Faults are reported from a thread of their own: the loop may be in a search, and the worker in a write.
 """
 
-from __future__ import annotations
-
 import logging
 import threading
 import time

@@ -4,8 +4,6 @@ A failure means one of two things: MediumFull (drop, go on), or any other (reope
 module of its own, loaded when the first of it is opened: their libraries take a part of the start and memory.
 """
 
-from __future__ import annotations
-
 import errno
 import time
 from collections.abc import Callable, Sequence

@@ -11,8 +11,6 @@
 - Objects are served by the link's reader thread: `Device` methods are called from there, not from the loop.
 """
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Every chosen number of the link; the evidence for each is in docs/tuning.md, "Bus"."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

@@ -1,7 +1,5 @@
 """A CANopen node on our links: NMT, heartbeat, emergencies and objects, on CAN and over serial."""
 
-from __future__ import annotations
-
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -33,7 +31,7 @@ class _Port(ABC):
         self.server = server
         self._sink, self._node = sink, node
         self._on_nmt, self._on_sync = on_nmt, on_sync
-        self.nmt = Nmt(self._send_heartbeat, self._every)
+        self.nmt = Nmt(lambda data: sink.post(self._item(Kind.HEARTBEAT, data)), self._every)
 
     @abstractmethod
     def _item(self, kind: Kind, data: bytes) -> Any:
@@ -45,9 +43,6 @@ class _Port(ABC):
     @abstractmethod
     def forget_transfer(self) -> None:
         """Abandon a segmented transfer."""
-
-    def _send_heartbeat(self, data: bytes) -> None:
-        self._sink.post(self._item(Kind.HEARTBEAT, data))
 
     def _every(self, period_s: float, make: Callable[[], bytes] | None) -> None:
         item = None if make is None else lambda: self._item(Kind.HEARTBEAT, make())

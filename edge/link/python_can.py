@@ -1,7 +1,5 @@
 """Buses that python-can drives: all but the kernel's own. It reports a dead bus in many ways (`_BROKEN`)."""
 
-from __future__ import annotations
-
 import logging
 from contextlib import suppress
 

@@ -4,8 +4,6 @@ An unknown value is NaN, never 0. Without trusted identities, or without a resul
 status bits and time, no values.
 """
 
-from __future__ import annotations
-
 from math import nan
 from typing import Any, Protocol
 

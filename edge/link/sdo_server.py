@@ -13,8 +13,6 @@ left.
 - Block transfer is not offered: its bursts of 127 frames would hold the samples up.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable

@@ -3,8 +3,6 @@
 The items of the detail keep a distance: a sample cannot overtake what is in the driver's queue.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Callable, Sequence

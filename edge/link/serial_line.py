@@ -1,7 +1,5 @@
 """Serial lines, through pyserial."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from typing import Any
 

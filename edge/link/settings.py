@@ -4,8 +4,6 @@ A file that cannot be used does not stop the finger: it starts with defaults, an
 its limits and defaults: `stored` rows of `hostlink.wire.objects`.
 """
 
-from __future__ import annotations
-
 import logging
 import time
 from dataclasses import asdict, dataclass, replace

@@ -1,7 +1,5 @@
 """The kinds of link, and the door to them: `open_sink("can:can0")`; addresses: `hostlink.wire.address`."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Protocol

@@ -4,8 +4,6 @@ The kernel passes on only what is wanted: other fingers' samples would wake the 
 second.
 """
 
-from __future__ import annotations
-
 import select
 import socket
 import struct

@@ -1,7 +1,5 @@
 """Detects that a link sends nothing, and wakes the thread that reports it. Times are `time.monotonic`."""
 
-from __future__ import annotations
-
 import threading
 import time
 

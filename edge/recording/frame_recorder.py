@@ -1,7 +1,5 @@
 """What is recorded in each turn of the loop: the image, its results, the sample sent to the bus."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from edge.cells import cell_polygons

@@ -1,7 +1,5 @@
 """Images as Foxglove messages without loss, and back: also from files of other tools, of 8 or 16 bits."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import cv2

@@ -5,8 +5,6 @@ allocated: no length may point beyond the end of the file (`_Bounded`), no chunk
 `UNPACKED_MAX`, and its records are read one by one.
 """
 
-from __future__ import annotations
-
 import io
 import struct
 from collections import Counter

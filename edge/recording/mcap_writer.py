@@ -4,8 +4,6 @@ A power cut may lose more: an fsync for each chunk would stall an SD card; the f
 closed.
 """
 
-from __future__ import annotations
-
 import os
 import time
 from collections import Counter

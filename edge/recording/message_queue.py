@@ -1,7 +1,5 @@
 """The bounded queue between the loop, which never waits, and the thread that writes."""
 
-from __future__ import annotations
-
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence

@@ -4,8 +4,6 @@ Image coordinates here put pixel centres on integers; Foxglove's annotations put
 the first pixel. The half pixel is added in this module only.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Every chosen number of recordings; the evidence for each is in docs/tuning.md, "Recording"."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

@@ -4,8 +4,6 @@ Damage is counted in `faults`, and reading goes on; only a file without any imag
 `Clock.RECORDED`: their times may be compared with one another, not with the present.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import islice

@@ -1,7 +1,5 @@
 """The recording of a running loop, if there is one: its failures end the recording, not the loop."""
 
-from __future__ import annotations
-
 import logging
 import time
 from typing import Protocol

@@ -4,8 +4,6 @@ Foxglove's schemas (protobuf, imported with the first message) wherever one fits
 because PlotJuggler plots those directly.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cache

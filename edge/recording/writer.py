@@ -7,8 +7,6 @@
   frame: intervals stay exact, and all messages of a frame share one time.
 """
 
-from __future__ import annotations
-
 import threading
 import time
 from collections import Counter

@@ -6,8 +6,6 @@ its cells differ from that. An untouched tip looks the same each time, a touch r
 same cells to within the noise, the image is chosen among those that most others agree with, and is trusted.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import islice

@@ -7,8 +7,6 @@ wrong one they are as good as chance. The first neighbours must stand as the lay
 and zoom: a sheared hexagonal lattice is a square one.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

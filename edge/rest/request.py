@@ -6,8 +6,6 @@
 Requests come from any thread; everything else is the loop's.
 """
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor

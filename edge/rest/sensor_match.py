@@ -4,8 +4,6 @@ A sensor is recognised by its layout: nearly all pins have a site, nearly all si
 predicts them clearly better than chance. One without a known layout can only be named.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

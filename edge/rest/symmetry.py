@@ -6,8 +6,6 @@ asymmetry; it counts only if it exceeds the irregularity from cell to cell, whic
 A touch straight onto the middle is as symmetric as a dome, and is not detected.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -11,8 +11,6 @@ area change is larger than expected, the expectation is raised, within the limit
 learning. A larger change cannot be explained by noise.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from contextlib import suppress
@@ -109,7 +107,7 @@ def take_rest_frame(
 
     refiner = CentroidRefiner(rest)
     first, last = (refiner.refine(images[k], rest.xy_img) for k in (0, -1))
-    check(_unsteady(first, last, params))
+    check(_unsteady(first, last, params.steady_px))
     if calibration is not None:
         try:
             matched, tracks = match_rest(calibration.rest, rest)
@@ -138,12 +136,14 @@ def _take(images: Sequence[Image], params: TareParams, calibration: Calibration 
     return take_rest(images, params.polarity, params.lens)
 
 
-def _unsteady(first: Pins, last: Pins, params: TareParams) -> TareRefused | None:
+def _unsteady(first: Pins, last: Pins, steady_px: float) -> TareRefused | None:
     """Whether pins move from the first image to the last."""
     motion_px = float(np.nanquantile(np.hypot(*(last.xy_img - first.xy_img).T), RUNTIME.most_rel))
-    if motion_px > params.steady_px:
-        return TareRefused(Reason.UNSTEADY, *_moved(motion_px, params.steady_px))
-    return None
+    if motion_px <= steady_px:
+        return None
+    problem = f"the pins moved by {motion_px:.2f} px while the rest frame was taken"
+    advice = f"leave the tip untouched (limit {steady_px:g} px, key [tare] steady_px)"
+    return TareRefused(Reason.UNSTEADY, problem, advice)
 
 
 def _begins(rest: Rest, first: Pins, last: Pins) -> TareRefused | None:
@@ -165,14 +165,6 @@ def _lopsided(rest: Rest) -> TareRefused | None:
     return None
 
 
-def _moved(motion_px: float, limit_px: float) -> tuple[str, str]:
-    """Problem and advice."""
-    return (
-        f"the pins moved by {motion_px:.2f} px while the rest frame was taken",
-        f"leave the tip untouched (limit {limit_px:g} px, key [tare] steady_px)",
-    )
-
-
 def _changed(reference: Rest, rest: Rest, params: TareParams) -> TareRefused | None:
     """Whether the rest frame shows a touch, or fewer pins, against the last accepted one."""
     if len(rest) < params.kept_rel * len(reference):
@@ -183,11 +175,9 @@ def _changed(reference: Rest, rest: Rest, params: TareParams) -> TareRefused | N
         )
     tracks = Tracker(reference).identify(rest.pins)
     if tracks.confidence < Tracks.LOW_CONFIDENCE:
+        problem = "the pins cannot be matched with those of the last rest frame"
         return TareRefused(
-            Reason.OTHER,
-            "the pins cannot be matched with those of the last rest frame: something touches the tip, or it "
-            "is another one",
-            LET_GO,
+            Reason.OTHER, f"{problem}: something touches the tip, or it is another one", LET_GO
         )
     return _touch_shown(reference, tracks, "the last rest frame's")
 
@@ -196,11 +186,8 @@ def _touch_shown(reference: Rest, tracks: Tracks, whose: str) -> TareRefused | N
     sigmas = _touch_sigmas(reference, _seen_from_before(reference, tracks))
     if not sigmas:
         return None
-    return TareRefused(
-        Reason.TOUCHED,
-        f"something touches the tip (cells changed by {sigmas:.0f} sigma against {whose})",
-        LET_GO,
-    )
+    problem = f"something touches the tip (cells changed by {sigmas:.0f} sigma against {whose})"
+    return TareRefused(Reason.TOUCHED, problem, LET_GO)
 
 
 def _seen_from_before(reference: Rest, tracks: Tracks) -> Tracks:
@@ -267,8 +254,7 @@ def tare(
     """
     rest = take_rest(images, polarity, lens)
     refiner = CentroidRefiner(rest)
-    first, last = (refiner.refine(images[k], rest.xy_img).xy_img for k in (0, -1))
-    motion_px = float(np.nanquantile(np.hypot(*(last - first).T), RUNTIME.most_rel))
-    if motion_px > steady_px:
-        raise NoPins("tare: " + "; ".join(_moved(motion_px, steady_px)))
+    first, last = (refiner.refine(images[k], rest.xy_img) for k in (0, -1))
+    if moved := _unsteady(first, last, steady_px):
+        raise NoPins(str(moved))
     return rest if calibration is None else in_order_of(calibration, rest)

@@ -4,8 +4,6 @@ A camera that was taken out and put back shifts and rotates all pins alike, a li
 best common shift, rotation and zoom is deformation: a touch, or another tip.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ It has a thread of its own: sysfs takes milliseconds, and a dead camera must be 
 too.
 """
 
-from __future__ import annotations
-
 import os
 import threading
 from collections.abc import Callable, Sequence
@@ -104,8 +102,7 @@ class BoardMonitor:
         """Check everything once."""
         self.temperature_degc = self._thermometer()
         hot = self.temperature_degc >= self._temperature.limit(self._registry.holds(self._temperature.code))
-        reason = f"{self.temperature_degc:.0f} degC"
-        self._registry.report(self._temperature.code, hot, reason)
+        self._registry.report(self._temperature.code, hot, f"{self.temperature_degc:.0f} degC")
         problems = "; ".join(filter(None, (problem() for problem in self.storage)))
         self._registry.report(FaultCode.DISK_FULL, bool(problems), problems)
         for check in self.checks:

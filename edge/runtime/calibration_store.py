@@ -3,8 +3,6 @@
 A file is stored only after it was tried on the tip. If it cannot be used at a start, the previous one is.
 """
 
-from __future__ import annotations
-
 import logging
 from pathlib import Path
 

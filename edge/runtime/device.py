@@ -3,8 +3,6 @@
 Called from the links' threads. Nothing here waits for the loop: what changes the pipeline is posted to it.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping
 from functools import cache

@@ -9,8 +9,6 @@ At exit the interpreter would tear down its modules, for seconds on a slow board
 still be inside a driver. The kernel reclaims memory and files without that.
 """
 
-from __future__ import annotations
-
 import ctypes
 import logging
 import os

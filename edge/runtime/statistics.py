@@ -1,7 +1,5 @@
 """Statistics of the loop: counters, and quantiles of the last frames' times."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass, field, replace
 from typing import Any

@@ -4,8 +4,6 @@ WATCHDOG is sent only while images arrive: a service whose camera hangs is resta
 camera.
 """
 
-from __future__ import annotations
-
 import logging
 import os
 import socket

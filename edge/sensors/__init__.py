@@ -4,8 +4,6 @@ sensor = load_sensor("gelsight-mini")       # or the path of a file of one's own
 sensor.pins.pitch_mm                        # None: nobody has published it
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Literal
 

@@ -1,7 +1,5 @@
 """Base of cameras: opened again after each loss, their rate checked, their frames timed and numbered."""
 
-from __future__ import annotations
-
 import threading
 import time
 from abc import abstractmethod

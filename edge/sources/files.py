@@ -4,8 +4,6 @@ Opening reads the first image, so that a bad file is one clear line before anyth
 is counted in `faults`, and reading goes on.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from collections import Counter

@@ -4,8 +4,6 @@ A 15 MB PNG may stand for 32000 x 32000 pixels of 8 bytes. Sources: PNG (RFC 208
 BMP (BITMAPINFOHEADER), Netpbm, TIFF 6.0, WebP (RFC 9649).
 """
 
-from __future__ import annotations
-
 import re
 import struct
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """A lens as a file: `edge lens` writes it, `?lens=FILE` in a source's address reads it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from edge import limits

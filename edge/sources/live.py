@@ -4,8 +4,6 @@ A slow reader gets the newest frame, and `dropped_n` counts those it missed. A d
 freezes or goes dark raises no exception: `condition` says so, and the iterator waits until frames come back.
 """
 
-from __future__ import annotations
-
 import threading
 import time
 import zlib

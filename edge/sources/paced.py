@@ -4,8 +4,6 @@ Deadlines are absolute, so that rounding and late wake-ups do not add up. Frames
 deadline on the host's monotonic clock, so that latency has the same meaning as with a camera.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace

@@ -11,8 +11,6 @@
 Source: picamera2 0.3, its source and manual; raspberrypi/picamera2#821 for the time.
 """
 
-from __future__ import annotations
-
 import re
 import time
 from collections.abc import Callable

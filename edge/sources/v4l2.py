@@ -13,8 +13,6 @@
 Source: OpenCV modules/videoio/src/cap_v4l.cpp (for what each property does); V4L2 API reference.
 """
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Callable

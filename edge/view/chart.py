@@ -1,7 +1,5 @@
 """What the page's charts show of every sample, in this order; the page finds it by name."""
 
-from __future__ import annotations
-
 #: Fields of the sample that are shown as they are sent.
 CHARTED = (
     "displacement_mm", "shear_x_mm", "shear_y_mm", "torsion_deg", "force_n", "force_x_n", "force_y_n",

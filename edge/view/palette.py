@@ -5,8 +5,6 @@ Okabe-Ito set, and black vectors. Between white and the full colour they are mix
 where equal steps look equal: mixed in sRGB, blue fades earlier than red.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import lru_cache
 

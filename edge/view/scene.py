@@ -3,8 +3,6 @@
 Places are px of the camera's image, pixel centres on integers, at any size of the transmitted picture.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from math import degrees
 from typing import Any

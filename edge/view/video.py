@@ -4,8 +4,6 @@ OpenCV does not report a full disk: it goes on and returns nothing. So a finishe
 must have as many frames as were written; FFmpeg's own messages, one a frame, are suppressed.
 """
 
-from __future__ import annotations
-
 import errno
 import os
 from collections.abc import Iterable

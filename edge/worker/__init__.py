@@ -9,8 +9,6 @@ Pictures, packets, protobuf and the web server are Python, and would delay the l
 loop never waits, and sends only while somebody watches or a recording is made. Either process may die.
 """
 
-from __future__ import annotations
-
 from edge.worker.client import WorkerClient
 from edge.worker.messages import WorkerConfig
 

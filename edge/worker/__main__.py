@@ -4,8 +4,6 @@ It ends when the data channel ends, whether the loop has closed it or died; rece
 first. Signals are handled by the loop: a service manager sends them to both.
 """
 
-from __future__ import annotations
-
 import logging
 import os
 import pickle

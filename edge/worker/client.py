@@ -4,8 +4,6 @@ What changes the pipeline is posted to the loop. The end of the socket is the en
 not end it, a recording counts as broken, and the page is served again at the same address.
 """
 
-from __future__ import annotations
-
 import logging
 import pickle
 import socket

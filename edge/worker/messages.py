@@ -1,7 +1,5 @@
 """The messages between the two processes: data from the loop, control messages both ways."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path

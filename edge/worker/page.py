@@ -4,8 +4,6 @@ Charts show every sample, not only those whose picture was drawn. Without a new 
 with the camera's image, to aim and to focus before pins are found, and with the faults.
 """
 
-from __future__ import annotations
-
 import time
 from collections import deque
 from collections.abc import Callable, Mapping

@@ -1,7 +1,5 @@
 """Every chosen number of the second process; the evidence for each is in docs/tuning.md, "Second process"."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

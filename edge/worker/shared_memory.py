@@ -8,8 +8,6 @@ The memory has no name (memfd): nothing is left behind when a process dies. Pick
 pair is inherited, no other process can write to it.
 """
 
-from __future__ import annotations
-
 import mmap
 import os
 import pickle

@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[2]
 NOT_TUNED: dict[str, frozenset[str]] = {
     "codes and layouts of a protocol or format": frozenset({
         "edge/calibration/file.py:VERSION", "edge/calibration/file.py:UNTOUCHED",
-        "edge/calibration/inputs.py:MODES", "edge/view/figures.py:_COLUMN_IN",
+        "edge/calibration/inputs.py:MODES",
         "edge/features/modes.py:DEGREE", "edge/features/regions.py:CONTACTS_MAX",
         "edge/cli/checks.py:FD_MTU", "edge/link/medium.py:CAN_ERR_BUSOFF",
         "edge/link/medium.py:CAN_ERR_RESTARTED", "edge/link/socketcan.py", "edge/link/nmt.py",

@@ -3,8 +3,6 @@
 matplotlib is loaded inside the functions: the edge draws without it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,6 +15,10 @@ from edge.view.palette import PAPER, Bgr, Palette, cell_colours
 from edge.view.params import PARAMS
 
 _COLUMN_IN = 7.16  # both columns of an IEEE page
+#: Width of the mean's arrow, of the panel; a shorter arrow is not drawn.
+_SHAFT_REL = 0.013
+#: Left, bottom, width, height of the surface's box in the figure: it fills it, with space for the label of z.
+_SURFACE_BOX = (-0.05, -0.02, 1.0, 1.1)
 
 
 def _figure(width_in: float, height_in: float) -> Any:
@@ -118,10 +120,10 @@ def _width(points: Array) -> float:
 
 def _draw_shear(axes: Any, middle: Array, shear: Array, width: float, palette: Palette) -> None:
     """The mean motion as an arrow; none if it is shorter than its shaft is wide."""
-    if PARAMS.global_gain * np.hypot(*shear) > PARAMS.shaft_rel * width:
+    if PARAMS.global_gain * np.hypot(*shear) > _SHAFT_REL * width:
         axes.quiver(
             *middle, *shear, angles="xy", scale_units="xy", scale=1 / PARAMS.global_gain,
-            color=[_rgb(palette.shear)], width=PARAMS.shaft_rel, zorder=4, edgecolor="white", linewidth=0.8,
+            color=[_rgb(palette.shear)], width=_SHAFT_REL, zorder=4, edgecolor="white", linewidth=0.8,
         )  # fmt: skip
 
 
@@ -179,7 +181,7 @@ def surface_figure(
     height = np.where(inside, features.surface, np.nan)
     made = _figure(4.2, 3.1)
     made.set_layout_engine("none")  # it would not account for the labels of a rotated box
-    axes = made.add_axes(PARAMS.surface_box, projection="3d", computed_zorder=False)
+    axes = made.add_axes(_SURFACE_BOX, projection="3d", computed_zorder=False)
     scale = ScalarMappable(Normalize(-full, full), _colour_map(palette))
     axes.plot_surface(
         x, y, height, facecolors=scale.to_rgba(height), rstride=1, cstride=1,
