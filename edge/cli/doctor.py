@@ -118,7 +118,6 @@ def examine(
 
 
 def _watch(source: FrameSource) -> list[Frame]:
-    """Some live frames."""
     if not isinstance(source, LiveSource):
         return list(islice(source, LIMITS.sample_frames_n))
     frames: list[Frame] = []

@@ -83,7 +83,6 @@ class Summary:
         self._displacement_mm = -math.inf
 
     def add(self, result: Result, state: State) -> None:
-        """Note one frame."""
         self._held[result.tracks.n_seen] += 1
         self._confidence[round(result.tracks.confidence, 3)] += 1
         features = result.features
@@ -121,7 +120,6 @@ class Summary:
 
 
 def _median(counted: Counter[Any]) -> float:
-    """The median of the counted values."""
     values, numbers = zip(*sorted(counted.items()), strict=True)
     ends, n = list(accumulate(numbers)), counted.total()
     return float(values[bisect_left(ends, (n + 1) // 2)] + values[bisect_left(ends, n // 2 + 1)]) / 2

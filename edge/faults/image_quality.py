@@ -85,7 +85,6 @@ class ImageQuality:
         return self._focus is not None and not 0 <= self._due_ns - frame.capture_ns <= self._period_ns
 
     def measure_focus(self, frame: Frame, facts: Facts) -> None:
-        """Write the sharpness."""
         if self._focus is None:
             return
         self._due_ns = frame.capture_ns + self._period_ns

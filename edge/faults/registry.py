@@ -61,7 +61,6 @@ class FaultRegistry:
                 notify(code, active, message)
 
     def holds(self, code: FaultCode) -> bool:
-        """Whether this fault holds now."""
         return code in self._active
 
     @property

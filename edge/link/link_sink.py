@@ -126,7 +126,6 @@ class LinkSink(ABC):
 
     @property
     def faults(self) -> frozenset[FaultCode]:
-        """The link's current faults."""
         medium = self._medium.current
         if medium is not None and medium.bus_off:
             return frozenset({FaultCode.BUS_OFF})

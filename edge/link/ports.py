@@ -111,7 +111,6 @@ class SerialPort(_Port):
         self._upload_to = None
 
     def receive(self, kind: Message, counter: int, body: bytes) -> None:
-        """Handle a frame from the line."""
         if kind is Message.NMT and len(body) == 1:
             self._command(body[0])
         elif kind is Message.SYNC:

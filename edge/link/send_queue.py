@@ -36,7 +36,6 @@ class SendQueue:
 
     @property
     def waiting(self) -> bool:
-        """Whether anything waits."""
         return bool(self._samples or self._control or self._detail)
 
     @property

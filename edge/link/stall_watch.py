@@ -24,7 +24,6 @@ class StallWatch:
 
     @property
     def writing(self) -> bool:
-        """Whether a write is under way."""
         return self._write_s is not None
 
     def write_begins(self, may_block: bool) -> float:
@@ -55,7 +54,6 @@ class StallWatch:
         self._changed.set()
 
     def dropped(self) -> None:
-        """Note that a sample was dropped."""
         if self._refused_s is None:
             self.refused(time.monotonic())
 

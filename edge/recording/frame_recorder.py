@@ -75,5 +75,4 @@ class FrameRecorder:
         self._since_ns, self._samples_n = frame.capture_ns, 0
 
     def event(self, level: str, text: str) -> None:
-        """Record a line of the log."""
         self.recorder.event(level, text)

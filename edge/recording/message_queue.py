@@ -81,7 +81,6 @@ class MessageQueue:
 
     @property
     def ended(self) -> bool:
-        """Whether it is closed and empty."""
         return self._closed and not self._items
 
     def done(self, item: Item) -> None:

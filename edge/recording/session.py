@@ -46,7 +46,6 @@ class RecordingSession:
         registry.listeners.append(self._note)
 
     def take(self, frame: Frame, result: Result | None, state: State) -> None:
-        """Record a turn of the loop."""
         if self.recorder is None:
             return
         try:

@@ -169,7 +169,6 @@ class Recorder:
         )
 
     def reading(self, frame: Frame, reading: Reading) -> bool:
-        """Record the calibrated values."""
         return self._put(
             frame, [("reading", lambda: messages.to_json(messages.reading_json(frame, reading)))]
         )
@@ -216,7 +215,6 @@ class Recorder:
         self._queue.put_call(lambda: self._writer.add_attachment(now_ns, name, data, media_type))
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
-        """Store key-value pairs."""
         pairs = dict(values)
         self._queue.put_call(lambda: self._writer.add_metadata(name, pairs))
 

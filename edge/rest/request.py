@@ -134,7 +134,6 @@ class TareState:
 
     @property
     def checked(self) -> bool:
-        """Whether `result` is ready."""
         return self._job is not None and self._job.done()
 
     def result(self) -> Prepared:
@@ -144,7 +143,6 @@ class TareState:
         return job.result()
 
     def restart(self) -> None:
-        """Restart collecting."""
         self.frames = []
 
     def finish(self, state: RestFrameState, reason: RestFrameReason, message: str) -> None:

@@ -94,12 +94,10 @@ class BoardMonitor:
         self.temperature_degc = nan
 
     def start(self) -> None:
-        """Check once now, then regularly."""
         self.check()
         self._thread.start()
 
     def check(self) -> None:
-        """Check everything once."""
         self.temperature_degc = self._thermometer()
         hot = self.temperature_degc >= self._temperature.limit(self._registry.holds(self._temperature.code))
         self._registry.report(self._temperature.code, hot, f"{self.temperature_degc:.0f} degC")
@@ -109,7 +107,6 @@ class BoardMonitor:
             check()
 
     def close(self) -> None:
-        """End the thread."""
         self._closing.set()
         if self._thread.is_alive():
             self._thread.join(self._params.period_s + 0.5)

@@ -48,11 +48,9 @@ class Notifier:
         self.send("STATUS=" + " ".join(text.split()))
 
     def stopping(self) -> None:
-        """The program is ending."""
         self.send("STOPPING=1")
 
     def send(self, message: str) -> None:
-        """One datagram."""
         if self._socket is None:
             return
         try:
@@ -61,7 +59,6 @@ class Notifier:
             log.warning("service manager at %s: %s", self._address, error.strerror)
 
     def close(self) -> None:
-        """Close the socket."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None

@@ -158,7 +158,6 @@ class FolderSource(FileSource):
 
     @property
     def frames_n(self) -> int:
-        """Images of the folder."""
         return len(self.paths)
 
     def __iter__(self) -> Iterator[Frame]:

@@ -281,5 +281,4 @@ class V4l2Source(CameraSource):
 
 
 def open_v4l2(where: str, options: Options) -> V4l2Source:
-    """The scheme `v4l2:`."""
     return V4l2Source(where, options.without_extra(f"v4l2:{where}"))

@@ -84,7 +84,6 @@ class WorkerClient:
 
     @property
     def connected(self) -> bool:
-        """Whether a worker is connected."""
         return self._outbox is not None
 
     def start(self) -> None:
@@ -130,7 +129,6 @@ class WorkerClient:
     # ---- the loop's thread --------------------------------------------------------------------------
 
     def _start_recording(self) -> None:
-        """Record from the next frame on."""
         calibration = self._loop.calibration
         if calibration is not None:
             self._put(Attach("calibration.json", np.frombuffer(calibration.encoded, np.uint8)))
@@ -139,7 +137,6 @@ class WorkerClient:
         self._loop.session.recorder = self.recording
 
     def _stop_recording(self) -> None:
-        """Stop recording."""
         if self._loop.session.recorder is self.recording:
             self._loop.session.recorder = None
         self._put(Stopped())

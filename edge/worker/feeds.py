@@ -109,7 +109,7 @@ class ViewFeed:
 
 
 def _row(at_s: float, state: State, features: Features | None) -> tuple[float, ...]:
-    """One sample in the order of `edge.view.scene.CHART`."""
+    """One sample in the order of `edge.view.chart.CHART`."""
     volume_px2, shear_px = nan, [nan, nan]
     if features is not None:
         volume_px2 = nan if features.volume_px2 is None else features.volume_px2
@@ -133,14 +133,12 @@ class RecordingFeed:
         self.begin()
 
     def begin(self) -> None:
-        """Begin another recording."""
         self.report = RecordingReport()
         self.failure: str | None = None  # the worker itself has failed
         self.lost_n = 0  # turns that were lost before the worker
         self._lost_reported_n = 0
 
     def take(self, frame: Frame, result: Result | None, state: State) -> None:
-        """Record a turn of the loop."""
         lost_n = self.unreported_n
         if not self._put(Take(frame, result, state, lost_n)):
             self.lost_n += 1
@@ -159,7 +157,6 @@ class RecordingFeed:
 
     @property
     def fault(self) -> str | None:
-        """Why recording has stopped."""
         return self.failure or self.report.fault
 
     @property

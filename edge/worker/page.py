@@ -93,13 +93,11 @@ class LivePage:
             raise InputError(str(error)) from None
 
     def close(self) -> None:
-        """End the page."""
         self.server.close()
 
     # ---- the main thread ----------------------------------------------------------------------------
 
     def show(self, show: Show) -> None:
-        """Take new data from the loop."""
         self._rest = show.rest or self._rest
         self._frame = show.frame or self._frame
         if show.result is not None and show.state is not None:
