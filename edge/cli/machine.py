@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import subprocess
 import time
 from pathlib import Path
@@ -53,8 +54,7 @@ class Machine:
 
     def free_bytes(self, folder: Path) -> int:
         """Free space for this user in a folder. Raises OSError."""
-        stat = os.statvfs(folder)
-        return stat.f_bavail * stat.f_frsize
+        return shutil.disk_usage(folder).free
 
     def write_s(self, folder: Path, n_bytes: int) -> float:
         """Time to write so many bytes to the disk. Raises OSError."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import wraps
 from pathlib import Path
@@ -161,14 +161,10 @@ def loop_options(command: Command) -> Command:
         options = LoopOptions(**{name: given.pop(name) for name in names})
         command(options=options, **given)
 
-    return add_options(packed, _LOOP_OPTIONS)
-
-
-def add_options(command: Command, options: Iterable[Callable[[Command], Command]]) -> Command:
-    """Add options in the order in which help lists them."""
-    for option in reversed(list(options)):
-        command = option(command)
-    return command
+    made: Command = packed
+    for option in reversed(_LOOP_OPTIONS):  # help lists them in the order of the table
+        made = option(made)
+    return made
 
 
 class RestFrom(click.ParamType[str]):

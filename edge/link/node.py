@@ -25,8 +25,6 @@ from edge.link.settings import SettingsFile
 from edge.link.sinks import CanFdSink, CanSink, SerialSink
 from hostlink.wire import FAULTS, FEATURE_BITS, CanIds, FaultCode, State, Status, pack_detail, pack_emergency
 
-Value = int | float | str | bytes
-
 _FAULTS = {fault.code: fault for fault in FAULTS}
 _STANDARD_IDS = CanIds()
 

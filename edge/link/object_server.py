@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from hashlib import sha256
 from typing import TYPE_CHECKING, Protocol
 
-from edge.errors import CalibrationError
+from edge.errors import CalibrationError, RequestRefused
 from edge.link.params import PARAMS
 from hostlink.output_file import OutputError
 from hostlink.wire import (
@@ -265,10 +265,6 @@ class ObjectServer:
             self.transmission[obj.index - 0x1800 + 1] = value
         else:
             raise Aborted(Abort.UNSUPPORTED)
-
-
-class RequestRefused(Exception):
-    """The device refuses a request now: a tare while something touches the tip."""
 
 
 def _find(index: int, sub: int) -> Object:

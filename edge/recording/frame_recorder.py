@@ -1,7 +1,5 @@
 """What is recorded in each turn of the loop: the image, its results, the sample sent to the bus."""
 
-from pathlib import Path
-
 from edge.cells import cell_polygons
 from edge.pipeline import Result
 from edge.recording.writer import Recorder
@@ -22,10 +20,6 @@ class FrameRecorder:
         self._finger, self._serial = finger, serial
         self._since_ns: int | None = None  # of the samples counted for the next diagnosis
         self._samples_n = 0
-
-    @property
-    def path(self) -> Path:
-        return self.recorder.path
 
     @property
     def fault(self) -> str | None:

@@ -131,7 +131,4 @@ def schema_of(topic: Topic) -> tuple[str, str, bytes]:
 
 
 def stamp(ns: int) -> Any:
-    from google.protobuf.timestamp_pb2 import Timestamp
-
-    seconds, nanos = divmod(ns, 1_000_000_000)
-    return Timestamp(seconds=seconds, nanos=nanos)
+    return _time("Timestamp")(*divmod(ns, 1_000_000_000))

@@ -12,15 +12,11 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 from edge.calibration import Calibration
-from edge.errors import EdgeError
+from edge.errors import RequestRefused
 from edge.pipeline import Pipeline
 from edge.rest.tare import RestFrame
 from edge.types import Frame
 from hostlink.wire import RestFrameReason, RestFrameState
-
-
-class TareBusy(EdgeError):
-    """A rest frame is being taken already."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,10 +85,10 @@ class TareState:
         calibration: Calibration | None = None,
         store: Callable[[], None] | None = None,
     ) -> TareRequest:
-        """Have a rest frame taken from the next images. From any thread. Raises TareBusy."""
+        """Have a rest frame taken from the next images. From any thread. Raises RequestRefused."""
         with self._lock:
             if self.request is not None:
-                raise TareBusy("a rest frame is being taken already; ask again when it is done")
+                raise RequestRefused("a rest frame is being taken already; ask again when it is done")
             request = TareRequest(self.outcome.number + 1, force, calibration, store)
             self.outcome = TareOutcome(request.number, RestFrameState.BUSY)
             self.request = request

@@ -4,7 +4,7 @@ It has a thread of its own: sysfs takes milliseconds, and a dead camera must be 
 too.
 """
 
-import os
+import shutil
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -57,10 +57,9 @@ class Thermometer:
 def free_space_problem(directory: Path, least_bytes: int = STORED_BYTES) -> str:
     """Empty, or why nothing can be stored in this folder."""
     try:
-        stat = os.statvfs(directory)
+        free = shutil.disk_usage(directory).free
     except OSError as error:
         return f"{directory}: {error.strerror}"
-    free = stat.f_bavail * stat.f_frsize
     if free >= least_bytes:
         return ""
     return f"{directory}: {free >> 10} KiB free, {least_bytes >> 10} KiB needed; delete something there"

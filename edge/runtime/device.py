@@ -8,9 +8,7 @@ from collections.abc import Mapping
 from functools import cache
 
 from edge.calibration import Calibration
-from edge.errors import CalibrationError
-from edge.link.object_server import RequestRefused
-from edge.rest.request import TareBusy
+from edge.errors import CalibrationError, RequestRefused
 from edge.runtime.calibration_store import CalibrationStore
 from edge.runtime.loop import Loop
 from edge.types import Clock, Feature
@@ -59,10 +57,7 @@ class LoopDevice:
     def tare(self, force: bool) -> None:
         if self._loop.in_contact and not force:
             raise RequestRefused("something touches the tip; let go, or force the tare")
-        try:
-            self._loop.request_tare(force)
-        except TareBusy as error:
-            raise RequestRefused(str(error)) from None
+        self._loop.request_tare(force)
 
     def rest_frame(self) -> Mapping[str, int | float | str | bytes]:
         outcome = self._loop.tare_outcome
@@ -86,12 +81,9 @@ class LoopDevice:
                 "give one of this tip and camera"
             )
         store = self._store
-        try:
-            self._loop.request_tare(
-                calibration=calibration, store=None if store is None else lambda: store.replace(calibration)
-            )
-        except TareBusy as error:
-            raise RequestRefused(str(error)) from None
+        self._loop.request_tare(
+            calibration=calibration, store=None if store is None else lambda: store.replace(calibration)
+        )
 
     def set_features(self, names: frozenset[str]) -> None:
         demand = frozenset(Feature(name) for name in names) | self._extra

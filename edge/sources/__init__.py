@@ -49,14 +49,6 @@ GROUP = "voronoi_touch.sources"
 Opener = Callable[[str, Options], FrameSource]
 
 
-def _images(where: str, options: Options) -> FrameSource:
-    return FolderSource(where, options.without_extra(where).rate_hz)
-
-
-def _video(where: str, options: Options) -> FrameSource:
-    return VideoSource(where, options.without_extra(where).rate_hz)
-
-
 def _later(module: str, name: str) -> Opener:
     """An opener that imports its module when first used."""
 
@@ -68,8 +60,8 @@ def _later(module: str, name: str) -> Opener:
 
 
 _BUILT_IN: dict[str, Opener] = {
-    "images": _images,
-    "video": _video,
+    "images": lambda where, options: FolderSource(where, options.without_extra(where).rate_hz),
+    "video": lambda where, options: VideoSource(where, options.without_extra(where).rate_hz),
     "v4l2": _later("edge.sources.v4l2", "open_v4l2"),
     "oak": _later("edge.sources.oak", "open_oak"),
     "picamera": _later("edge.sources.picamera", "open_picamera"),

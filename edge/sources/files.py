@@ -19,7 +19,7 @@ from cv2.utils import logging
 
 from edge.errors import SourceError
 from edge.limits import RATE_MAX_HZ
-from edge.sources.image_header import check_image_header, check_size
+from edge.sources.image_header import check_size, image_size
 from edge.types import Clock, Frame, Image, Lens, Polarity
 from hostlink.input_file import read_bounded
 
@@ -82,7 +82,7 @@ def _read_image(path: Path) -> Image:
     except OSError as error:
         raise ValueError(f"cannot be read: {error.strerror}") from None
     try:
-        check_image_header(data.data)
+        check_size(*image_size(data.data))
     except ValueError as error:
         raise ValueError(f"{error}; {_GIVE}") from None
     with quiet_opencv():

@@ -38,13 +38,6 @@ def check_size(width: int, height: int) -> None:
         )
 
 
-def check_image_header(data: bytes | memoryview) -> tuple[int, int]:
-    """(width, height) of an image that may be decoded. Raises ValueError."""
-    size = image_size(data)
-    check_size(*size)
-    return size
-
-
 def _png(data: memoryview) -> tuple[int, int]:
     if bytes(data[12:16]) != b"IHDR":
         raise IndexError

@@ -14,6 +14,7 @@ import threading
 import time
 from collections.abc import Mapping
 from concurrent.futures import Future
+from dataclasses import asdict
 from datetime import datetime
 from itertools import count
 from pathlib import Path
@@ -74,13 +75,8 @@ class Worker:
         if config.listen is not None:
             from edge.worker.page import LivePage
 
-            self._page = LivePage(
-                config.listen,
-                begin.source,
-                self._serial,
-                {"tare": self._tare, "record": self._record},
-                self._on_wants,
-            )
+            commands = {"tare": self._tare, "record": self._record}
+            self._page = LivePage(config.listen, begin.source, self._serial, commands, self._on_wants)
             self._page.start()
 
     @property
@@ -132,18 +128,13 @@ class Worker:
         if self._page is not None:
             server = self._page.server
             now.append(PageReport(server.viewers_n, server.sent_n, server.cut_off_n))
-        recording = self._recording
+        recording, shown = self._recording, None
         if recording is not None:
-            now.append(RecordingReport(_frames_n(recording.recorder), recording.dropped_n, recording.fault))
-            if self._page is not None:
-                self._page.recording = {
-                    "file": recording.path.name,
-                    "frames_n": _frames_n(recording.recorder),
-                    "dropped_n": recording.dropped_n,
-                    "fault": recording.fault,
-                }
-        elif self._page is not None:
-            self._page.recording = None
+            report = RecordingReport(_frames_n(recording.recorder), recording.dropped_n, recording.fault)
+            now.append(report)
+            shown = {"file": recording.recorder.path.name, **asdict(report)}
+        if self._page is not None:
+            self._page.recording = shown
         for message in now:
             if message != self._reported[type(message)]:
                 self._reported[type(message)] = message

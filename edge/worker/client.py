@@ -20,8 +20,7 @@ from typing import Any
 import numpy as np
 
 from edge import errors
-from edge.errors import InputError
-from edge.rest.request import TareBusy
+from edge.errors import InputError, RequestRefused
 from edge.runtime.loop import Loop
 from edge.types import Feature
 from edge.worker.feeds import RecordingFeed, ViewFeed
@@ -236,7 +235,7 @@ class WorkerClient:
         """Have a new rest frame taken; "" or why the previous one stays in use."""
         try:
             outcome = self._loop.request_tare(force).done.result(PARAMS.tare_s)
-        except TareBusy as error:
+        except RequestRefused as error:
             return str(error)
         except TimeoutError:
             return "no rest frame could be taken in time; the one before stays in use until it is"

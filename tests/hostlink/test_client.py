@@ -21,10 +21,9 @@ import can
 import pytest
 
 import hostlink
-from edge.errors import CalibrationError, SinkError
+from edge.errors import CalibrationError, RequestRefused, SinkError
 from edge.link.nmt import NmtState
 from edge.link.node import Node
-from edge.link.object_server import RequestRefused
 from edge.link.settings import SettingsFile
 from edge.link.sinks import CanClassicSink, CanSink, SerialSink, open_sink
 from hostlink import RestFrameOutcome, RestFrameReason, RestFrameState, objects

@@ -16,11 +16,11 @@ import canopen
 import pytest
 from canopen.objectdictionary import ObjectDictionary
 
-from edge.errors import CalibrationError
+from edge.errors import CalibrationError, RequestRefused
 from edge.link.medium import CanFrame, MediumError, opener
 from edge.link.nmt import NmtState
 from edge.link.node import Node
-from edge.link.object_server import Aborted, RequestRefused
+from edge.link.object_server import Aborted
 from edge.link.settings import NodeSettings, SettingsFile
 from edge.link.sinks import CanFdSink, SerialSink, open_sink
 from hostlink.wire import (

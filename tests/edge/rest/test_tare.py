@@ -18,11 +18,9 @@ from calib.sim.mechanics import ToolPose
 from calib.sim.simulator import Simulator
 from calib.sim.tip import Tip
 from edge.calibration import Calibration
-from edge.errors import CalibrationError
-from edge.link.object_server import RequestRefused
+from edge.errors import CalibrationError, RequestRefused
 from edge.pins import take_rest
 from edge.pins.detect import learn as really_learn
-from edge.rest.request import TareBusy
 from edge.rest.tare import RestFrame, TareRefused, take_rest_frame
 from edge.runtime import measurement
 from edge.runtime.calibration_store import CalibrationStore
@@ -266,7 +264,7 @@ def test_without_images_it_is_refused(finger: Finger) -> None:
 
 def test_one_at_a_time(finger: Finger) -> None:
     first = finger.loop.request_tare()
-    with pytest.raises(TareBusy):
+    with pytest.raises(RequestRefused):
         finger.loop.request_tare()
     for k in range(8):
         finger.see(finger.frames[k].image)
