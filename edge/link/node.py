@@ -71,8 +71,6 @@ class Node:
         self._changed("features")
         self._start()
 
-    # ---- a sink -----------------------------------------------------------------------------------
-
     @property
     def up(self) -> bool:
         return self.sink.up
@@ -104,8 +102,6 @@ class Node:
     def close(self) -> None:
         self.sink.close()
 
-    # ---- the detail stream ------------------------------------------------------------------------
-
     @property
     def detail_divider(self) -> int:
         """Detail is sent for every n-th measurement; 0: for none."""
@@ -129,8 +125,6 @@ class Node:
             return False
         self._detail_counter += len(segments)
         return True
-
-    # ---- faults -----------------------------------------------------------------------------------
 
     def report(self, code: FaultCode, active: bool, message: str = "") -> None:
         """A fault appeared or cleared: a listener of `FaultRegistry`. Sends the emergency."""
@@ -165,8 +159,6 @@ class Node:
         if not faults:  # emergencies sent meanwhile were lost: repeat them
             for code in sorted(self._active):
                 self._send_emergency(code, True)
-
-    # ---- within -----------------------------------------------------------------------------------
 
     def _start(self) -> None:
         nmt = self._port.nmt

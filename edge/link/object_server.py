@@ -144,8 +144,6 @@ class ObjectServer:
         """Add a fault to the error history."""
         self._errors.appendleft(fault.emcy | int(fault.code) << 16)
 
-    # ---- the two accesses -------------------------------------------------------------------------
-
     def read(self, index: int, sub: int) -> bytes:
         """The object's bytes. Raises Aborted."""
         obj = _find(index, sub)
@@ -195,8 +193,6 @@ class ObjectServer:
             )
             log.error("object %s cannot be stored: %s", obj.name, error)
             raise Aborted(Abort.NOT_STORED) from None
-
-    # ---- who provides, who applies ----------------------------------------------------------------
 
     def _value(self, obj: Object) -> Value | None:
         name = obj.name

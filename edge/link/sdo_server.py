@@ -118,8 +118,6 @@ class SdoServer:
             self._send(pack_abort(index, sub, error.code))
         self._newest = data
 
-    # ---- starting -----------------------------------------------------------------------------------
-
     def _upload(self, command: int, index: int, sub: int, data: bytes) -> None:
         self._answer_upload(index, sub, self._read(index, sub))
 
@@ -176,8 +174,6 @@ class SdoServer:
             if other.moved or asked != (transfer.index, transfer.sub, transfer.writes):
                 raise Aborted(Abort.NOT_NOW)
         self._transfer, self._repeated = transfer, _NO_REPEAT
-
-    # ---- segments -----------------------------------------------------------------------------------
 
     def _current(self, command: int, writes: bool) -> _Transfer:
         """The transfer that this segment belongs to."""

@@ -66,9 +66,6 @@ def load_depthai() -> Any:
     return depthai
 
 
-# -- hardware -----------------------------------------------------------------------------------
-
-
 def find_module(where: str) -> dai.DeviceInfo:
     """The module with this id, name or address; "" the first one. Raises SourceError within 2 s."""
     found: list[dai.DeviceInfo] = load_depthai().Device.getAllAvailableDevices()
@@ -168,9 +165,6 @@ def check_socket(device: Any, name: str) -> None:
         raise SourceError(f"source oak: no camera on {name}; cameras of this module: {here}; give ?socket=")
 
 
-# -- lens ---------------------------------------------------------------------------------------
-
-
 #: Ours, of depthai's names of models; others are not OpenCV's.
 _MODELS: dict[str, Literal["pinhole", "fisheye"]] = {"Perspective": "pinhole", "Fisheye": "fisheye"}
 
@@ -197,9 +191,6 @@ def lens_of(
         centre_px=(matrix[0][2] - x, matrix[1][2] - y),
         distortion=tuple(distortion[: 4 if kind == "fisheye" else 14]),
     )
-
-
-# -- the source -------------------------------------------------------------------------------------
 
 
 class OakSource(CameraSource):

@@ -134,8 +134,6 @@ class PiCameraSource(CameraSource):
             return ""
         raise SourceError(f"{self.name}: no format {wanted!r}; it has {', '.join([*known, 'YUV420'])}")
 
-    # -- reading --------------------------------------------------------------------------------
-
     def _read_from(self, device: Any) -> bool:
         try:
             request = device.capture_request(wait=PARAMS.frame_s)

@@ -47,9 +47,6 @@ _MANUAL, _NO_FOCUS = 1, 0  # V4L2_EXPOSURE_MANUAL; autofocus off
 os.environ.setdefault("OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT", "1")
 
 
-# -- finding ------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True, slots=True)
 class VideoDevice:
     path: str  # e.g. /dev/video0
@@ -98,9 +95,6 @@ def find_device(where: str, sys_root: Path = Path("/sys"), dev_root: Path = Path
     return os.path.realpath(path)
 
 
-# -- pixels -------------------------------------------------------------------------------------
-
-
 def _grey8(raw: Any, size: tuple[int, int]) -> Image:
     return np.ascontiguousarray(raw.reshape(size[1], size[0]), dtype=np.uint8)
 
@@ -142,9 +136,6 @@ _AUTO = ("GREY", "MJPG", "YUYV")
 
 def _fourcc(name: str) -> int:
     return int.from_bytes(name.encode("ascii"), "little")
-
-
-# -- the source -----------------------------------------------------------------------------------
 
 
 class V4l2Source(CameraSource):
@@ -191,8 +182,6 @@ class V4l2Source(CameraSource):
             self._options = replace(self._options, buffers=2)
             self._reopen.set()
         return super().measure_rate(least_hz, patience_s)
-
-    # -- opening --------------------------------------------------------------------------------
 
     def _open(self) -> Any:
         path = self._find(self._where)
@@ -257,8 +246,6 @@ class V4l2Source(CameraSource):
             self.refused.append(f"{name}: camera has no such control")
         elif abs((got := float(capture.get(prop))) - value) > max(1.0, PARAMS.refused_rel * abs(value)):
             self.refused.append(f"{name}: set to {value:g}, camera says {got:g}")
-
-    # -- reading --------------------------------------------------------------------------------
 
     def _read_from(self, device: Any) -> bool:
         if not device.grab():
