@@ -97,9 +97,8 @@ class WorkerClient:
         """End page and recording, and wait until everything is written."""
         self._closing = True
         loop = self._loop
-        if self.view.on_result in loop.result_callbacks:
+        with suppress(ValueError):  # it was never started
             loop.result_callbacks.remove(self.view.on_result)
-        if self.view.on_tick in loop.tick_callbacks:
             loop.tick_callbacks.remove(self.view.on_tick)
         recording = loop.session.recorder is self.recording
         if recording:
