@@ -83,7 +83,8 @@ def figure(
     )  # fmt: skip
     if features.shear_px is not None:
         shear = features.shear_px * unit_per_px
-        _draw_shear(left, place(np.nanmean(rest, axis=0)), shear, palette)
+        if PARAMS.global_gain * np.hypot(*features.shear_px) >= 1.0:  # a pixel long at least
+            _draw_shear(left, place(np.nanmean(rest, axis=0)), shear, palette)
     for contact in features.contacts or ():
         _draw_contact(left, place(contact.xy_img), palette)
     _draw_camera(right, frame, place)

@@ -114,6 +114,13 @@ class Vibration:
     @cython.exceptval(check=False)
     def _mean_square(self, pins: cython.const[cython.int][::1], pole: cython.double) -> cython.double:
         """One step of both filters, of each pin; NaN: no pin was followed in the frame before."""
+        # Local names: the compiler knows that a store does not change where these lie.
+        motion: cython.const[cython.double][:, ::1] = self._motion
+        before: cython.double[:, ::1] = self._before
+        once_of: cython.double[:, ::1] = self._once
+        twice_of: cython.double[:, ::1] = self._twice
+        frame_of: cython.longlong[::1] = self._frame_of
+        frame: cython.longlong = self._frame
         gain: cython.double = 0.5 * (1.0 + pole)
         held_n: cython.Py_ssize_t = 0
         total: cython.double = 0.0
@@ -124,21 +131,18 @@ class Vibration:
         i: cython.Py_ssize_t
         for k in range(pins.shape[0]):
             i = pins[k]
-            if self._frame_of[i] != self._frame - 1 or isnan(self._motion[i, 0]):
+            if frame_of[i] != frame - 1 or isnan(motion[i, 0]):
                 continue
             held_n += 1
             for axis in range(2):
-                once = pole * self._once[i, axis] + gain * (self._motion[i, axis] - self._before[i, axis])
-                twice = pole * self._twice[i, axis] + gain * (once - self._once[i, axis])
-                self._once[i, axis], self._twice[i, axis] = once, twice
+                once = pole * once_of[i, axis] + gain * (motion[i, axis] - before[i, axis])
+                twice = pole * twice_of[i, axis] + gain * (once - once_of[i, axis])
+                once_of[i, axis], twice_of[i, axis] = once, twice
+                before[i, axis] = motion[i, axis]
                 total += twice * twice
-            self._frame_of[i] = self._frame
+            frame_of[i] = frame
         if held_n < pins.shape[0]:
             self._join(pins, held_n)
-        for k in range(pins.shape[0]):
-            i = pins[k]
-            self._before[i, 0], self._before[i, 1] = self._motion[i, 0], self._motion[i, 1]
-            self._frame_of[i] = self._frame if not isnan(self._motion[i, 0]) else 0
         return total / held_n if held_n else NAN
 
     @cython.cfunc
@@ -161,3 +165,7 @@ class Vibration:
                 i = pins[k]
                 if self._frame_of[i] != self._frame:
                     self._once[i, axis], self._twice[i, axis] = once, twice
+                    self._before[i, axis] = self._motion[i, axis]
+        for k in range(pins.shape[0]):
+            i = pins[k]
+            self._frame_of[i] = self._frame if not isnan(self._motion[i, 0]) else 0

@@ -156,16 +156,8 @@ class Board:
         root.mkdir()
 
     def install(self, *options: str, umask: int = 0o022) -> None:
-        command: tuple[str | Path, ...] = (
-            "sh",
-            DEPLOY / "install.sh",
-            "--root",
-            self.root,
-            "--wheels",
-            self.wheels,
-            *options,
-        )
-        done = run(*command, umask=umask)
+        place = ("--root", self.root, "--wheels", self.wheels)
+        done = run("sh", DEPLOY / "install.sh", *place, *options, umask=umask)
         assert done.returncode == 0, done.stderr + done.stdout
 
     @property

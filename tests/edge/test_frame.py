@@ -214,7 +214,7 @@ def test_fits_of_several_contacts_can_be_left_out(data_dir: Path, several: bool)
     found = [result.features.contacts for frame in seen if (result := pipeline.process(frame)).features]
     pairs = [contacts for contacts in found if contacts is not None and len(contacts) == 2]
     assert pairs
-    assert all((contact.fitted is not None) is several for contacts in pairs for contact in contacts)
+    assert any(contact.fitted is not None for contacts in pairs for contact in contacts) is several
 
 
 def test_after_dark_frames_the_same_pins_are_held(frames: list[Frame], rest: Rest) -> None:

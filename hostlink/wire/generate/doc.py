@@ -281,6 +281,8 @@ def _unprotected() -> list[str]:
         "",
         "### Another version",
         "",
+        "The host library decodes version 2, too; the C files read the version that they were made for alone.",
+        "",
         "A receiver tells it from noise so: for each frame with a wrong CRC there is exactly one data id that",
         "would make it right. Noise implies another one each time; three different frames that imply the same",
         "one, with the same version byte, are another version (chance of noise: 2^-48). On classic CAN, where a",
