@@ -28,7 +28,10 @@ from calib.errors import CaptureError, TableError
 from calib.protocols import AnyPlan, Step
 from calib.rig.base import Pose, Rig
 from calib.table import number, read_table, shown
-from edge.recording import TOPICS, Recorder, RecordingSource, read_messages, read_metadata
+from edge.recording.mcap_file import read_metadata
+from edge.recording.reader import RecordingSource, read_messages
+from edge.recording.topics import TOPICS
+from edge.recording.writer import Recorder
 from edge.types import Frame
 from hostlink.input_file import open_input
 from hostlink.output_file import writing

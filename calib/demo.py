@@ -27,6 +27,7 @@ from rich.table import Table
 import hostlink
 from calib.errors import TableError
 from calib.extract import executor
+from calib.figures import figure, surface_figure
 from edge.calibration import Calibration
 from edge.cells import cell_polygons
 from edge.errors import SourceError
@@ -36,7 +37,6 @@ from edge.runtime.device import LoopDevice
 from edge.runtime.loop import Loop, LoopConfig
 from edge.sources import open_source
 from edge.types import Feature, Result
-from edge.view.figures import figure, surface_figure
 from hostlink.output_file import OutputError, check_output, writing
 from hostlink.wire import State, pack_state, unpack_state
 

@@ -1,11 +1,7 @@
 """The configuration of one finger: a TOML file, checked against the tables below before anything starts.
 
 Every key has a default that works, so an empty file is a valid one. Command-line options override keys.
-An unknown key, a wrong type or a number out of its range is one line that names file, key and what would
-be right; nothing is silently ignored.
 """
-
-from __future__ import annotations
 
 import json
 import re

@@ -7,6 +7,7 @@
     │   ├── SourceError          no such camera, recording or image
     │   └── SinkError            no such bus or serial port
     ├── NoPins               the image shows no pin pattern (black, white, out of focus, not a tip)
+    ├── RequestRefused       a host's or viewer's request that cannot be met now
     └── DegenerateLayout     fewer than 3 visible pins, or all on a line
 
 Every message says what is wrong, where (file and key, argument, device) and what would be right.
@@ -37,6 +38,10 @@ class SourceError(InputError):
 
 class SinkError(InputError):
     """The bus or serial port cannot be used."""
+
+
+class RequestRefused(EdgeError):
+    """A request is refused now: a rest frame while something touches the tip, or while one is being taken."""
 
 
 class NoPins(EdgeError):

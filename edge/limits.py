@@ -1,18 +1,9 @@
 """The limits under which every file and upload is parsed: calibration, settings, configuration, recordings.
 
-    raw = read_bounded(path, limits.FILE_BYTES)      # the size is known before anything is read
-    content = decode_json(raw, CalibrationFile)             # structure, lengths and ranges by the types
-    ...                                                     # further checks by the stage
-    ...                                                     # only then is anything built from it
-
-Rules
-- The cost of a file in time and memory is bounded by its size in bytes and by the lengths in its types.
-- NaN and infinity are never accepted, and every number has a range that its quantity can have.
-- An error is one line: the place in the file, what would be right. `BadContent` carries it; the reader of the
-  file puts the file's name before it.
+The cost of a file in time and memory is bounded by its size in bytes, which is known before anything is read,
+and by the lengths in its types. NaN and infinity are never accepted. An error is one line, `BadContent`: the
+place in the file, what would be right; the reader of the file puts the file's name before it.
 """
-
-from __future__ import annotations
 
 import re
 import tomllib
@@ -22,30 +13,7 @@ from typing import Annotated, Any, TypeVar
 import msgspec
 
 from hostlink import input_file
-from hostlink.wire.detail import PINS_MAX  # the most that a detail stream can name
-
-__all__ = [
-    "FILE_BYTES",
-    "IMAGE_PIXELS",
-    "IMAGE_SIDE_PX",
-    "PINS_MAX",
-    "PINS_MIN",
-    "POINTS_MAX",
-    "RATE_MAX_HZ",
-    "RATE_MIN_HZ",
-    "BadContent",
-    "ImageSide",
-    "Name",
-    "Number",
-    "Pixels",
-    "check_numbers",
-    "decode_json",
-    "explain",
-    "quote",
-    "read_bounded",
-    "read_toml",
-    "read_toml_as",
-]
+from hostlink.wire import detail
 
 FILE_BYTES = 2 << 20  # of a calibration, configuration or settings; 1000 pins with every model take 0.5 MB
 
@@ -54,6 +22,7 @@ IMAGE_PIXELS = 1 << 24  # 4096 x 4096, more than any camera that fits behind a f
 RATE_MAX_HZ = 100e3  # images a second; a file that states more is damaged
 RATE_MIN_HZ = 0.01  # of a camera or of samples, where 0 has a meaning of its own: less is a mistake
 PINS_MIN = 12  # the fewest that `edge.pins` accepts as a pattern
+PINS_MAX = detail.PINS_MAX  # the most that a detail stream can name
 POINTS_MAX = 1_000_000  # a plane's; of a triangulation, every index of a half-edge then fits in 32 bits
 
 T = TypeVar("T")

@@ -23,7 +23,7 @@ AT_MOST = {
     "shared": 14,
     "sources": 11,
     "tracking": 23,
-    "view": 7,
+    "view": 6,
     "worker": 8,
 }
 WORDS_MAX = 3000

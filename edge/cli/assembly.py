@@ -26,23 +26,17 @@ if TYPE_CHECKING:
     from hostlink.web import Listen
     from hostlink.wire import State
 
-__all__ = ["expect_sensor", "load_calibration", "make_loop", "open_configured", "start_worker"]
-
 log = logging.getLogger("edge")
 
 
 def open_configured(table: SourceTable, spec: str | None = None) -> FrameSource:
     """The source of a configuration, or `spec` with its settings. Raises SourceError."""
+    from msgspec.structs import asdict
+
     from edge.sources import open_source
 
-    return open_source(
-        spec or table.spec,
-        width=table.width,
-        height=table.height,
-        rate_hz=table.rate_hz,
-        exposure_us=table.exposure_us,
-        gain=table.gain,
-    )
+    settings = asdict(table)
+    return open_source(spec or table.spec, **{k: v for k, v in settings.items() if k != "spec"})
 
 
 def load_calibration(path: str | Path | None) -> Calibration | None:
@@ -90,10 +84,9 @@ def make_loop(
     store = None if state_dir is None else CalibrationStore(state_dir)
     if store is not None:
         store.clear_leftovers()
+    given = calibration_path or config.calibration.file or None
     stored = [] if calibration_path or store is None else store.load()
-    calibration = (
-        stored[0] if stored else load_calibration(calibration_path or config.calibration.file or None)
-    )
+    calibration = stored[0] if stored else load_calibration(given)
     registry = FaultRegistry()
     monitor = BoardMonitor(registry, params=BoardParams(hot_degc=config.limits.temperature_degc))
     notifier = Notifier()
@@ -229,16 +222,10 @@ def start_worker(
         return ""
     from edge.worker import WorkerClient, WorkerConfig
 
+    tip, finger = {"serial": config.sensor.serial}, _finger_number(loop, config)
+    recordings = options.recordings_folder(config)
     worker = WorkerClient(
-        loop,
-        WorkerConfig(
-            listen,
-            options.record_path,
-            options.overwrite,
-            options.recordings_folder(config),
-            {"serial": config.sensor.serial},
-            _finger_number(loop, config),
-        ),
+        loop, WorkerConfig(listen, options.record_path, options.overwrite, recordings, tip, finger)
     )
     stack.push(_fail_if_lost(worker, options.record_path))
     worker.start()

@@ -1,7 +1,5 @@
 """The checks of `edge doctor`, one function a topic. Evidence for the limits: docs/tuning.md, "Doctor"."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Sequence
@@ -33,22 +31,6 @@ from edge.sources.live import PARAMS as LIVE
 from edge.types import AdjustableSource, Frame, FrameSource, Lens, LiveSource, Polarity, Rest
 from hostlink.wire.address import Address, AddressError, parse_address
 
-__all__ = [
-    "LEVELS",
-    "LIMITS",
-    "DoctorLimits",
-    "Line",
-    "calibration",
-    "camera",
-    "clock",
-    "disk",
-    "link",
-    "pins",
-    "processor",
-    "sensor",
-    "worst",
-]
-
 LEVELS = ("ok", "warn", "fail")
 FD_MTU = 72  # bytes; MTU of a Linux interface for CAN FD
 _WARNING_N = 96  # errors counted from which on a CAN controller warns (ISO 11898-1)
@@ -57,16 +39,11 @@ _STAMP_NS = 1000  # unit of the time in a sample
 
 @dataclass(frozen=True, slots=True)
 class DoctorLimits:
-    """Limits beyond which a topic is a warning or a failure.
+    """Limits beyond which a topic is a warning or a failure."""
 
-    old_days     age of a calibration
-    rough_mm     residual of the calibration of displacement or shear
-    write_bytes  written to measure the disk
-    """
-
-    old_days: int = 365
-    rough_mm: float = 0.3
-    write_bytes: int = 16 << 20
+    old_days: int = 365  # age of a calibration
+    rough_mm: float = 0.3  # residual of the calibration of displacement or shear
+    write_bytes: int = 16 << 20  # written to measure the disk
 
 
 LIMITS = DoctorLimits()
@@ -82,39 +59,36 @@ class Line:
     advice: str = ""
 
 
+def judged(topic: str, bad: bool, message: str, advice: str, level: str = "warn") -> Line:
+    """A finding that is either fine, or of this level and in need of the advice."""
+    return Line(topic, level, message, advice) if bad else Line(topic, "ok", message)
+
+
 def worst(lines: Sequence[Line]) -> str:
     """The worst level of all."""
     return max((line.level for line in lines), key=LEVELS.index, default="ok")
 
 
-def camera(source: FrameSource, frames: Sequence[Frame], seconds: float, config: Config) -> list[Line]:
+def camera(source: FrameSource, frames: Sequence[Frame], config: Config) -> list[Line]:
     """Found, rate, brightness."""
     if not frames:
         why = (source.condition if isinstance(source, LiveSource) else "") or "no images"
-        return [
-            Line("camera", "fail", f"{source.name}: {why}", "unplug it and plug it in again; other program?")
-        ]
+        advice = "unplug it and plug it in again; other program?"
+        return [Line("camera", "fail", f"{source.name}: {why}", advice)]
     width, height = source.size_px
     lines = [Line("camera", "ok", f"{source.name}, {width}x{height}")]
     if isinstance(source, AdjustableSource) and source.refused:
-        lines.append(
-            Line(
-                "camera", "warn", "; ".join(source.refused), "set what the camera has: v4l2-ctl --list-ctrls"
-            )
-        )
+        advice = "set what the camera has: v4l2-ctl --list-ctrls"
+        lines.append(Line("camera", "warn", "; ".join(source.refused), advice))
     if source.live and len(frames) > 1:
         steps_s = np.diff([f.capture_ns for f in frames]) / 1e9
         steps_n = np.diff([f.sequence for f in frames])
         rate_hz = float(1.0 / np.median(steps_s / np.maximum(steps_n, 1)))
         asked_hz = config.source.rate_hz
         slow = rate_hz < LIVE.slow_rel * asked_hz
-        lines.append(
-            Line(
-                "rate", "fail" if slow else "ok",
-                f"{rate_hz:.1f} frames/s" + (f", {asked_hz:g} asked" if asked_hz else ""),
-                "shorten [source] exposure_us, or ask for less" if slow else "",
-            )
-        )  # fmt: skip
+        finding = f"{rate_hz:.1f} frames/s" + (f", {asked_hz:g} asked" if asked_hz else "")
+        advice = "shorten [source] exposure_us, or ask for less"
+        lines.append(judged("rate", slow, finding, advice, "fail"))
     return [*lines, _brightness(frames)]
 
 
@@ -140,46 +114,33 @@ def pins(
     try:
         rest = take_rest([f.image for f in frames], polarity, lens)
     except NoPins as error:
-        return [
-            Line("pins", "fail", str(error), "focus the lens; look at `python -m edge inspect IMAGE`")
-        ], None
+        return [Line("pins", "fail", str(error), "focus the lens; see `python -m edge inspect IMAGE`")], None
     height, width = frames[0].image.shape
     p = rest.pattern
     kind = "dark" if p.dark else "bright"
-    lines = [
-        Line(
-            "pins", "ok",
-            f"{len(rest)} found, {kind}, radius {p.pin_radius_px:.1f} px, pitch {p.pitch_px:.1f} px",
-        )
-    ]  # fmt: skip
+    finding = f"{len(rest)} found, {kind}, radius {p.pin_radius_px:.1f} px, pitch {p.pitch_px:.1f} px"
     softness = p.edge_px / p.pin_radius_px
-    soft = softness > IMAGE.half_rel
-    lines.append(
-        Line(
-            "focus", "warn" if soft else "ok",
-            f"edges are blurred by {p.edge_px:.1f} px, {softness:.0%} of a pin's radius",
-            "turn the lens until `python -m edge inspect` finds the sharpest pins" if soft else "",
-        )
-    )  # fmt: skip
+    blur = f"edges are blurred by {p.edge_px:.1f} px, {softness:.0%} of a pin's radius"
     x, y = rest.xy_img.T
     margin = float(np.min([x, y, width - 1 - x, height - 1 - y])) - p.pin_radius_px
-    close = margin < p.pitch_px
-    lines.append(
-        Line(
-            "margin", "warn" if close else "ok",
-            f"outermost pin {margin:.0f} px from the image's border",
-            f"centre the tip: pins need {p.pitch_px:.0f} px of space to move" if close else "",
-        )
-    )  # fmt: skip
     symmetry = symmetry_of(rest)
-    lines.append(
-        Line(
-            "touch", "warn" if symmetry.in_contact else "ok",
-            f"something touches the tip: {symmetry.message}" if symmetry.in_contact else "none seen",
-            "let go; or is the camera not square to the tip?" if symmetry.in_contact else "",
-        )
-    )  # fmt: skip
-    return lines, rest
+    in_contact = symmetry.in_contact
+    return [
+        Line("pins", "ok", finding),
+        judged(
+            "focus", softness > IMAGE.half_rel, blur,
+            "turn the lens until `python -m edge inspect` finds the sharpest pins",
+        ),
+        judged(
+            "margin", margin < p.pitch_px, f"outermost pin {margin:.0f} px from the image's border",
+            f"centre the tip: pins need {p.pitch_px:.0f} px of space to move",
+        ),
+        judged(
+            "touch", in_contact,
+            f"something touches the tip: {symmetry.message}" if in_contact else "none seen",
+            "let go; or is the camera not square to the tip?",
+        ),
+    ], rest  # fmt: skip
 
 
 def sensor(rest: Rest | None, named: KnownSensor | None) -> list[Line]:
@@ -210,41 +171,28 @@ def _scale(known: KnownSensor, rest: Rest) -> str:
 def calibration(path: Path | None, rest: Rest | None) -> list[Line]:
     """Whether it belongs to this tip, its age, its residual."""
     if path is None:
-        return [
-            Line(
-                "calibration",
-                "warn",
-                "none: calibrated values are invalid",
-                "set [calibration] file, or upload one",
-            )
-        ]
+        advice = "set [calibration] file, or upload one"
+        return [Line("calibration", "warn", "none: calibrated values are invalid", advice)]
     try:
         loaded = Calibration.load(path)
     except CalibrationError as error:
         return [Line("calibration", "fail", str(error), "fit it again: `python -m calib fit`")]
     lines = []
     if rest is not None:
-        known_n = len(loaded.rest)
+        known_n, serial = len(loaded.rest), loaded.content.sensor.serial
         share = len(rest) / known_n
         if share < 1.0 - ASTRAY_REL:
             level = "fail" if share < SEEN.seen_rel else "warn"
             finding = f"{len(rest)} of the calibration's {known_n} pins are seen"
-            lines.append(
-                Line("pins", level, finding, "clean lens and skin, light it evenly; is the skin torn?")
-            )
+            advice = "clean lens and skin, light it evenly; is the skin torn?"
+            lines.append(Line("pins", level, finding, advice))
         try:
             in_order_of(loaded, rest)
         except CalibrationError as error:
-            lines.append(
-                Line(
-                    "calibration",
-                    "fail",
-                    str(error),
-                    f"this file was made for tip {loaded.content.sensor.serial}; use the one of this tip",
-                )
-            )
+            advice = f"this file was made for tip {serial}; use the one of this tip"
+            lines.append(Line("calibration", "fail", str(error), advice))
         else:
-            lines.append(Line("calibration", "ok", f"{path}: of this tip, {loaded.content.sensor.serial}"))
+            lines.append(Line("calibration", "ok", f"{path}: of this tip, {serial}"))
     return [*lines, _age(loaded), _residual(loaded)]
 
 
@@ -253,31 +201,21 @@ def _age(loaded: Calibration) -> Line:
     try:
         made = datetime.fromisoformat(text)
     except ValueError:
-        return Line("age", "warn", f"calibration of {text!r}: no date", "")
+        return Line("age", "warn", f"calibration of {text!r}: no date")
     days = (datetime.now(UTC) - (made if made.tzinfo else made.replace(tzinfo=UTC))).days
     old = days > LIMITS.old_days
-    return Line(
-        "age",
-        "warn" if old else "ok",
-        f"calibrated {days} days ago",
-        "skins age: calibrate again" if old else "",
-    )
+    return judged("age", old, f"calibrated {days} days ago", "skins age: calibrate again")
 
 
 def _residual(loaded: Calibration) -> Line:
     sigmas = _sigmas(loaded)
-    finding = ", ".join(
-        f"{name} {value:.3g}" for name, value in sorted(sigmas.items()) if not name.startswith("contact_")
-    )
-    rough = [
-        n
-        for n, v in sigmas.items()
-        if n in ("displacement_mm", "shear_x_mm", "shear_y_mm") and v > LIMITS.rough_mm
+    shown = [
+        f"{name} {sigma:.3g}" for name, sigma in sorted(sigmas.items()) if not name.startswith("contact_")
     ]
-    return Line(
-        "residual", "warn" if rough else "ok", f"one sigma: {finding or 'no models'}",
-        f"{', '.join(rough)} above {LIMITS.rough_mm:g} mm: calibrate with more data" if rough else "",
-    )  # fmt: skip
+    lengths = ("displacement_mm", "shear_x_mm", "shear_y_mm")
+    rough = ", ".join(name for name in lengths if sigmas.get(name, 0.0) > LIMITS.rough_mm)
+    advice = f"{rough} above {LIMITS.rough_mm:g} mm: calibrate with more data"
+    return judged("residual", bool(rough), f"one sigma: {', '.join(shown) or 'no models'}", advice)
 
 
 def _sigmas(loaded: Calibration) -> dict[str, float]:
@@ -350,16 +288,11 @@ def processor(machine: Machine) -> list[Line]:
     governors = machine.governors()
     slow = governors - {"performance"}
     finding = f"governor {', '.join(sorted(governors))}" if governors else "no frequency governor"
-    advice = (
-        "echo performance | sudo tee /sys/devices/system/cpu/cpu*/cpufreq/scaling_governor" if slow else ""
-    )
-    lines = [Line("processor", "warn" if slow else "ok", finding, advice)]
+    advice = "echo performance | sudo tee /sys/devices/system/cpu/cpu*/cpufreq/scaling_governor"
+    lines = [judged("processor", bool(slow), finding, advice)]
     degc = machine.temperature_degc()
     if not math.isnan(degc):
-        hot = degc >= BOARD.hot_degc
-        lines.append(
-            Line("temperature", "warn" if hot else "ok", f"{degc:.0f} degC", "cool the board" if hot else "")
-        )
+        lines.append(judged("temperature", degc >= BOARD.hot_degc, f"{degc:.0f} degC", "cool the board"))
     return lines
 
 
@@ -373,12 +306,11 @@ def clock(machine: Machine) -> list[Line]:
     }
     synchronised = machine.clock_synchronised()
     finding = f"samples are stamped to {step_ns:.0f} ns; {wall[synchronised]}"
-    advice = (
-        "samples do not need it, recordings do: timedatectl set-ntp true" if synchronised is False else ""
-    )
     coarse = step_ns > _STAMP_NS
-    level = "fail" if coarse else "warn" if synchronised is False else "ok"
-    return [Line("clock", level, finding, advice)]
+    advice = "samples do not need it, recordings do: timedatectl set-ntp true"
+    if coarse:
+        return [Line("clock", "fail", finding)]
+    return [judged("clock", synchronised is False, finding, advice)]
 
 
 def disk(config: Config, rate_hz: float, machine: Machine) -> list[Line]:
@@ -390,27 +322,14 @@ def disk(config: Config, rate_hz: float, machine: Machine) -> list[Line]:
             return [Line("disk", "fail", f"{folder}: {free >> 20} MiB left", "free some space")]
         seconds = machine.write_s(folder, LIMITS.write_bytes)
     except OSError as error:
-        return [
-            Line(
-                "disk",
-                "fail",
-                f"{folder}: {error.strerror}",
-                "set [state] directory to a folder we may write",
-            )
-        ]
+        advice = "set [state] directory to a folder we may write"
+        return [Line("disk", "fail", f"{folder}: {error.strerror}", advice)]
     speed = LIMITS.write_bytes / 1e6 / max(seconds, 1e-6)
     need = config.source.width * config.source.height * (rate_hz or 60.0) / 1e6
     finding = f"{folder}: {free >> 20} MiB left, writes {speed:.0f} MB/s; raw recording takes {need:.0f}"
-    slow = speed < need
-    advice = "record at a lower rate, or onto a faster disk; the measurement is not affected" if slow else ""
-    lines = [Line("disk", "warn" if slow else "ok", finding, advice)]
+    advice = "record at a lower rate, or onto a faster disk; the measurement is not affected"
+    lines = [judged("disk", speed < need, finding, advice)]
     if not config.state.directory:
-        lines.append(
-            Line(
-                "settings",
-                "warn",
-                "live in memory only",
-                "set [state] directory, so that they survive a restart",
-            )
-        )
+        advice = "set [state] directory, so that they survive a restart"
+        lines.append(Line("settings", "warn", "live in memory only", advice))
     return lines

@@ -1,32 +1,20 @@
 """`edge doctor`: checks everything that a finger needs. One line a topic: ok, warn or fail, and advice.
 
-    camera       found, rate, exposure, darkness
-    pins         found, sharp, clear of the image's border, as many as the calibration knows
-    touch        whether something touches the tip, as far as the pins alone show it
-    sensor       which known one it looks like, or whether it is the one named
-    calibration  belongs to this tip, age, residual
-    link         CAN interface up, bit rates, error counters; serial line there
-    processor, clock, disk
-
-Rules
-- It changes nothing. It needs the camera for itself: stop the service first.
-- Facts about the machine come from `Machine`, frames from a `FrameSource`: both can be replaced.
-- A topic that cannot be checked because another failed is skipped, not guessed.
+It changes nothing. A topic that cannot be checked because another failed is skipped, not guessed.
 """
-
-from __future__ import annotations
 
 import json
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
+from itertools import islice
 from pathlib import Path
 
 import click
 
 from edge.cli import checks
 from edge.cli.assembly import expect_sensor, open_configured
-from edge.cli.checks import LEVELS, Line, worst
+from edge.cli.checks import Line, worst
 from edge.cli.machine import Machine
 from edge.cli.options import (
     calibration_option,
@@ -43,8 +31,6 @@ from edge.params import PARAMS as RUNTIME
 from edge.rest.tare import PARAMS as TARE
 from edge.sources.live import PARAMS as LIVE
 from edge.types import Frame, FrameSource, LiveSource
-
-__all__ = ["LEVELS", "Line", "Machine", "doctor", "examine", "worst"]
 
 _COLOURS = {"ok": "green", "warn": "yellow", "fail": "red"}
 
@@ -109,20 +95,17 @@ def examine(
     try:
         source = open_camera()
     except InputError as error:
-        lines.append(
-            Line(
-                "camera", "fail", str(error), "check cable, power and [source] spec; is the service running?"
-            )
-        )
+        advice = "check cable, power and [source] spec; is the service running?"
+        lines.append(Line("camera", "fail", str(error), advice))
         asked_hz = config.source.rate_hz
     else:
         sensor = expect_sensor(source, config)
         try:
-            frames, seconds = _watch(source)
+            frames = _watch(source)
         finally:
             source.close()
         asked_hz = config.source.rate_hz or source.rate_hz
-        lines += checks.camera(source, frames, seconds, config)
+        lines += checks.camera(source, frames, config)
         if frames:
             found, rest = checks.pins(frames[: TARE.frames_n], source.polarity, source.lens)
             lines += found
@@ -131,26 +114,19 @@ def examine(
     for spec in config.link.sinks:
         lines += checks.link(spec, machine)
     if not config.link.sinks:
-        lines.append(
-            Line("link", "warn", "no sink: samples are not sent", 'set [link] sinks, e.g. ["can:can0"]')
-        )
+        advice = 'set [link] sinks, e.g. ["can:can0"]'
+        lines.append(Line("link", "warn", "no sink: samples are not sent", advice))
     lines += [*checks.processor(machine), *checks.clock(machine), *checks.disk(config, asked_hz, machine)]
     return lines
 
 
-def _watch(source: FrameSource) -> tuple[list[Frame], float]:
-    """Collect live frames, and the time they took."""
-    frames: list[Frame] = []
-    end = time.monotonic() + LIVE.first_s
-    start = time.monotonic()
+def _watch(source: FrameSource) -> list[Frame]:
     if not isinstance(source, LiveSource):
-        for frame in source:
-            frames.append(frame)
-            if len(frames) > LIVE.rate_frames_n:
-                break
-    else:
-        while len(frames) <= LIVE.rate_frames_n and time.monotonic() < end:
-            got = source.read(RUNTIME.wait_s)
-            if got is not None:
-                frames.append(got)
-    return frames, time.monotonic() - start
+        return list(islice(source, LIVE.rate_frames_n + 1))
+    frames: list[Frame] = []
+    end_s = time.monotonic() + LIVE.first_s
+    while len(frames) <= LIVE.rate_frames_n and time.monotonic() < end_s:
+        got = source.read(RUNTIME.wait_s)
+        if got is not None:
+            frames.append(got)
+    return frames

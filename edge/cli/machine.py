@@ -1,17 +1,14 @@
 """Facts about the machine for `edge doctor`: network interfaces, processor, clock, disk."""
 
-from __future__ import annotations
-
 import json
 import os
+import shutil
 import subprocess
 import time
 from pathlib import Path
 from typing import Any
 
 from edge.runtime.board_monitor import Thermometer
-
-__all__ = ["Machine"]
 
 
 class Machine:
@@ -57,8 +54,7 @@ class Machine:
 
     def free_bytes(self, folder: Path) -> int:
         """Free space for this user in a folder. Raises OSError."""
-        stat = os.statvfs(folder)
-        return stat.f_bavail * stat.f_frsize
+        return shutil.disk_usage(folder).free
 
     def write_s(self, folder: Path, n_bytes: int) -> float:
         """Time to write so many bytes to the disk. Raises OSError."""

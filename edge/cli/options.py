@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import wraps
 from pathlib import Path
@@ -19,20 +19,6 @@ from hostlink.web.listen import TOKEN_VARIABLE
 if TYPE_CHECKING:
     from edge.config import Config
     from hostlink.web import Listen
-
-__all__ = [
-    "LoopOptions",
-    "SpeedFactor",
-    "calibration_option",
-    "config_option",
-    "loop_options",
-    "overwrite_option",
-    "rest_option",
-    "sensor_option",
-    "sink_option",
-    "source_option",
-    "with_sensor",
-]
 
 Command = Callable[..., None]
 
@@ -75,10 +61,7 @@ _LOOP_OPTIONS = (
     ),
     overwrite_option,
     click.option(
-        "--view",
-        "view_here",
-        is_flag=True,
-        help="Serve a live page at 127.0.0.1:8765, or at --view-at.",
+        "--view", "view_here", is_flag=True, help="Serve a live page at 127.0.0.1:8765, or at --view-at."
     ),
     click.option(
         "--view-at",
@@ -178,14 +161,10 @@ def loop_options(command: Command) -> Command:
         options = LoopOptions(**{name: given.pop(name) for name in names})
         command(options=options, **given)
 
-    return add_options(packed, _LOOP_OPTIONS)
-
-
-def add_options(command: Command, options: Iterable[Callable[[Command], Command]]) -> Command:
-    """Add options in the order in which help lists them."""
-    for option in reversed(list(options)):
-        command = option(command)
-    return command
+    made: Command = packed
+    for option in reversed(_LOOP_OPTIONS):  # help lists them in the order of the table
+        made = option(made)
+    return made
 
 
 class RestFrom(click.ParamType[str]):

@@ -1,7 +1,5 @@
 """`python -m edge`: the commands, rows of COMMANDS. How a command ends: `hostlink.cli_exit`."""
 
-from __future__ import annotations
-
 import logging
 import sys
 from typing import NoReturn
@@ -13,21 +11,17 @@ from edge.runtime.process import limit_resources
 from hostlink.cli_exit import program_name, run_command
 from hostlink.command_group import CommandGroup, CommandRow
 
-__all__ = ["COMMANDS", "cli", "main"]
-
 COMMANDS = {
     "run": CommandRow("edge.cli.run:run", "Run the finger: camera in, bus out, until stopped."),
     "replay": CommandRow(
-        "edge.cli.replay:replay",
-        "Send RECORDING (MCAP, video, folder of images) as if it were live.",
+        "edge.cli.replay:replay", "Send RECORDING (MCAP, video, folder of images) as if it were live."
     ),
     "render": CommandRow(
         "edge.cli.render:render",
         "Make a video of RECORDING: cells, contacts and shear beside the camera's image.",
     ),
     "inspect": CommandRow(
-        "edge.cli.inspect:inspect",
-        "Find the pins in each IMAGE, without prior knowledge, and list them.",
+        "edge.cli.inspect:inspect", "Find the pins in each IMAGE, without prior knowledge, and list them."
     ),
     "sensor": CommandRow(
         "edge.cli.sensor:sensor",
@@ -38,8 +32,7 @@ COMMANDS = {
         "Measure a lens by IMAGEs of a checkerboard, for ?lens=FILE in a source's address.",
     ),
     "doctor": CommandRow(
-        "edge.cli.doctor:doctor",
-        "Check camera, pins, calibration, link, processor, clock and disk.",
+        "edge.cli.doctor:doctor", "Check camera, pins, calibration, link, processor, clock and disk."
     ),
 }
 

@@ -1,9 +1,7 @@
 """Progress of work that takes longer than two seconds; on stderr, and only on a terminal.
 
-Rules
-- It never runs while the loop works: a spinner ends before frames are read, and the bar of a replay is drawn
-  by the loop itself, as often as rich would, after the sample has left.
-- rich is imported only when something is shown.
+The bar of a replay is drawn by the loop itself, after the sample has left; a spinner ends before frames are
+read.
 """
 
 from __future__ import annotations
@@ -16,8 +14,6 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rich.progress import Progress
-
-__all__ = ["bar", "counting", "waiting"]
 
 
 @contextmanager

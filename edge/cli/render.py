@@ -1,22 +1,16 @@
 """`edge render`: a recording as the paper's video: every frame through the pipeline and into a picture.
 
-Rules
-- The rest frame is the recording's first frames, as in a replay; they are in the video, too.
-- With a calibration the scale bar is in mm and the caption has the calibrated values with their errors.
-- A frame whose pins cannot be identified is shown with its image and without cells.
-- The video appears under its name when it is complete: a full disk or Ctrl-C leaves no partial file.
+The rest frame is the recording's first frames, as in a replay; they are in the video, too. A frame whose pins
+cannot be identified is shown with its image and without cells.
 """
 
-from __future__ import annotations
-
 import logging
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass
 from itertools import chain, islice
 from math import hypot, isnan, nan
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 import numpy as np
@@ -30,22 +24,17 @@ from edge.cli.progress import bar
 from edge.cli.summary import damage_of, json_line
 from edge.errors import NoPins, SourceError
 from edge.frame import Pipeline
-from edge.rest.choice import GivenRest, rest_if_touched, rest_of_source
+from edge.rest.choice import rest_if_touched, rest_of_source
 from edge.rest.tare import TareParams, tare
 from edge.sources import open_source
-from edge.types import Feature, FrameSource, Reading, RecordedSource, Result
+from edge.types import Feature, Frame, FrameSource, RecordedSource, Rest, Result
 from edge.view.palette import PAPER, SAFE
 from edge.view.panels import View, picture
 from edge.view.video import CODECS, write_video
 from hostlink.cli_types import FiniteFloat, WholeNumber, counted
 from hostlink.output_file import check_output, writing
 
-if TYPE_CHECKING:
-    from rich.progress import Progress, TaskID
-
 log = logging.getLogger(__name__)
-
-__all__ = ["Made", "caption", "render", "render_recording"]
 
 PALETTES = {"paper": PAPER, "safe": SAFE}
 #: Features in a picture; the surface is not drawn.
@@ -85,9 +74,10 @@ def render(
 
     The first frames must show the untouched tip: they are the rest frame, unless --rest says another.
     """
-    check_output(
-        out, tuple(CODECS), [recording, *([calibration_path] if calibration_path else [])], overwrite
-    )
+    inputs: list[str | Path] = [recording]
+    if calibration_path is not None:
+        inputs.append(calibration_path)
+    check_output(out, tuple(CODECS), inputs, overwrite)
     style = Style(palette, rate_hz, height)
     calibration = load_calibration(calibration_path)
     with writing(out, overwrite) as unfinished:
@@ -103,28 +93,17 @@ def render(
 
 @dataclass(frozen=True, slots=True)
 class Style:
-    """palette  "paper" or "safe"
-    rate_hz  pictures a second; None: the recording's own
-    height   of a panel, px
-    """
-
-    palette: str = "paper"
-    rate_hz: float | None = None
-    height: int = 640
+    palette: str = "paper"  # "paper" or "safe"
+    rate_hz: float | None = None  # pictures a second; None: the recording's own
+    height: int = 640  # of a panel, px
 
 
 @dataclass(frozen=True, slots=True)
 class Made:
-    """frames_n        in the video
-    unidentified_n  of them without values, because the pins could not be identified
-    pins_n          of the rest frame
-    rate_hz         pictures a second
-    """
-
-    frames_n: int
-    unidentified_n: int
-    pins_n: int
-    rate_hz: float
+    frames_n: int  # in the video
+    unidentified_n: int  # of them without values, because the pins could not be identified
+    pins_n: int  # of the rest frame
+    rate_hz: float  # pictures a second
 
 
 def render_recording(
@@ -143,106 +122,85 @@ def render_recording(
     Raises    SourceError: no such recording, or no pins in its first frames; SinkError: cannot be written;
               OSError: the disk is full; CalibrationError: of another tip
     """
-    source = open_source(recording)
-    with closing(source):
+    with closing(open_source(recording)) as source:
         if source.live:
             raise SourceError(f"source {recording}: is live; record it first, then render the recording")
-        given = (
-            rest_if_touched(source, calibration)
-            if rest is None
-            else rest_of_source(source, rest, calibration)
-        )
+        if rest is None:
+            given = rest_if_touched(source, calibration)
+        else:
+            given = rest_of_source(source, rest, calibration)
         if given is not None:
             log.info("rest frame: %s", given.message)
-        made = _render(source, recording, out, calibration, style or Style(), progress, given)
+        frames = iter(source)
+        first = list(islice(frames, TareParams().frames_n))
+        if not first:
+            raise SourceError(f"source {recording}: no images")
+        try:
+            rest_frame = given.rest if given else _rest_of(first, source, calibration)
+        except NoPins as error:
+            raise SourceError(f"source {recording}: {error}") from None
+        made = _render(source, chain(first, frames), rest_frame, out, calibration, style or Style(), progress)
     if damage := damage_of(source):
         log.warning("%s: %s", recording, damage)
     return made
 
 
+def _rest_of(first: Sequence[Frame], source: FrameSource, calibration: Calibration | None) -> Rest:
+    """The rest frame of the first images. Raises NoPins."""
+    return tare([frame.image for frame in first], np.inf, calibration, source.polarity, source.lens)
+
+
 def _render(
     source: FrameSource,
-    recording: str,
+    frames: Iterable[Frame],
+    rest: Rest,
     out: Path,
     calibration: Calibration | None,
     style: Style,
     progress: bool,
-    given: GivenRest | None,
 ) -> Made:
-    frames = iter(source)
-    first = list(islice(frames, TareParams().frames_n))
-    if not first:
-        raise SourceError(f"source {recording}: no images")
-    try:
-        rest = (
-            given.rest
-            if given
-            else tare([frame.image for frame in first], np.inf, calibration, source.polarity, source.lens)
-        )
-    except NoPins as error:
-        raise SourceError(f"source {recording}: {error}") from None
     mm_per_px = (calibration.mm_per_px if calibration else None) or 0.0
     view = View.of(rest.xy_img, rest.pattern.pitch_px, style.height, mm_per_px)
     pipeline = Pipeline(rest, calibration, DRAWN)
     rate_hz = style.rate_hz or source.rate_hz or 30.0
     unidentified_n = 0
-
-    def pictures() -> Iterator[NDArray[np.uint8]]:
-        nonlocal unidentified_n
-        for frame in chain(first, frames):
-            result = pipeline.process(frame)
-            unidentified_n += result.features is None
-            polygons = cell_polygons(result.cells) if result.cells is not None else []
-            yield picture(
-                view,
-                frame,
-                result.tracks,
-                polygons,
-                result.features,
-                palette=PALETTES[style.palette],
-                caption=caption(result),
-            )
-
-    frames_n = source.frames_n if isinstance(source, RecordedSource) else 0
+    total_n = source.frames_n if isinstance(source, RecordedSource) else 0
     with bar(progress) as shown:
-        task = shown.add_task(out.name, total=frames_n or None)
-        drawn = (_counted(shown, task, one) for one in pictures())
-        frames_n = write_video(drawn, out, rate_hz)
+        task = shown.add_task(out.name, total=total_n or None)
+
+        def pictures() -> Iterator[NDArray[np.uint8]]:
+            nonlocal unidentified_n
+            for frame in frames:
+                result = pipeline.process(frame)
+                tracks, cells, features = result.tracks, result.cells, result.features
+                unidentified_n += features is None
+                polygons = cell_polygons(cells) if cells is not None else []
+                palette = PALETTES[style.palette]
+                yield picture(
+                    view, frame, tracks, polygons, features, palette=palette, caption=caption(result)
+                )
+                shown.advance(task)
+
+        frames_n = write_video(pictures(), out, rate_hz)
     return Made(frames_n, unidentified_n, len(rest), rate_hz)
 
 
-def _counted(shown: Progress, task: TaskID, one: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    shown.advance(task)
-    return one
-
-
 def caption(result: Result) -> str:
-    """The calibrated values of a frame in a line; empty without any."""
-    reading = result.reading
-    parts = [
-        _part("depth", reading, "displacement_mm", "mm"),
-        _shear(reading),
-        _part("force", reading, "force_n", "N", error=False),
-        _tangential(reading),
-        _part("torque", reading, "torque_z_nmm", "N mm"),
-        _part("torsion", reading, "torsion_deg", "deg", error=False),
-    ]
-    return "   ".join(part for part in parts if part)
-
-
-def _part(name: str, reading: Reading, field: str, unit: str, error: bool = True) -> str:
-    value, sigma = reading.values.get(field, nan), reading.sigmas.get(field, nan)
-    if isnan(value):
-        return ""
-    spread = f" +-{sigma:.2f}" if error and not isnan(sigma) else ""
-    return f"{name} {value:.2f}{spread} {unit}"
-
-
-def _tangential(reading: Reading) -> str:
-    x, y = reading.values.get("force_x_n", nan), reading.values.get("force_y_n", nan)
-    return "" if isnan(x) or isnan(y) else f"tangential {hypot(x, y):.2f} N"
-
-
-def _shear(reading: Reading) -> str:
-    x, y = reading.values.get("shear_x_mm", nan), reading.values.get("shear_y_mm", nan)
-    return "" if isnan(x) or isnan(y) else f"shear {hypot(x, y):.2f} mm"
+    """The calibrated values of a frame in a line, some with their errors; empty without any."""
+    values, sigmas = result.reading.values, result.reading.sigmas
+    shear_mm = hypot(values.get("shear_x_mm", nan), values.get("shear_y_mm", nan))
+    tangential_n = hypot(values.get("force_x_n", nan), values.get("force_y_n", nan))
+    rows = (
+        ("depth", values.get("displacement_mm", nan), sigmas.get("displacement_mm", nan), "mm"),
+        ("shear", shear_mm, nan, "mm"),
+        ("force", values.get("force_n", nan), nan, "N"),
+        ("tangential", tangential_n, nan, "N"),
+        ("torque", values.get("torque_z_nmm", nan), sigmas.get("torque_z_nmm", nan), "N mm"),
+        ("torsion", values.get("torsion_deg", nan), nan, "deg"),
+    )
+    parts = []
+    for name, value, sigma, unit in rows:
+        if not isnan(value):
+            spread = "" if isnan(sigma) else f" +-{sigma:.2f}"
+            parts.append(f"{name} {value:.2f}{spread} {unit}")
+    return "   ".join(parts)

@@ -1,7 +1,5 @@
 """`edge run`: frames from a camera, samples onto the bus."""
 
-from __future__ import annotations
-
 import logging
 from contextlib import ExitStack
 

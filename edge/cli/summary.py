@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from edge.types import FrameSource, Result
     from hostlink.wire import State
 
-__all__ = ["LABELS", "Summary", "damage_of", "json_line", "print_summary"]
-
 #: Keys of the JSON, and their text for people; the last word is the unit.
 LABELS = {
     "frames_n": "images processed",
@@ -84,7 +82,6 @@ class Summary:
         self._displacement_mm = -math.inf
 
     def add(self, result: Result, state: State) -> None:
-        """Note one frame."""
         self._held[result.tracks.n_seen] += 1
         self._confidence[round(result.tracks.confidence, 3)] += 1
         features = result.features
@@ -122,7 +119,6 @@ class Summary:
 
 
 def _median(counted: Counter[Any]) -> float:
-    """The median of the counted values."""
     values, numbers = zip(*sorted(counted.items()), strict=True)
     ends, n = list(accumulate(numbers)), counted.total()
     return float(values[bisect_left(ends, (n + 1) // 2)] + values[bisect_left(ends, n // 2 + 1)]) / 2

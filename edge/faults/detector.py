@@ -1,10 +1,7 @@
 """Which faults hold, from what the loop sees: camera, order of images, picture, pins, load, place.
 
-`begin` looks at a frame's time before it is computed, since that decides how; `judge` writes all other facts
-when it is computed, and has them judged at once. Whatever raises a fault also clears it.
+`begin` looks at a frame's time before it is computed, since that decides how; `judge` does all else after it.
 """
-
-from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -24,8 +21,6 @@ from edge.types import Array, Clock, Features, Frame, FrameSource, LiveSource, R
 from hostlink.clock import DRIFT_MAX
 from hostlink.wire import FaultCode as F
 from hostlink.wire import Status
-
-__all__ = ["NO_CALIBRATION", "FaultDetector", "FaultParams"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,13 +65,7 @@ def fault_checks(p: FaultParams = PARAMS) -> tuple[Check, ...]:
 #: Conditions of a camera that sends no images, or one again and again.
 _STALLED = ("stalled", "frozen")
 #: Faults that a new rest frame clears.
-_OF_THE_REST = (
-    F.TARE_IMPLAUSIBLE,
-    F.CALIBRATION_FOREIGN,
-    F.CAMERA_MOVED,
-    F.TRACKER_LOST,
-    F.PINS_LOST,
-)
+_OF_THE_REST = (F.TARE_IMPLAUSIBLE, F.CALIBRATION_FOREIGN, F.CAMERA_MOVED, F.TRACKER_LOST, F.PINS_LOST)
 #: Faults under which no drift is learnt.
 _NOT_QUIET = (
     Status.CAMERA_FAULT | Status.IMAGE_FAULT | Status.PINS_LOST | Status.TRACKER_LOST | Status.CAMERA_MOVED

@@ -1,15 +1,9 @@
 """Does the image show pins as the rest frame did? Dark, overexposed, out of focus; and has the camera moved?
 
-Rules
-- Dark and overexposed are checked in every image, against the full scale and against the rest frame, on
-  `sample_n` rows and columns.
-- Focus is measured in `sample_n` windows as wide as the pitch: wherever the pins have moved, about one pin
-  lies in each, so this needs no tracking. The measure is the energy of the gradient over the square of the
-  contrast, which does not depend on brightness, relative to that of the rest frame.
-- Without contrast focus is not reported if the image is dark or overexposed: that explains it.
+Focus is measured in windows as wide as the pitch: wherever the pins have moved, about one pin lies in each,
+so this needs no tracking. The measure is the energy of the gradient over the square of the contrast, which
+does not depend on brightness. It is not reported if the image is dark or overexposed: that explains it.
 """
-
-from __future__ import annotations
 
 from dataclasses import dataclass
 from math import isqrt, nan
@@ -23,16 +17,6 @@ from edge.pins.lens import rest_as_seen
 from edge.pins.params import PARAMS as PINS
 from edge.types import Array, Frame, Image, Rest
 from hostlink.wire import FaultCode as F
-
-__all__ = [
-    "ONE_LEVEL",
-    "PARAMS",
-    "ImageParams",
-    "ImageQuality",
-    "common_step_px",
-    "image_checks",
-    "level_of",
-]
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +85,6 @@ class ImageQuality:
         return self._focus is not None and not 0 <= self._due_ns - frame.capture_ns <= self._period_ns
 
     def measure_focus(self, frame: Frame, facts: Facts) -> None:
-        """Write the sharpness."""
         if self._focus is None:
             return
         self._due_ns = frame.capture_ns + self._period_ns

@@ -1,11 +1,4 @@
-"""The table of faults that follow from measured numbers, and one walk over it a frame.
-
-    stages, camera, image --> Facts --> Judge --> FaultRegistry
-
-A stage writes what it has counted into `Facts`; nothing is judged before the frame is computed.
-"""
-
-from __future__ import annotations
+"""The table of faults that follow from measured numbers (`Facts`), and one walk over it a frame (`Judge`)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,8 +9,6 @@ from operator import attrgetter, ge, le
 from edge.faults.registry import FaultRegistry
 from edge.params import PARAMS
 from hostlink.wire import FaultCode
-
-__all__ = ["Check", "Facts", "Judge"]
 
 
 @dataclass
@@ -63,19 +54,14 @@ class Check:
     """One row: the fault appears when the number reaches `raise_at`, and clears when it is away from it by
     the share of `raise_at` that all checks have in common. Rows of the same fault are alternatives: it holds
     while one of them does. NaN reaches no limit.
-
-    measure  name of the number, a field of `Facts`
-    unit     of the number and of the limit
-    reason   for the log; a format of the fields of `Facts`
-    below    the fault is below the limit
     """
 
     code: FaultCode
-    measure: str
+    measure: str  # name of the number, a field of `Facts`
     raise_at: float
-    unit: str
-    reason: str
-    below: bool = False
+    unit: str  # of the number and of the limit
+    reason: str  # for the log; a format of the fields of `Facts`
+    below: bool = False  # the fault is below the limit
 
     def limit(self, holds: bool) -> float:
         """What the number has to reach for the fault to appear, or to go on."""

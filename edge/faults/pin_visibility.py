@@ -1,17 +1,13 @@
 """Are enough pins seen, and are their places plausible?
 
-Rules
 - With too few pins, or a hole in the pattern, no values are sent: in a hole the polynomial of the motion is
   undetermined, and a contact there is hidden.
-- Nor when many pins vanish at once, until they are back: the baseline is learnt in normal operation and
-  forgotten slowly, so that a tip that has lost pins for good becomes usable again.
+- Nor when many pins vanish at once, until they are back. The baseline is forgotten slowly, so that a tip that
+  has lost pins for good becomes usable again.
 - Nor in an image that is corrupt in one place: pins that vanish are next to each other, and those around them
-  stand still. Pins that vanish one by one are next to each other too, as often as chance has it. Both
-  explanations are compared by their likelihoods; as much evidence decides as for the pins' identities.
-- Values return after a few good frames in a row: then the identities of the pins that came back are certain.
+  stand still. Pins that vanish one by one are next to each other too, as often as chance has it: both
+  explanations are compared by their likelihoods.
 """
-
-from __future__ import annotations
 
 from dataclasses import dataclass
 from math import log, sqrt
@@ -25,8 +21,6 @@ from edge.geometry.lattice import N_RING
 from edge.geometry.neighbours import nearest_of
 from edge.params import PARAMS as RUNTIME
 from edge.types import Index, Mask, Rest, Tracks
-
-__all__ = ["PinVisibility", "PinVisibilityParams"]
 
 
 @dataclass(frozen=True, slots=True)

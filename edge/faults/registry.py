@@ -5,8 +5,6 @@ only which of them hold. A fault is announced once when it appears and once when
 appeared is counted.
 """
 
-from __future__ import annotations
-
 import logging
 import threading
 import time
@@ -15,8 +13,6 @@ from collections.abc import Callable
 
 from edge.params import PARAMS
 from hostlink.wire import FAULTS, FaultCode, Status
-
-__all__ = ["FaultLog", "FaultRegistry"]
 
 log = logging.getLogger(__name__)
 
@@ -65,7 +61,6 @@ class FaultRegistry:
                 notify(code, active, message)
 
     def holds(self, code: FaultCode) -> bool:
-        """Whether this fault holds now."""
         return code in self._active
 
     @property

@@ -1,54 +1,72 @@
-"""Samples onto a bus or a line: `open_sink("can:can0")`, `sink.send(state)`.
+"""What all links to a host have in common: what waits, which medium is open, who writes, reads and reports.
 
     edge loop --send--> [ newest samples, bounded ] --worker--> medium ==bus==> host
                   \\____ at once, where a write cannot block ___/   |
     node <--on_message-- reader <-----------------------------------+
 
-Its parts: `SendQueue` (what waits), `MediumKeeper` (which medium is open), `StallWatch` (since when nothing
-leaves), `ReadBudget`. Times: `LinkParams`.
-
-Rules
-- `send` never blocks and never raises: it hands over, or counts a drop and returns False.
-- Newest wins. A sample that could not be sent is dropped, not queued behind a dead link: the host sees a gap
-  in the sample numbers, never old data.
-- Order on the bus: answers and emergencies first, then samples, then detail; detail only when nothing waits.
+- `send` never blocks and never raises: it hands over, or counts a drop and returns False. A sample that could
+  not be sent is not kept for later: the host sees a gap in the sample numbers, never old data.
 - A write that cannot block (SocketCAN, virtual bus, UDP) happens in the caller's thread: a hand-over to
-  another thread costs up to a switch interval of the interpreter. All others happen in the worker thread.
+  another thread costs up to a switch interval of the interpreter. The worker thread does all others.
 - A full buffer (ENOBUFS, bus-off, nobody listening) drops and keeps the medium. Any other error closes it,
-  foreseen or not, and the worker reopens it, at most every `retry_s`; it counts as up with the first frame
-  sent. What nobody foresaw is counted too, and no thread ends by it (`hostlink.link_guard`).
-- Only the worker opens and closes, after the reader has left the medium: a file descriptor that is closed
-  under a waiting reader may be reused for another file.
-- At start-up a medium that cannot be opened is the user's mistake: SinkError. Later it is counted.
-- A link's faults are reported from a separate thread, which sleeps until something may have changed or a
-  stall has lasted for `stall_s`: the loop may be in a search, and the worker in a blocked write.
+  foreseen or not, and no thread ends by it. Only the worker closes and opens, after the reader has left: a
+  file descriptor that is closed under a waiting reader may be reused for another file.
+- At the start a medium that cannot be opened is the user's mistake: SinkError. Later it is counted.
+- Faults are reported from a thread of their own: the loop may be in a search, and the worker in a write.
 """
-
-from __future__ import annotations
 
 import logging
 import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import count
 from typing import Any
 
 from edge.errors import SinkError
-from edge.link.medium import Medium, MediumError, MediumFull
-from edge.link.medium_keeper import MediumKeeper
+from edge.link.medium import Medium, MediumError, MediumFull, MediumKeeper
 from edge.link.params import PARAMS, LinkParams
-from edge.link.read_budget import ReadBudget
 from edge.link.send_queue import SendQueue
-from edge.link.sink import SinkCounters
 from edge.link.stall_watch import StallWatch
 from hostlink.link_guard import LinkGuard
 from hostlink.wire import FaultCode, State
 
-__all__ = ["LinkSink"]
-
 log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class SinkCounters:
+    """Counts of samples since the opening.
+
+    detail_sent, detail_skipped   groups of detail segments sent, and skipped in favour of samples
+    """
+
+    sent: int = 0  # samples given to the medium
+    dropped: int = 0  # samples that could not be sent
+    reconnects: int = 0  # times the medium was lost and came back
+    detail_sent: int = 0
+    detail_skipped: int = 0
+
+
+class ReadBudget:
+    """Limits the reader's processor time: a flooded bus must not slow the loop.
+
+    cpu_s, now_s  processor time of the reader's thread, and the time
+    """
+
+    def __init__(self, cpu_s: float, now_s: float, params: LinkParams = PARAMS) -> None:
+        self._params = params
+        self._cpu_s, self._since_s = cpu_s, now_s
+
+    def pause_s(self, cpu_s: float, now_s: float) -> float:
+        """How long to pause reading; 0.0: go on."""
+        p = self._params
+        used_s, passed_s = cpu_s - self._cpu_s, now_s - self._since_s
+        pause_s = used_s / p.read_rel - passed_s
+        if passed_s > p.read_window_s:
+            self._cpu_s, self._since_s = cpu_s, now_s
+        return pause_s if pause_s > p.read_pause_s else 0.0
 
 
 class LinkSink(ABC):
@@ -108,7 +126,6 @@ class LinkSink(ABC):
 
     @property
     def faults(self) -> frozenset[FaultCode]:
-        """The link's current faults."""
         medium = self._medium.current
         if medium is not None and medium.bus_off:
             return frozenset({FaultCode.BUS_OFF})

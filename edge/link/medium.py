@@ -1,13 +1,20 @@
-"""An open bus or line, and the meaning of its failures: MediumFull (drop, go on), all others (reopen)."""
+"""What a link talks over: an open bus or line, the CAN frame, and how they are opened, lost and opened again.
 
-from __future__ import annotations
+A failure means one of two things: MediumFull (drop, go on), or any other (reopen). Each kind of medium is a
+module of its own, loaded when the first of it is opened: their libraries take a part of the start and memory.
+"""
 
 import errno
-from typing import Any, Protocol
+import time
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, Protocol
 
-__all__ = ["FULL", "Medium", "MediumError", "MediumFull"]
+from hostlink.wire.address import Address
+from hostlink.wire.open_errors import cannot_open
 
 FULL = frozenset({errno.ENOBUFS, errno.EAGAIN, errno.EWOULDBLOCK})
+# Class bits in the identifier of an error frame: linux/can/error.h.
+CAN_ERR_BUSOFF, CAN_ERR_RESTARTED = 0x40, 0x100
 
 
 class MediumError(Exception):
@@ -16,6 +23,19 @@ class MediumError(Exception):
 
 class MediumFull(Exception):
     """The medium accepts nothing now; it may in a moment."""
+
+
+class CanFrame(NamedTuple):
+    """A data frame with an 11-bit identifier."""
+
+    can_id: int
+    data: bytes  # up to 8 bytes; with fd up to 64, in a length that CAN FD has
+    fd: bool = False  # CAN FD, the data at the second bit rate
+
+
+def is_off_after(error_id: int, before: bool) -> bool:
+    """Whether the controller is off the bus after an error frame of this identifier; it was `before`."""
+    return bool(error_id & CAN_ERR_BUSOFF) or (before and not error_id & CAN_ERR_RESTARTED)
 
 
 class Medium(Protocol):
@@ -33,3 +53,76 @@ class Medium(Protocol):
         ...
 
     def close(self) -> None: ...
+
+
+class MediumKeeper:
+    """The medium of a link, reported lost by any thread, closed and reopened by one. Methods are called with
+    the link's lock held.
+
+    current  the open medium; None: lost
+    lost     it was lost, and nothing was sent since: one that opens may still not take frames
+
+    open_medium  opens the medium; raises MediumError with a line for the user
+    retry_s      least time between two attempts
+    """
+
+    def __init__(self, open_medium: Callable[[], Medium], retry_s: float) -> None:
+        self._open_medium, self._retry_s = open_medium, retry_s
+        self.current: Medium | None = open_medium()
+        self.lost = False
+        self._failed: Medium | None = None
+        self._tried_s = time.monotonic()
+
+    def lose(self, medium: Medium) -> bool:
+        """Note that this medium has failed; False: known already."""
+        if self.current is not medium:
+            return False
+        self.current, self._failed, self.lost = None, medium, True
+        return True
+
+    def take_failed(self) -> Medium | None:
+        """The media to close before another one is opened."""
+        failed, self._failed = self._failed, None
+        return failed
+
+    @property
+    def pause_s(self) -> float:
+        """Time to wait before the next attempt.
+
+        SocketCAN opens on an interface that is down, and fails at once: do not retry without a pause.
+        """
+        return max(0.0, self._tried_s + self._retry_s - time.monotonic())
+
+    def try_open(self) -> Medium | None:
+        """Open another medium, not in use yet; None: not possible now. Needs no lock."""
+        self._tried_s = time.monotonic()
+        try:
+            return self._open_medium()
+        except MediumError:
+            return None
+
+
+def opener(address: Address, wanted: Sequence[int] = ()) -> Callable[[], Medium]:
+    """A function that opens the bus or serial port of an address, again and again. Whatever a driver raises,
+    it raises MediumError with one line for the user.
+
+    wanted  identifiers of the messages that must be received on a bus; others may be
+    """
+
+    def open_it() -> Medium:
+        try:
+            if not address.is_can:
+                from edge.link.serial_line import open_port
+
+                return open_port(address)
+            if address.interface == "socketcan":
+                from edge.link.socketcan import open_socket
+
+                return open_socket(address.channel, address.fd, wanted)
+            from edge.link.python_can import open_python_can
+
+            return open_python_can(address)
+        except Exception as error:
+            raise MediumError(cannot_open(address, error)) from error
+
+    return open_it

@@ -3,12 +3,8 @@
 A node that boots is pre-operational; START and STOP make it operational and stopped, a reset boots it again.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from enum import IntEnum
-
-__all__ = ["Nmt", "NmtCommand", "NmtState"]
 
 
 class NmtState(IntEnum):

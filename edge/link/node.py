@@ -3,36 +3,27 @@
     loop --send--> Node --[NMT state, rate, divider, SYNC]--> sink ==bus==> host
                    ^ objects (SDO, serial requests), NMT, SYNC <============
 
-Rules
-- A node is a `Sink`: it sends what is due and skips the rest. Skipped is not dropped.
-- It starts by itself: boot-up, pre-operational, operational (CiA 302-2's self-starting device), for most
-  hands have no NMT master. A master can stop it, and start it again.
+- It starts by itself (CiA 302-2's self-starting device), for most hands have no NMT master.
 - Transmission type 254: samples are sent as they come. 1..240: the newest sample is latched, and each n-th
-  SYNC sends it, once; without a new sample nothing is sent, for a repetition would look like a new one.
+  SYNC sends it, once: a repetition would look like a new one.
 - A fault sends one emergency when it appears, and one with code 0 and the remaining error register when it
   clears (CiA 301, 7.2.7); the fault byte is 0 when none remains.
 - Objects are served by the link's reader thread: `Device` methods are called from there, not from the loop.
-- The application is accessed through `Device` alone.
 """
-
-from __future__ import annotations
 
 import threading
 import time
 from collections.abc import Sequence
 from dataclasses import replace
 
+from edge.link.link_sink import LinkSink, SinkCounters
 from edge.link.nmt import NmtCommand, NmtState
-from edge.link.object_server import Device, ObjectServer, RequestRefused
+from edge.link.object_server import Device, ObjectServer
 from edge.link.params import PARAMS
 from edge.link.ports import CanPort, SerialPort
 from edge.link.settings import SettingsFile
-from edge.link.sinks import CanFdSink, CanSink, LinkSink, SerialSink, SinkCounters
+from edge.link.sinks import CanFdSink, CanSink, SerialSink
 from hostlink.wire import FAULTS, FEATURE_BITS, CanIds, FaultCode, State, Status, pack_detail, pack_emergency
-
-__all__ = ["Device", "Node", "RequestRefused"]
-
-Value = int | float | str | bytes
 
 _FAULTS = {fault.code: fault for fault in FAULTS}
 _STANDARD_IDS = CanIds()
@@ -80,8 +71,6 @@ class Node:
         self._changed("features")
         self._start()
 
-    # ---- a sink -----------------------------------------------------------------------------------
-
     @property
     def up(self) -> bool:
         return self.sink.up
@@ -113,8 +102,6 @@ class Node:
     def close(self) -> None:
         self.sink.close()
 
-    # ---- the detail stream ------------------------------------------------------------------------
-
     @property
     def detail_divider(self) -> int:
         """Detail is sent for every n-th measurement; 0: for none."""
@@ -138,8 +125,6 @@ class Node:
             return False
         self._detail_counter += len(segments)
         return True
-
-    # ---- faults -----------------------------------------------------------------------------------
 
     def report(self, code: FaultCode, active: bool, message: str = "") -> None:
         """A fault appeared or cleared: a listener of `FaultRegistry`. Sends the emergency."""
@@ -174,8 +159,6 @@ class Node:
         if not faults:  # emergencies sent meanwhile were lost: repeat them
             for code in sorted(self._active):
                 self._send_emergency(code, True)
-
-    # ---- within -----------------------------------------------------------------------------------
 
     def _start(self) -> None:
         nmt = self._port.nmt

@@ -1,7 +1,6 @@
 """The object server: reads and writes of the object table, by SDO or over serial.
 
-Every access takes the same steps: does the object exist, is the access allowed, does the value fit, who
-provides or applies it. An access that fails raises `Aborted` with CiA 301's code, and no other error.
+An access that fails raises `Aborted` with CiA 301's code, and no other error.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from collections.abc import Callable, Mapping
 from hashlib import sha256
 from typing import TYPE_CHECKING, Protocol
 
-from edge.errors import CalibrationError
+from edge.errors import CalibrationError, RequestRefused
 from edge.link.params import PARAMS
 from hostlink.output_file import OutputError
 from hostlink.wire import (
@@ -35,28 +34,10 @@ from hostlink.wire.objects import TYPES
 if TYPE_CHECKING:
     from edge.link.settings import SettingsFile
 
-__all__ = ["Aborted", "Device", "ObjectServer", "RequestRefused", "size_of"]
-
 log = logging.getLogger(__name__)
 Value = int | float | str | bytes
 
 FORCE = 2  # value of the tare object
-_DESCRIBED = frozenset(
-    {
-        "hardware_version",
-        "software_version",
-        "serial_number",
-        "calibration_id",
-        "pin_n",
-        "camera",
-        "camera_rate_hz",
-        "uptime_s",
-        "samples_n",
-        "dropped_n",
-        "latency_p50_us",
-        "latency_p99_us",
-    }
-)
 _INDICES = frozenset(o.index for o in OBJECTS)
 _SETTINGS = frozenset({"heartbeat_ms", "rate_hz", "divider", "features", "detail_divider"})
 _COB_IDS = {
@@ -164,8 +145,6 @@ class ObjectServer:
         """Add a fault to the error history."""
         self._errors.appendleft(fault.emcy | int(fault.code) << 16)
 
-    # ---- the two accesses -------------------------------------------------------------------------
-
     def read(self, index: int, sub: int) -> bytes:
         """The object's bytes. Raises Aborted."""
         obj = _find(index, sub)
@@ -216,8 +195,6 @@ class ObjectServer:
             log.error("object %s cannot be stored: %s", obj.name, error)
             raise Aborted(Abort.NOT_STORED) from None
 
-    # ---- who provides, who applies ----------------------------------------------------------------
-
     def _value(self, obj: Object) -> Value | None:
         name = obj.name
         if name in _SETTINGS:
@@ -250,7 +227,7 @@ class ObjectServer:
             return int.from_bytes(sha256(serial.encode()).digest()[:4], "big")
         if name == "time_us":
             return self._device.clock_us()
-        return self._described().get(name, obj.default) if name in _DESCRIBED else obj.default
+        return self._described().get(name, obj.default)
 
     def _described(self) -> Mapping[str, Value]:
         """The device's description, at most `described_s` old."""
@@ -285,10 +262,6 @@ class ObjectServer:
             self.transmission[obj.index - 0x1800 + 1] = value
         else:
             raise Aborted(Abort.UNSUPPORTED)
-
-
-class RequestRefused(Exception):
-    """The device refuses a request now: a tare while something touches the tip."""
 
 
 def _find(index: int, sub: int) -> Object:

@@ -1,12 +1,8 @@
 """Every chosen number of the link; the evidence for each is in docs/tuning.md, "Bus"."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from edge.params import PARAMS as RUNTIME
-
-__all__ = ["PARAMS", "LinkParams"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,27 +1,20 @@
-"""A CANopen node on our links: NMT, heartbeat, emergencies and the SDO server on CAN; the same over serial.
-
-CAN     identifiers are those of the configured bases
-serial  heartbeat, emergency, NMT and SYNC have message types of their own; objects come as requests
-"""
-
-from __future__ import annotations
+"""A CANopen node on our links: NMT, heartbeat, emergencies and objects, on CAN and over serial."""
 
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any
 
-from edge.link.can_frame import CanFrame
+from edge.link.link_sink import LinkSink
+from edge.link.medium import CanFrame
 from edge.link.nmt import Nmt, NmtCommand, NmtState
 from edge.link.object_server import Aborted, ObjectServer
 from edge.link.params import PARAMS
 from edge.link.sdo_server import DOWNLOAD_MAX, TOO_LONG, SdoServer
-from edge.link.sinks import CanSink, LinkSink, SerialSink
+from edge.link.sinks import CanSink, SerialSink
 from hostlink.wire import Abort, CorruptFrame, Kind, Message, ObjectReply, ObjectRequest, Op
 from hostlink.wire.canid import NODES_MAX
 from hostlink.wire.serial import CHUNK_MAX
-
-__all__ = ["CanPort", "SerialPort"]
 
 
 class _Port(ABC):
@@ -38,7 +31,7 @@ class _Port(ABC):
         self.server = server
         self._sink, self._node = sink, node
         self._on_nmt, self._on_sync = on_nmt, on_sync
-        self.nmt = Nmt(self._send_heartbeat, self._every)
+        self.nmt = Nmt(lambda data: sink.post(self._item(Kind.HEARTBEAT, data)), self._every)
 
     @abstractmethod
     def _item(self, kind: Kind, data: bytes) -> Any:
@@ -50,9 +43,6 @@ class _Port(ABC):
     @abstractmethod
     def forget_transfer(self) -> None:
         """Abandon a segmented transfer."""
-
-    def _send_heartbeat(self, data: bytes) -> None:
-        self._sink.post(self._item(Kind.HEARTBEAT, data))
 
     def _every(self, period_s: float, make: Callable[[], bytes] | None) -> None:
         item = None if make is None else lambda: self._item(Kind.HEARTBEAT, make())
@@ -121,7 +111,6 @@ class SerialPort(_Port):
         self._upload_to = None
 
     def receive(self, kind: Message, counter: int, body: bytes) -> None:
-        """Handle a frame from the line."""
         if kind is Message.NMT and len(body) == 1:
             self._command(body[0])
         elif kind is Message.SYNC:

@@ -1,10 +1,4 @@
-"""Buses that python-can drives: all but the kernel's own.
-
-python-can reports a dead bus in many ways: its own errors, OSError, ValueError for a closed file descriptor,
-TypeError for a handle that became None. They are translated here; the link's guard takes all others.
-"""
-
-from __future__ import annotations
+"""Buses that python-can drives: all but the kernel's own. It reports a dead bus in many ways (`_BROKEN`)."""
 
 import logging
 from contextlib import suppress
@@ -12,14 +6,11 @@ from contextlib import suppress
 import can
 import serial
 
-from edge.link.can_frame import CanFrame, is_off_after
-from edge.link.medium import FULL, MediumError, MediumFull
+from edge.link.medium import FULL, CanFrame, MediumError, MediumFull, is_off_after
 from edge.link.params import PARAMS
 from hostlink.can_bus import OpenBus, open_can_bus
 from hostlink.wire.address import Address
 from hostlink.wire.open_errors import message_of
-
-__all__ = ["CanMedium", "open_python_can"]
 
 INSTANT = frozenset({"virtual", "udp_multicast"})  # interfaces whose send(timeout=0) returns
 # python-can also logs what it raises: that would be a second line on stderr.

@@ -1,12 +1,8 @@
 """A frame's result as the wire's sample: `to_state`. No units change here, only names and validity.
 
-Rules
-- An unknown value is NaN, never 0; which values are valid was decided before (calibration, pipeline).
-- Contacts: the strongest that fit the frame are listed, all of them are counted.
-- Without trusted identities, or without a result, the sample is still sent: status bits and time, no values.
+An unknown value is NaN, never 0. Without trusted identities, or without a result, the sample is still sent:
+status bits and time, no values.
 """
-
-from __future__ import annotations
 
 from math import nan
 from typing import Any, Protocol
@@ -14,8 +10,6 @@ from typing import Any, Protocol
 from edge.types import Reading, Tracks
 from hostlink.wire import Contact, State, Status
 from hostlink.wire.fields import CONTACTS_MAX
-
-__all__ = ["Measured", "to_state"]
 
 #: Standard deviations that are sent, each with the values that it is of; two axes share the larger one.
 SIGMAS = (

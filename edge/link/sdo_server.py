@@ -1,24 +1,17 @@
 """The SDO server of CiA 301: objects over CAN, in frames of 8 bytes.
 
 `canopen` has one, but its transfers share state: a stray segment can write with the state that a read has
-left. Here one segmented transfer is under way at a time, with its own state.
+left.
 
-Rules
-- Values of up to 4 bytes need one frame each way and no state: they are served at any time.
-- A longer one starts a transfer. While it is under way another one is refused (NOT_NOW); a client that
-  disappeared blocks it for `idle_s` at most. A request that is repeated before the first segment restarts it.
-- A segment must belong to the transfer: the same direction, the expected toggle bit, not beyond the announced
-  size. Any other ends the transfer. An abort for its object, or for none, ends it too.
-- A segment that comes again just as it was (its answer was late or lost) gets the same answer again, and
-  moves nothing. CiA 301 has no repetition; a host repeats after a timeout.
+- Values of up to 4 bytes need one frame each way and no state. A longer one starts a transfer; while it is
+  under way another one is refused (NOT_NOW). A client that disappeared blocks it for `idle_s` at most.
+- A segment that does not belong to the transfer ends it. One that comes again just as it was (its answer was
+  late or lost) gets the same answer again, and moves nothing: a host repeats after a timeout.
 - So does the write of a short value, if it was done. Our hosts number these in the bytes behind the value,
   which CiA 301 leaves open. Another client's counts as repeated where the client had time to give up waiting
   and no other request came between. What was refused is judged anew.
-- Block transfer is not offered, for its bursts of 127 frames would hold the samples up: a block download is
-  refused, and so is a block upload, but where it allows a plain one by a size of its own (pst).
+- Block transfer is not offered: its bursts of 127 frames would hold the samples up.
 """
-
-from __future__ import annotations
 
 import math
 import time
@@ -47,8 +40,6 @@ from hostlink.wire.sdo import (
     segment_data,
 )
 
-__all__ = ["DOWNLOAD_MAX", "TOO_LONG", "SdoServer"]
-
 DOWNLOAD_MAX = FILE_BYTES  # bounds the memory that a client can take
 TOO_LONG = f"longer than {DOWNLOAD_MAX >> 20} MiB, so no calibration"
 _NO_REPEAT = (b"", b"")  # the last segment and its answer; none
@@ -56,21 +47,15 @@ _NO_REPEAT = (b"", b"")  # the last segment and its answer; none
 
 @dataclass(slots=True)
 class _Transfer:
-    """A value of more than 4 bytes being transferred.
-
-    writes   the client writes (download); else it reads
-    data     received so far, or still to be sent
-    size     announced; None: it was not
-    moved    a segment was transferred
-    """
+    """A value of more than 4 bytes being transferred."""
 
     index: int
     sub: int
-    writes: bool
-    data: bytearray
-    size: int | None = None
+    writes: bool  # the client writes (download); else it reads
+    data: bytearray  # received so far, or still to be sent
+    size: int | None = None  # announced; None: it was not
     toggle: int = 0
-    moved: bool = False
+    moved: bool = False  # a segment was transferred
     last_used_s: float = field(default_factory=time.monotonic)
 
 
@@ -133,8 +118,6 @@ class SdoServer:
             self._send(pack_abort(index, sub, error.code))
         self._newest = data
 
-    # ---- starting -----------------------------------------------------------------------------------
-
     def _upload(self, command: int, index: int, sub: int, data: bytes) -> None:
         self._answer_upload(index, sub, self._read(index, sub))
 
@@ -191,8 +174,6 @@ class SdoServer:
             if other.moved or asked != (transfer.index, transfer.sub, transfer.writes):
                 raise Aborted(Abort.NOT_NOW)
         self._transfer, self._repeated = transfer, _NO_REPEAT
-
-    # ---- segments -----------------------------------------------------------------------------------
 
     def _current(self, command: int, writes: bool) -> _Transfer:
         """The transfer that this segment belongs to."""

@@ -1,18 +1,13 @@
 """The queue of a link: answers and emergencies first, then samples, then detail, one item at a time.
 
-Detail is taken only when nothing else waits, and its items keep a distance: a sample cannot overtake
-items in the driver's queue, so there must never be more than one.
+The items of the detail keep a distance: a sample cannot overtake what is in the driver's queue.
 """
-
-from __future__ import annotations
 
 import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
-
-__all__ = ["SendQueue"]
 
 Kind = Literal["control", "sample", "detail"]
 
@@ -41,7 +36,6 @@ class SendQueue:
 
     @property
     def waiting(self) -> bool:
-        """Whether anything waits."""
         return bool(self._samples or self._control or self._detail)
 
     @property

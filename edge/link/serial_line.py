@@ -1,7 +1,5 @@
 """Serial lines, through pyserial."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from typing import Any
 
@@ -11,8 +9,6 @@ from edge.link.medium import MediumError, MediumFull
 from edge.link.params import PARAMS
 from hostlink.wire.address import Address
 from hostlink.wire.open_errors import message_of
-
-__all__ = ["SerialMedium", "open_port"]
 
 # A port that is gone is an OSError (serial.SerialException is one), ValueError for a closed file descriptor,
 # TypeError for a handle that became None.

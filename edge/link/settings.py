@@ -1,11 +1,8 @@
-"""Settings that a host may change over the link, and that survive a restart.
+"""Settings that a host may change over the link; a JSON file keeps them over a restart.
 
-A JSON file beside the calibration, replaced atomically: after a power cut it is either the old or the new
-file, complete. A file that cannot be used does not stop the finger: it starts with defaults, and logs why.
-What may be set, its limits and defaults: `stored` rows of `hostlink.wire.objects`.
+A file that cannot be used does not stop the finger: it starts with defaults, and logs why. What may be set,
+its limits and defaults: `stored` rows of `hostlink.wire.objects`.
 """
-
-from __future__ import annotations
 
 import logging
 import time
@@ -19,8 +16,6 @@ from edge import limits
 from edge.params import PARAMS
 from hostlink.output_file import OutputError, writing
 from hostlink.wire import OBJECTS
-
-__all__ = ["NodeSettings", "SettingsFile"]
 
 log = logging.getLogger(__name__)
 

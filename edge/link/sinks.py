@@ -1,20 +1,13 @@
-"""Samples onto a bus or a line: `open_sink("can:can0")`, `sink.send(state)`.
+"""The kinds of link, and the door to them: `open_sink("can:can0")`; addresses: `hostlink.wire.address`."""
 
-Addresses: `hostlink.wire.address`.
-Behaviour of a failing link: `edge.link.link_sink`.
-"""
-
-from __future__ import annotations
-
+from collections import deque
 from collections.abc import Callable, Sequence
+from typing import Protocol
 
 from edge.errors import SinkError
-from edge.link.can_frame import CanFrame
-from edge.link.link_sink import LinkSink
-from edge.link.media import open_bus, open_line
-from edge.link.medium import Medium, MediumError, MediumFull
+from edge.link.link_sink import LinkSink, SinkCounters
+from edge.link.medium import CanFrame, Medium, opener
 from edge.link.params import PARAMS, LinkParams
-from edge.link.sink import MemorySink, Sink, SinkCounters
 from hostlink.wire import (
     CanIds,
     Kind,
@@ -31,23 +24,56 @@ from hostlink.wire.errors import CorruptFrame
 from hostlink.wire.serial import FRAME_MAX, decode_frame
 from hostlink.wire.timing import fd_frame_s, serial_frame_s
 
-__all__ = [
-    "CanClassicSink",
-    "CanFdSink",
-    "CanSink",
-    "LinkSink",
-    "Medium",
-    "MediumError",
-    "MediumFull",
-    "MemorySink",
-    "SerialSink",
-    "Sink",
-    "SinkCounters",
-    "open_sink",
-]
-
 NODE_DEFAULT = 1
 BITRATE, DBITRATE = 1_000_000, 5_000_000  # used if the address names none: CiA 601-3
+
+
+class Sink(Protocol):
+    """Where samples go."""
+
+    name: str
+
+    @property
+    def up(self) -> bool: ...
+
+    @property
+    def counters(self) -> SinkCounters: ...
+
+    def send(self, state: State) -> bool:
+        """Send a sample; False: dropped and counted. Never blocks, never raises."""
+        ...
+
+    def drain(self, timeout_s: float) -> bool:
+        """Wait until nothing waits to be sent: for recordings, which are sent as fast as possible."""
+        ...
+
+    def close(self) -> None: ...
+
+
+class MemorySink:
+    """Keeps the newest samples: for tests and for measuring without a bus."""
+
+    def __init__(self, name: str = "memory:", keep: int = 100_000) -> None:
+        self.name = name
+        self.states: deque[State] = deque(maxlen=keep)
+        self._sent = 0
+
+    up = True
+
+    @property
+    def counters(self) -> SinkCounters:
+        return SinkCounters(sent=self._sent)
+
+    def send(self, state: State) -> bool:
+        self.states.append(state)
+        self._sent += 1
+        return True
+
+    def drain(self, timeout_s: float) -> bool:
+        return True
+
+    def close(self) -> None:
+        """Nothing to close."""
 
 
 class CanSink(LinkSink):
@@ -159,13 +185,13 @@ def open_sink(spec: str, node: int | None = None, ids: CanIds | None = None) -> 
     if address.scheme == "memory":
         return MemorySink(keep=1000)  # 1 MB
     if not address.is_can:
-        line = SerialSink(str(address), open_line(address))
+        line = SerialSink(str(address), opener(address))
         line.baud = address.baud
         return line
     kind: type[CanSink] = CanFdSink if address.fd else CanClassicSink
     ids, node = ids or CanIds(), address.node or node or NODE_DEFAULT
     wanted = (ids.nmt, ids.sync, ids.of(Kind.SDO_REQUEST, node))
-    bus = kind(str(address), open_bus(address, wanted), node, ids)
+    bus = kind(str(address), opener(address, wanted), node, ids)
     if isinstance(bus, CanFdSink):
         bus.bitrate, bus.dbitrate = address.bitrate or BITRATE, address.dbitrate or DBITRATE
     return bus

@@ -1,10 +1,8 @@
 """A CAN interface of the kernel, by its sockets alone: python-can would take 14 MB and a tenth of the start.
 
-The kernel passes on only the identifiers that are wanted, and of the error frames those of bus-off. On a bus
-with other fingers their samples would wake the reader a thousand times a second.
+The kernel passes on only what is wanted: other fingers' samples would wake the reader a thousand times a
+second.
 """
-
-from __future__ import annotations
 
 import select
 import socket
@@ -13,11 +11,16 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from edge.link.can_frame import CAN_ERR_BUSOFF, CAN_ERR_RESTARTED, CanFrame, is_off_after
-from edge.link.medium import FULL, MediumError, MediumFull
+from edge.link.medium import (
+    CAN_ERR_BUSOFF,
+    CAN_ERR_RESTARTED,
+    FULL,
+    CanFrame,
+    MediumError,
+    MediumFull,
+    is_off_after,
+)
 from hostlink.wire.open_errors import message_of
-
-__all__ = ["SocketCanMedium", "open_socket"]
 
 INTERFACES = Path("/sys/class/net")
 

@@ -1,15 +1,7 @@
-"""Detects that a link sends nothing, and wakes the thread that reports it.
-
-Writes and drops are reported here. One thread sleeps in `wait` until something may have changed, or a
-stall has lasted so long that it is a fault. Times are `time.monotonic`.
-"""
-
-from __future__ import annotations
+"""Detects that a link sends nothing, and wakes the thread that reports it. Times are `time.monotonic`."""
 
 import threading
 import time
-
-__all__ = ["StallWatch"]
 
 
 class StallWatch:
@@ -32,7 +24,6 @@ class StallWatch:
 
     @property
     def writing(self) -> bool:
-        """Whether a write is under way."""
         return self._write_s is not None
 
     def write_begins(self, may_block: bool) -> float:
@@ -63,7 +54,6 @@ class StallWatch:
         self._changed.set()
 
     def dropped(self) -> None:
-        """Note that a sample was dropped."""
         if self._refused_s is None:
             self.refused(time.monotonic())
 

@@ -1,17 +1,11 @@
 """What is recorded in each turn of the loop: the image, its results, the sample sent to the bus."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 from edge.cells import cell_polygons
-from edge.recording import Recorder
+from edge.recording.writer import Recorder
 from edge.types import Frame, Result
 from edge.view.palette import cell_rgba
 from hostlink.topics import DIAGNOSIS_S, Diagnosis, finger_name, level_of, status_text
 from hostlink.wire import State, pack_state, unpack_state
-
-__all__ = ["FrameRecorder"]
 
 
 class FrameRecorder:
@@ -25,10 +19,6 @@ class FrameRecorder:
         self._finger, self._serial = finger, serial
         self._since_ns: int | None = None  # of the samples counted for the next diagnosis
         self._samples_n = 0
-
-    @property
-    def path(self) -> Path:
-        return self.recorder.path
 
     @property
     def fault(self) -> str | None:
@@ -78,5 +68,4 @@ class FrameRecorder:
         self._since_ns, self._samples_n = frame.capture_ns, 0
 
     def event(self, level: str, text: str) -> None:
-        """Record a line of the log."""
         self.recorder.event(level, text)

@@ -1,10 +1,4 @@
-"""Images as Foxglove messages, encoded and decoded.
-
-Pixels are stored without loss: as PNG for small files, or as raw rows for speed. Decoding gives grey images
-of 8 or 16 bits, from files of other tools too.
-"""
-
-from __future__ import annotations
+"""Images as Foxglove messages without loss, and back: also from files of other tools, of 8 or 16 bits."""
 
 from typing import Any
 
@@ -15,8 +9,6 @@ from numpy.typing import NDArray
 from edge.recording.topics import proto, stamp
 from edge.sources.image_header import check_size, image_size
 from edge.types import Image
-
-__all__ = ["OtherSize", "decode_image", "image_message"]
 
 
 class OtherSize(ValueError):

@@ -1,13 +1,9 @@
 """The records of an MCAP file, which may be damaged or malicious.
 
-- Read chunk by chunk, never the whole file into memory. With an index, damage to one chunk loses that chunk
-  only; without one (killed, truncated), everything up to the last complete chunk is read.
-- Damage is counted in `faults`, and reading goes on.
-- Memory is bounded before it is allocated: no length may point beyond the end of the file (`_Bounded`), no
-  chunk unpacks to more than `UNPACKED_MAX`, and its records are read one by one.
+It is read chunk by chunk; damage is counted in `faults`, and reading goes on. Memory is bounded before it is
+allocated: no length may point beyond the end of the file (`_Bounded`), no chunk unpacks to more than
+`UNPACKED_MAX`, and its records are read one by one.
 """
-
-from __future__ import annotations
 
 import io
 import struct
@@ -20,8 +16,6 @@ from typing import Any, BinaryIO, NamedTuple
 from edge.errors import SourceError
 from hostlink.input_file import open_input
 from hostlink.mcap_chunk import UNPACKED_MAX, unpack_chunk
-
-__all__ = ["RawMessage", "attachments_in", "damage", "image_count", "metadata_in", "raw_messages"]
 
 
 class RawMessage(NamedTuple):
@@ -195,18 +189,20 @@ def image_count(path: Path, topic: str | None) -> int:
             return 0
 
 
-def attachments_in(path: Path) -> dict[str, bytes]:
-    """Attached files by name; of several with one name the last."""
+def read_attachments(path: str | Path) -> dict[str, bytes]:
+    """Attached files by name; where several have one name, the last. Raises SourceError: no such file, not
+    MCAP.
+    """
     from mcap.records import Attachment
 
-    return {record.name: record.data for record in _outside_chunks(path, Attachment)}
+    return {record.name: record.data for record in _outside_chunks(Path(path), Attachment)}
 
 
-def metadata_in(path: Path) -> dict[str, dict[str, str]]:
-    """Key-value pairs by the record's name."""
+def read_metadata(path: str | Path) -> dict[str, dict[str, str]]:
+    """Key-value pairs by the record's name; `voronoi_touch` is the recorder's own. Raises SourceError."""
     from mcap.records import Metadata
 
-    return {record.name: dict(record.metadata) for record in _outside_chunks(path, Metadata)}
+    return {record.name: dict(record.metadata) for record in _outside_chunks(Path(path), Metadata)}
 
 
 def _outside_chunks(path: Path, kind: type[Any]) -> list[Any]:

@@ -1,10 +1,8 @@
 """An MCAP file that grows by whole chunks: what the kernel has been given survives a kill.
 
-A chunk is closed when it is full, or after `chunk_age_s`: a killed process loses at most that much. (A power
-cut may lose more: an fsync for each chunk would stall an SD card; the file is synced when it is closed.)
+A power cut may lose more: an fsync for each chunk would stall an SD card; the file is synced when it is
+closed.
 """
-
-from __future__ import annotations
 
 import os
 import time
@@ -17,8 +15,6 @@ from typing import Any, Literal
 from edge.errors import SinkError
 from edge.recording.params import PARAMS
 from edge.recording.topics import Topic, proto, schema_of
-
-__all__ = ["Compression", "McapWriter"]
 
 Compression = Literal["none", "lz4", "zstd"]
 

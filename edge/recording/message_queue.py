@@ -1,7 +1,5 @@
 """The bounded queue between the loop, which never waits, and the thread that writes."""
 
-from __future__ import annotations
-
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -9,22 +7,16 @@ from typing import NamedTuple
 
 from edge.recording.topics import Topic
 
-__all__ = ["Item", "MessageQueue"]
-
 
 class Item(NamedTuple):
-    """A message that is not encoded yet.
+    """A message that is not encoded yet."""
 
-    cost_bytes  memory that it occupies
-    encode      called by the thread that writes
-    """
-
-    cost_bytes: int
+    cost_bytes: int  # memory that it occupies
     topic: Topic
     log_ns: int
     publish_ns: int
     sequence: int
-    encode: Callable[[], bytes]
+    encode: Callable[[], bytes]  # called by the thread that writes
 
 
 class MessageQueue:
@@ -89,7 +81,6 @@ class MessageQueue:
 
     @property
     def ended(self) -> bool:
-        """Whether it is closed and empty."""
         return self._closed and not self._items
 
     def done(self, item: Item) -> None:

@@ -1,12 +1,8 @@
 """Results of the stages as messages: one function a message.
 
-- Numbers per pin are stored as packed little-endian float64 in `foxglove.PointCloud`: exact, and cheap to
-  write. Overlays (`ImageAnnotations`) repeat some of it for viewing only.
-- Image coordinates here put pixel centres on integers; Foxglove's annotations put the origin on the
-  corner of the first pixel. The half pixel is added in this module only.
+Image coordinates here put pixel centres on integers; Foxglove's annotations put the origin on the corner of
+the first pixel. The half pixel is added in this module only.
 """
-
-from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
@@ -18,17 +14,6 @@ from numpy.typing import NDArray
 
 from edge.recording.topics import proto, stamp
 from edge.types import Array, Cells, Features, Frame, Reading, Tracks
-
-__all__ = [
-    "annotations_of",
-    "cells_cloud",
-    "cloud_to_array",
-    "features_json",
-    "log_message",
-    "pins_cloud",
-    "reading_json",
-    "to_json",
-]
 
 _PIXEL_CENTRE = 0.5  # foxglove.ImageAnnotations: origin on the corner of the top-left pixel
 

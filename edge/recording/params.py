@@ -1,10 +1,6 @@
 """Every chosen number of recordings; the evidence for each is in docs/tuning.md, "Recording"."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-
-__all__ = ["PARAMS", "RecordingParams"]
 
 
 @dataclass(frozen=True, slots=True)

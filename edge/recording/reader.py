@@ -1,20 +1,14 @@
 """Reads recordings back: ours, and any MCAP file with a Foxglove image topic.
 
-- Damage in the middle is counted in `faults`, and reading goes on (`mcap_file.py`); only a file without any
-  image is an error.
-- An image's header is read before its pixels: one that is larger than any camera's, or of another size than
-  the recording's others, is counted and not decoded.
-- Frames have `Clock.RECORDED`: their times may be compared with one another, not with the present.
-  `recorded_clock` is the original clock.
+Damage is counted in `faults`, and reading goes on; only a file without any image is an error. Frames have
+`Clock.RECORDED`: their times may be compared with one another, not with the present.
 """
 
-from __future__ import annotations
-
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import islice
 from pathlib import Path
-from typing import Annotated, Any, Protocol
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
@@ -22,19 +16,12 @@ import numpy as np
 from edge.errors import SourceError
 from edge.limits import RATE_MAX_HZ
 from edge.recording.images import OtherSize, decode_image
-from edge.recording.mcap_file import (
-    RawMessage,
-    attachments_in,
-    damage,
-    image_count,
-    metadata_in,
-    raw_messages,
-)
+from edge.recording.mcap_file import RawMessage, damage, image_count, raw_messages, read_metadata
 from edge.recording.topics import TOPICS, proto
+from edge.sources.files import FileSource
 from edge.sources.live import PARAMS as LIVE
-from edge.types import Clock, Frame, Image, Lens, Polarity
-
-__all__ = ["RecordingSource", "open_recording", "read_attachments", "read_messages", "read_metadata"]
+from edge.sources.options import Options
+from edge.types import Clock, Frame, Image
 
 _TIME_MAX_NS = 1 << 62  # 146 years
 _SEQUENCE_MAX = 1 << 53
@@ -78,35 +65,15 @@ def read_messages(path: str | Path, topics: Sequence[str] | None = None) -> Iter
         yield raw.topic, raw.log_ns, message
 
 
-def read_attachments(path: str | Path) -> dict[str, bytes]:
-    """Attached files by name; of several with one name the last. Raises SourceError: does not exist, not
-    MCAP.
-    """
-    return attachments_in(Path(path))
-
-
-def read_metadata(path: str | Path) -> dict[str, dict[str, str]]:
-    """Key-value pairs by the record's name; `voronoi_touch` is the recorder's own. Raises SourceError."""
-    return metadata_in(Path(path))
-
-
-class RecordingSource:
-    """FrameSource over an MCAP file. Iterating again starts again.
+class RecordingSource(FileSource):
+    """FrameSource over an MCAP file.
 
     topic   image topic; None: /camera/image, else the first one with images
     Raises  SourceError: does not exist, not MCAP, no images. Images of another size are counted in `faults`
     """
 
-    live = False
-
     def __init__(self, path: str | Path, topic: str | None = None) -> None:
-        self.path = Path(path)
-        self.name = f"recording {self.path}"
-        self.dropped_n = 0
-        self.polarity = Polarity.FOUND
-        self.lens: Lens | None = None
-        self.faults: Counter[str] = Counter()
-        self._closed = False
+        super().__init__("recording", path)
         self.metadata = read_metadata(self.path)
         self._topic = topic
         faults: Counter[str] = Counter()
@@ -177,17 +144,9 @@ class RecordingSource:
             yield frame
 
     @property
-    def truncated(self) -> bool:
-        """Whether the file is truncated; known once it has been read to its end."""
-        return self.faults["truncated"] > 0
-
-    @property
     def frames_n(self) -> int:
         """Images, from the file's index; 0: it has none, as after a kill."""
         return image_count(self.path, self._topic)
-
-    def close(self) -> None:
-        self._closed = True
 
 
 def _frame(
@@ -205,14 +164,7 @@ def _frame(
     return Frame(image, about.capture_ns, about.sequence, Clock.RECORDED, bits, truth), about.clock
 
 
-class _Options(Protocol):
-    """The settings of a source that `open_recording` uses."""
-
-    @property
-    def extra(self) -> Mapping[str, str]: ...
-
-
-def open_recording(where: str, options: _Options) -> RecordingSource:
+def open_recording(where: str, options: Options) -> RecordingSource:
     """The scheme `mcap:FILE?topic=...`, and files that end in .mcap. Raises SourceError."""
     for key in options.extra:
         if key != "topic":

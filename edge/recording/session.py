@@ -1,7 +1,5 @@
 """The recording of a running loop, if there is one: its failures end the recording, not the loop."""
 
-from __future__ import annotations
-
 import logging
 import time
 from typing import Protocol
@@ -10,8 +8,6 @@ from edge.faults.registry import FaultRegistry
 from edge.params import PARAMS
 from edge.types import Frame, Result
 from hostlink.wire import FaultCode, State
-
-__all__ = ["Recording", "RecordingSession"]
 
 log = logging.getLogger(__name__)
 
@@ -49,7 +45,6 @@ class RecordingSession:
         registry.listeners.append(self._note)
 
     def take(self, frame: Frame, result: Result | None, state: State) -> None:
-        """Record a turn of the loop."""
         if self.recorder is None:
             return
         try:

@@ -1,12 +1,8 @@
 """The contents of a recording: one table of topics, and their schemas.
 
-- Samples, contacts, tips and diagnoses are as the bridge to Foxglove has them (`hostlink.topics`).
-- A well-known Foxglove schema (protobuf) wherever one fits; JSON with a JSON schema for other numbers,
-  because PlotJuggler plots those directly.
-- protobuf and the schemas are imported when the first message of their kind is made.
+Foxglove's schemas (protobuf, imported with the first message) wherever one fits; JSON for other numbers,
+because PlotJuggler plots those directly.
 """
-
-from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -19,28 +15,12 @@ import msgspec
 from edge.errors import SourceError
 from hostlink.topics import DIAGNOSTICS, SAMPLE, finger_name
 
-__all__ = [
-    "TOPICS",
-    "FoxgloveMessages",
-    "Topic",
-    "contacts_topic",
-    "proto",
-    "sample_topic",
-    "schema_of",
-    "stamp",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """name    topic in the file
-    schema    name of the schema; "foxglove." ones are protobuf, the rest JSON
-    content   JSON schema, for JSON; other fields may follow
-    """
-
-    name: str
-    schema: str
-    content: Mapping[str, Any] = field(default_factory=dict)
+    name: str  # topic in the file
+    schema: str  # name of the schema; "foxglove." ones are protobuf, the rest JSON
+    content: Mapping[str, Any] = field(default_factory=dict)  # JSON schema, for JSON; other fields may follow
 
     @property
     def is_json(self) -> bool:
@@ -151,7 +131,4 @@ def schema_of(topic: Topic) -> tuple[str, str, bytes]:
 
 
 def stamp(ns: int) -> Any:
-    from google.protobuf.timestamp_pb2 import Timestamp
-
-    seconds, nanos = divmod(ns, 1_000_000_000)
-    return Timestamp(seconds=seconds, nanos=nanos)
+    return _time("Timestamp")(*divmod(ns, 1_000_000_000))

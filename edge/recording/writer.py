@@ -1,16 +1,11 @@
 """Writes a recording while the loop runs.
 
-- Nothing here waits for the disk: a call puts references on a bounded queue, a thread encodes and writes
-  them. What does not fit is dropped and counted, and a warning in the file marks the gap.
-- Once the file is open, nothing here raises into the loop: a full disk stops the recording, sets
-  `fault`, and later messages count as dropped.
-- A recording grows under its own name, by whole chunks (`mcap_writer.py`): after a kill it can be read up to
-  the last of them.
-- One time axis: `log_time` = capture time + one offset for the whole file, taken from the wall clock at the
-  first frame. Intervals stay exact, and all messages of a frame share one time.
+- A call puts references on a bounded queue, a thread encodes and writes them. What does not fit is dropped
+  and counted, and a warning in the file marks the gap. A full disk sets `fault`; nothing raises into the
+  loop.
+- `log_time` is the capture time plus one offset for the whole file, taken from the wall clock at the first
+  frame: intervals stay exact, and all messages of a frame share one time.
 """
-
-from __future__ import annotations
 
 import threading
 import time
@@ -31,7 +26,8 @@ from hostlink.topics import Diagnosis, contact_scene, diagnostics_message, sampl
 from hostlink.web.limits import WebLimits
 from hostlink.wire import State
 
-__all__ = ["Recorder"]
+#: A topic or its key in TOPICS, and what encodes the message.
+_Part = tuple[str | Topic, Callable[[], bytes]]
 
 
 class _LogClock:
@@ -123,42 +119,27 @@ class Recorder:
     def frame(self, frame: Frame) -> bool:
         """Record image, times and truth. False: dropped."""
         log_ns = self._clock.of(frame)
-        key = "image_png" if self._png else "image"
         about = {
             "sequence": frame.sequence,
             "capture_ns": frame.capture_ns,
             "clock": str(frame.clock),
             "bits": frame.bits,
         }
-        items = [self._item("frame", frame, lambda: messages.to_json(about))]
+        parts: list[_Part] = [("frame", lambda: messages.to_json(about))]
         if frame.truth is not None:
             truth = {"sequence": frame.sequence, "truth": frame.truth}
-            items.append(self._item("truth", frame, lambda: messages.to_json(truth)))
-        items.append(
-            self._item(
-                key,
-                frame,
-                lambda: image_message(frame.image, log_ns, png=self._png),
-                frame.image.nbytes,
-            )
-        )
-        return self._queue.put(items)
+            parts.append(("truth", lambda: messages.to_json(truth)))
+        key = "image_png" if self._png else "image"
+        parts.append((key, lambda: image_message(frame.image, log_ns, png=self._png)))
+        return self._put(frame, parts, frame.image.nbytes)
 
     def pins(self, frame: Frame, tracks: Tracks, features: Features | None = None) -> bool:
         """Record where each pin is; with features also its motion and its cell's area change."""
         log_ns = self._clock.of(frame)
-        items = [
-            self._item(
-                "pins", frame, lambda: messages.pins_cloud(tracks, features, log_ns), tracks.xy_img.nbytes * 4
-            )
-        ]
+        parts: list[_Part] = [("pins", lambda: messages.pins_cloud(tracks, features, log_ns))]
         if self._clock.overlay_is_due("pins_overlay", log_ns):
-            items.append(
-                self._item(
-                    "pins_overlay", frame, lambda: messages.annotations_of(log_ns, points=tracks.xy_img)
-                )
-            )
-        return self._queue.put(items)
+            parts.append(("pins_overlay", lambda: messages.annotations_of(log_ns, points=tracks.xy_img)))
+        return self._put(frame, parts, tracks.xy_img.nbytes * 4)
 
     def cells(
         self,
@@ -172,33 +153,25 @@ class Recorder:
         polygons, colours  called in the recorder's thread, one entry a cell
         """
         log_ns = self._clock.of(frame)
-        items = [
-            self._item("cells", frame, lambda: messages.cells_cloud(cells, log_ns), cells.xy_img.nbytes * 3)
-        ]
-        if (
-            polygons is not None
-            and colours is not None
-            and self._clock.overlay_is_due("cells_overlay", log_ns)
-        ):
-            items.append(
-                self._item(
+        parts: list[_Part] = [("cells", lambda: messages.cells_cloud(cells, log_ns))]
+        if polygons and colours and self._clock.overlay_is_due("cells_overlay", log_ns):
+            parts.append(
+                (
                     "cells_overlay",
-                    frame,
                     lambda: messages.annotations_of(log_ns, polygons=polygons(), colours=colours()),
                 )
             )
-        return self._queue.put(items)
+        return self._put(frame, parts, cells.xy_img.nbytes * 3)
 
     def features(self, frame: Frame, features: Features) -> bool:
         """Record the scalars and the contacts, image units."""
-        return self._queue.put(
-            [self._item("features", frame, lambda: messages.to_json(messages.features_json(frame, features)))]
+        return self._put(
+            frame, [("features", lambda: messages.to_json(messages.features_json(frame, features)))]
         )
 
     def reading(self, frame: Frame, reading: Reading) -> bool:
-        """Record the calibrated values."""
-        return self._queue.put(
-            [self._item("reading", frame, lambda: messages.to_json(messages.reading_json(frame, reading)))]
+        return self._put(
+            frame, [("reading", lambda: messages.to_json(messages.reading_json(frame, reading)))]
         )
 
     def sample(self, frame: Frame, finger: int, state: Callable[[], State]) -> bool:
@@ -209,32 +182,20 @@ class Recorder:
         log_ns = self._clock.of(frame)
 
         def scene() -> bytes:
-            made = contact_scene(FoxgloveMessages(), finger, state(), log_ns)
-            return bytes(made.SerializeToString())
+            return bytes(contact_scene(FoxgloveMessages(), finger, state(), log_ns).SerializeToString())
 
-        return self._queue.put(
-            [
-                self._item(sample_topic(finger), frame, lambda: messages.to_json(sample_message(state()))),
-                self._item(contacts_topic(finger), frame, scene),
-            ]
-        )
+        values = (sample_topic(finger), lambda: messages.to_json(sample_message(state())))
+        return self._put(frame, [values, (contacts_topic(finger), scene)])
 
     def diagnosis(self, frame: Frame, diagnosis: Diagnosis) -> bool:
         """Record the state of the finger, and where its tip is."""
         log_ns = self._clock.of(frame)
 
         def tips() -> bytes:
-            made = tip_transforms(FoxgloveMessages(), [diagnosis.name], log_ns)
-            return bytes(made.SerializeToString())
+            return bytes(tip_transforms(FoxgloveMessages(), [diagnosis.name], log_ns).SerializeToString())
 
-        return self._queue.put(
-            [
-                self._item(
-                    "diagnostics", frame, lambda: messages.to_json(diagnostics_message([diagnosis], log_ns))
-                ),
-                self._item("tf", frame, tips),
-            ]
-        )
+        state = ("diagnostics", lambda: messages.to_json(diagnostics_message([diagnosis], log_ns)))
+        return self._put(frame, [state, ("tf", tips)])
 
     def event(self, level: str, text: str, name: str = "edge") -> bool:
         """Record a line of the log. level: debug, info, warning, error, fatal."""
@@ -255,7 +216,6 @@ class Recorder:
         self._queue.put_call(lambda: self._writer.add_attachment(now_ns, name, data, media_type))
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
-        """Store key-value pairs."""
         pairs = dict(values)
         self._queue.put_call(lambda: self._writer.add_metadata(name, pairs))
 
@@ -275,11 +235,18 @@ class Recorder:
     ) -> None:
         self.close()
 
-    def _item(self, topic: str | Topic, frame: Frame, encode: Callable[[], bytes], n_bytes: int = 0) -> Item:
-        """topic  or its key in TOPICS"""
-        cost = PARAMS.item_bytes + n_bytes
-        topic = TOPICS[topic] if isinstance(topic, str) else topic
-        return Item(cost, topic, self._clock.of(frame), frame.capture_ns, frame.sequence & 0xFFFFFFFF, encode)
+    def _put(self, frame: Frame, parts: Sequence[_Part], n_bytes: int = 0) -> bool:
+        """Queue messages of a frame, all or none.
+
+        n_bytes  memory that they keep, beside their own
+        """
+        log_ns, sequence = self._clock.of(frame), frame.sequence & 0xFFFFFFFF
+        items = []
+        for topic, encode in parts:
+            topic = TOPICS[topic] if isinstance(topic, str) else topic
+            cost = PARAMS.item_bytes + (n_bytes if encode is parts[-1][1] else 0)
+            items.append(Item(cost, topic, log_ns, frame.capture_ns, sequence, encode))
+        return self._queue.put(items)
 
     # -- the thread ---------------------------------------------------------------------------
 

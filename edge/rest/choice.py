@@ -1,18 +1,10 @@
 """A rest frame for a recording that need not begin untouched: its least deformed image.
 
-Idea
-- A touch enlarges the cells under it, and its place differs from image to image. So the low quantile of a
-  cell's area over many images is about its area untouched, even if no image is.
-- Each image is as deformed as its cells differ from that, as a relative root mean square. A shift or rotation
-  does not change areas, and a zoom is removed.
-- An untouched tip looks the same each time, a touch rarely does: if images show the same cells to within
-  the noise, the image is chosen among those that most others agree with, and is trusted.
-- How many pins such an image must show, and how many images beside it are averaged, is as for a tare.
-- With a calibration its rest pins are taken, moved onto the chosen image by a shift, a rotation and a zoom.
-  The half of the pins that fits best decides them.
+A touch enlarges the cells under it, and its place differs from image to image. So the low quantile of a
+cell's area over many images is about its area untouched, even if no image is; each image is as deformed as
+its cells differ from that. An untouched tip looks the same each time, a touch rarely does: if images show the
+same cells to within the noise, the image is chosen among those that most others agree with, and is trusted.
 """
-
-from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -33,16 +25,6 @@ from edge.rest.tip_match import match_rest
 from edge.tracking import Tracker
 from edge.types import Array, Frame, FrameSource, Image, Lens, Mask, Pins, Polarity, Rest, Tracks
 from hostlink.wire import RestFrameReason
-
-__all__ = [
-    "GivenRest",
-    "RestChoice",
-    "RestChoiceParams",
-    "aligned",
-    "choose_rest",
-    "rest_if_touched",
-    "rest_of_source",
-]
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,20 +53,13 @@ PARAMS = RestChoiceParams()
 
 @dataclass(frozen=True, slots=True)
 class RestChoice:
-    """The image that shows the tip least deformed.
+    """The image that shows the tip least deformed."""
 
-    index            of the image, from 0
-    rest             rest frame made of it
-    deformation_rel  rms relative area change of its cells against those untouched
-    typical_rel      the same, median over the images
-    agree_n          other images, of `compared_n`, that show the same cells
-    """
-
-    index: int
-    rest: Rest
-    deformation_rel: float
-    typical_rel: float
-    agree_n: int
+    index: int  # of the image, from 0
+    rest: Rest  # rest frame made of it
+    deformation_rel: float  # rms relative area change of its cells against those untouched
+    typical_rel: float  # the same, median over the images
+    agree_n: int  # other images, of `compared_n`, that show the same cells
     compared_n: int
 
     @property
@@ -131,16 +106,11 @@ def choose_rest(
 
 @dataclass(frozen=True, slots=True)
 class _Comparison:
-    """k images, relative to one of them.
+    """k images, relative to one of them."""
 
-    index        the least deformed one
-    deformation  (k,) NaN: pins not identified
-    agrees       (k, k) whether two show the same cells
-    """
-
-    index: int
-    deformation: Array
-    agrees: Mask
+    index: int  # the least deformed one
+    deformation: Array  # (k,) NaN: pins not identified
+    agrees: Mask  # (k, k) whether two show the same cells
 
     @property
     def known_n(self) -> int:
@@ -241,10 +211,7 @@ class GivenRest:
 
 
 def rest_of_source(
-    source: FrameSource,
-    how: str,
-    calibration: Calibration | None = None,
-    params: RestChoiceParams = PARAMS,
+    source: FrameSource, how: str, calibration: Calibration | None = None, params: RestChoiceParams = PARAMS
 ) -> GivenRest:
     """The rest frame of a recording that is read twice.
 
@@ -281,9 +248,7 @@ def rest_if_touched(source: FrameSource, calibration: Calibration | None = None)
     images = [frame.image for frame in islice(source, TARE.frames_n)]
     try:
         take_rest_frame(
-            images,
-            replace(TARE, steady_px=np.inf, polarity=source.polarity, lens=source.lens),
-            calibration,
+            images, replace(TARE, steady_px=np.inf, polarity=source.polarity, lens=source.lens), calibration
         )
     except TareRefused as error:
         if error.reason is not RestFrameReason.TOUCHED:

@@ -1,15 +1,10 @@
 """Requests for a rest frame, and the outcome of the last one.
 
-        ask() -> images are collected -> a job takes and checks the rest frame -> accepted or refused
-                                                                                  (in another thread; the loop
-                                                                                  goes on with the old rest
-                                                                                  frame)
+    ask() -> images are collected -> a job takes and checks the rest frame -> accepted or refused
+                                     (another thread; the loop goes on with the old rest frame)
 
-Requests come from any thread; everything else is the loop's. The requester waits on `TareRequest.done` or, at
-the other end of a bus, reads `TareState.outcome` until it is not BUSY.
+Requests come from any thread; everything else is the loop's.
 """
-
-from __future__ import annotations
 
 import threading
 from collections.abc import Callable
@@ -17,17 +12,11 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 from edge.calibration import Calibration
-from edge.errors import EdgeError
+from edge.errors import RequestRefused
 from edge.frame import Pipeline
 from edge.rest.tare import RestFrame
 from edge.types import Frame
 from hostlink.wire import RestFrameReason, RestFrameState
-
-__all__ = ["Prepared", "TareBusy", "TareOutcome", "TareRequest", "TareState"]
-
-
-class TareBusy(EdgeError):
-    """A rest frame is being taken already."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,17 +33,14 @@ class TareOutcome:
 class TareRequest:
     """A request for a new rest frame.
 
-    force        accept it although it shows a touch
-    calibration  to be used from then on; None: the present one stays
     store        called when the rest frame is good, before it is used. Raises OSError
-    done         gets the outcome
     """
 
     number: int
-    force: bool = False
-    calibration: Calibration | None = None
+    force: bool = False  # accept it although it shows a touch
+    calibration: Calibration | None = None  # to be used from then on; None: the present one stays
     store: Callable[[], None] | None = None
-    done: Future[TareOutcome] = field(default_factory=Future)
+    done: Future[TareOutcome] = field(default_factory=Future)  # gets the outcome
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,10 +85,10 @@ class TareState:
         calibration: Calibration | None = None,
         store: Callable[[], None] | None = None,
     ) -> TareRequest:
-        """Have a rest frame taken from the next images. From any thread. Raises TareBusy."""
+        """Have a rest frame taken from the next images. From any thread. Raises RequestRefused."""
         with self._lock:
             if self.request is not None:
-                raise TareBusy("a rest frame is being taken already; ask again when it is done")
+                raise RequestRefused("a rest frame is being taken already; ask again when it is done")
             request = TareRequest(self.outcome.number + 1, force, calibration, store)
             self.outcome = TareOutcome(request.number, RestFrameState.BUSY)
             self.request = request
@@ -144,7 +130,6 @@ class TareState:
 
     @property
     def checked(self) -> bool:
-        """Whether `result` is ready."""
         return self._job is not None and self._job.done()
 
     def result(self) -> Prepared:
@@ -154,7 +139,6 @@ class TareState:
         return job.result()
 
     def restart(self) -> None:
-        """Restart collecting."""
         self.frames = []
 
     def finish(self, state: RestFrameState, reason: RestFrameReason, message: str) -> None:

@@ -1,25 +1,141 @@
 """Which known sensor a rest frame shows, and what follows: the scale, and whether pins are missing.
 
-Rules
-- Recognised is a sensor whose layout the pins stand in: nearly all pins have a site, nearly all sites a pin
-  (as `edge.rest.tip_match` asks of a calibration's tip), and the layout predicts them clearly better
-  than chance.
-- Of those that fit, the one that predicts best is taken; of one layout the one whose file states more.
-- A sensor without a known layout is never recognised; it can be named.
+A sensor is recognised by its layout, which is laid over the pin in the middle and its neighbours, where
+perspective and lens hardly distort, and grows outwards: pins that have a site predict where the next sites
+are, and a free pin there takes the site. On the right layout the predictions are good to a few hundredths
+of a pitch, through a fisheye too; on a wrong one they are as good as chance. The first neighbours must
+stand as the layout has them, but for rotation and zoom: a sheared hexagonal lattice is a square one. A
+sensor without a known layout can only be named.
 """
-
-from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from edge.geometry.layout import LAYOUTS
-from edge.rest.layout_match import CLEAR, LayoutMatch, match_layout
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import RBFInterpolator
+from scipy.spatial import Delaunay, QhullError, cKDTree
+
+from edge.geometry.lattice import N_RING
+from edge.geometry.layout import LAYOUTS, pin_layout
 from edge.rest.tip_match import PARAMS as TIP
 from edge.sensors import KnownSensor
-from edge.types import Rest
+from edge.types import Array, Complex, Mask, Rest
 
-__all__ = ["SensorMatch", "layout_of", "mm_per_px", "recognise"]
+_SYMMETRY = {"hex": 6, "rings": 6, "square": 4}
+#: Pitches. A prediction that says nothing is wrong by 0.5 / sqrt(2) in the median: uniform in half a pitch.
+CLEAR = 0.5 * 0.5 / 2**0.5
+
+
+@dataclass(frozen=True, slots=True)
+class LayoutMatch:
+    """A layout laid over the pins of a rest frame."""
+
+    pins_on: float  # share of the pins that have a site
+    sites_filled: float  # share of the layout's sites that have a pin; of a grid's sites among the pins
+    residual: float  # pitches, 95 % quantile of the pins' distance from where their neighbours predict them
+    pitch_px: float  # distance of neighbouring pins in the middle
+
+
+def match_layout(rest: Rest, layout: str, count: int = 0) -> LayoutMatch:
+    """The best placing of a layout over the pins; a square grid has as many sites as the pins need."""
+    z = np.asarray(rest.xy_img @ (1, 1j))
+    sites = _sites(layout, count, np.ptp(rest.xy_img, axis=0).max() / rest.pattern.pitch_px)
+    # A layout's middle pin is one of the seven next to the middle of those that are seen; of a grid any is.
+    from_centre = np.argsort(np.abs(z - complex(*rest.pattern.centre_img)))
+    best = LayoutMatch(0.0, 0.0, np.inf, rest.pattern.pitch_px)
+    for k in from_centre[: 1 if layout == "square" else 1 + N_RING]:
+        ring = np.argsort(np.abs(z - z[k]))[1 : 1 + _SYMMETRY[layout]]
+        pitch = float(np.median(np.abs(z[ring] - z[k])))
+        site_of, error = _grow((z - z[k]) / pitch, sites, layout)
+        on = site_of >= 0
+        filled = np.zeros(len(sites), bool)
+        filled[site_of[on]] = True
+        among = _among(sites, sites[filled]) if layout == "square" else np.ones(len(sites), bool)
+        match = LayoutMatch(
+            float(on.mean()), float(filled[among].mean()), float(np.quantile(error[on], 0.95)), pitch
+        )
+        if (match.pins_on, -match.residual) > (best.pins_on, -best.residual):
+            best = match
+    return best
+
+
+def _sites(layout: str, count: int, width: float) -> Complex:
+    """Sites at unit pitch, the middle one at 0; a grid of one and a half times the width of the pins."""
+    if layout == "square":
+        half = np.ceil(0.75 * width)
+        line = np.arange(-half, half + 1)
+        return np.asarray((line[:, None] + 1j * line).ravel())
+    z = np.asarray(pin_layout(layout, count) @ (1, 1j))
+    return np.asarray(z / np.sort(np.abs(z))[1])
+
+
+def _grow(z: Complex, sites: Complex, layout: str) -> tuple[NDArray[np.integer], Array]:
+    """Each pin's site, -1: none; and how far the pins on sites next to it predict it wrongly, pitches."""
+    site_of = np.full(len(z), -1)
+    error = np.full(len(z), np.inf)
+    middle = np.argsort(np.abs(sites))[: 1 + _SYMMETRY[layout]]
+    first = np.argsort(np.abs(z))[: 1 + _SYMMETRY[layout]]
+    turn = _first_turn(z[first], sites[middle], _SYMMETRY[layout])
+    _assign(z, middle, turn * sites[middle], site_of, error)
+    if np.median(error[first[1:]]) > CLEAR:
+        site_of[first[1:]] = -1
+        return site_of, error
+    for _ in range(2 * int(np.abs(sites).max()) + 2):  # a round adds a ring
+        on = np.flatnonzero(site_of >= 0)
+        free = np.setdiff1d(np.arange(len(sites)), site_of[on])
+        known = _xy(sites[site_of[on]])
+        near = free[cKDTree(known).query(_xy(sites[free]))[0] < 1.2] if len(free) else free
+        if len(near) == 0:
+            break
+        try:
+            model = RBFInterpolator(known, _xy(z[on]), neighbors=min(len(on), 2 * N_RING), degree=1)
+            placed = model(_xy(sites[near])) @ (1, 1j)
+        except (ValueError, np.linalg.LinAlgError):  # too few, or on a line: no prediction
+            break
+        taken = _assign(z, near, placed, site_of, error)
+        if len(taken) == 0 or np.median(error[taken]) > CLEAR:
+            break
+    return site_of, error
+
+
+def _xy(z: Complex) -> Array:
+    return np.column_stack([z.real, z.imag])
+
+
+def _assign(
+    z: Complex, near: NDArray[np.integer], placed: Complex, site_of: NDArray[np.integer], error: Array
+) -> list[int]:
+    """Give sites to the free pins next to where they are placed; returns these pins."""
+    free = np.flatnonzero(site_of < 0)
+    if len(free) == 0:
+        return []
+    distance, pin = cKDTree(_xy(z[free])).query(_xy(placed))
+    pin = free[pin]
+    taken = []
+    for k in np.argsort(distance, kind="stable"):
+        if distance[k] < 0.5 and site_of[pin[k]] < 0:
+            site_of[pin[k]], error[pin[k]] = near[k], distance[k]
+            taken.append(int(pin[k]))
+    return taken
+
+
+def _first_turn(first: Complex, middle: Complex, symmetry: int) -> complex:
+    """The rotation that lays the middle sites over the first pins best."""
+    tree = cKDTree(_xy(middle))
+    turns = np.exp(2j * np.pi / symmetry * np.arange(60) / 60)
+    turned = first / turns[:, None]
+    distance = tree.query(np.stack([turned.real, turned.imag], axis=-1))[0]
+    return complex(turns[(distance**2).mean(axis=1).argmin()])
+
+
+def _among(sites: Complex, seen: Complex) -> Mask:
+    """Which sites are inside the hull of those that have a pin, its border included."""
+    try:
+        hull = Delaunay(_xy(seen) * (1 + 1e-9))
+    except QhullError:
+        return np.ones(len(sites), bool)
+    return np.asarray(hull.find_simplex(_xy(sites)) >= 0)
 
 
 @dataclass(frozen=True, slots=True)

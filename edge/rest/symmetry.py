@@ -1,20 +1,10 @@
 """Whether a rest frame shows a touch, where nothing is known of the tip: by the symmetry of its cells.
 
-Idea
-- Of an untouched tip cell areas change smoothly for two reasons: dome and lens, alike in all directions,
-  and a camera that looks on at a slant, evenly across. Both are fitted and removed.
-- What is left and still smooth is asymmetry. A touch beside the middle, or a tilted one, makes it.
-- Pins that stand unevenly make some too, by chance. So it counts only if it exceeds the irregularity from
-  cell to cell.
-- The boundary decides the areas of the outermost cells: those less than a pitch from the tip's rim are left
-  out.
-
-Rules
-- A touch straight onto the middle is as symmetric as a dome, and is not detected.
-- Home-made tips with uneven pins are not judged: their irregularity hides a touch.
+Cell areas of an untouched tip change smoothly for two reasons: dome and lens, alike in all directions, and a
+camera that looks on at a slant, evenly across. Both are fitted and removed. What is left and still smooth is
+asymmetry; it counts only if it exceeds the irregularity from cell to cell, which uneven pins make by chance.
+A touch straight onto the middle is as symmetric as a dome, and is not detected.
 """
-
-from __future__ import annotations
 
 from dataclasses import dataclass
 
@@ -23,8 +13,6 @@ import numpy as np
 from edge.cells import Tessellator
 from edge.errors import DegenerateLayout
 from edge.types import Array, Complex, Rest, Tracks
-
-__all__ = ["PARAMS", "RestSymmetry", "SymmetryParams", "symmetry_of"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,14 +30,10 @@ PARAMS = SymmetryParams()
 
 @dataclass(frozen=True, slots=True)
 class RestSymmetry:
-    """Of the cells of a rest frame, as rms relative area.
+    """Of the cells of a rest frame, as rms relative area."""
 
-    asymmetry     smooth, and neither alike in all directions nor even across
-    irregularity  from cell to cell
-    """
-
-    asymmetry: float
-    irregularity: float
+    asymmetry: float  # smooth, and neither alike in all directions nor even across
+    irregularity: float  # from cell to cell
 
     @property
     def in_contact(self) -> bool:

@@ -1,21 +1,15 @@
 """The rest frame: taken from a few images of the untouched tip, matched to known pins, and checked.
 
-Everything is measured against the rest frame, so one that shows a touch makes every later value wrong without
-any sign of it. So each candidate is checked:
-
-        within itself    the pins do not move from the first image to the last
-        by known pins    those of the calibration, or else of the last accepted rest frame, seen from where
-                                          the camera is now: the residual after a homography (a camera that
-                                          turned in its mount, another focus) must be untouched
-        without known pins   the last image by the first, and the symmetry of its cells
+A rest frame that shows a touch makes every later value wrong without any sign of it. So each candidate is
+checked within itself (the pins do not move), against known pins (the calibration's, or else the last accepted
+rest frame's, after a homography: a camera may have turned), and without known pins by the symmetry of its
+cells.
 
 "Untouched" is decided by the contact detector, with the noise that it expects of the pins' positions. The
 noise is also measured in the candidate, because creep and temperature bend a tip a little: if the typical
 area change is larger than expected, the expectation is raised, within the limits of the detector's own
 learning. A larger change cannot be explained by noise.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Sequence
@@ -41,8 +35,6 @@ from edge.tracking import Tracker
 from edge.types import Image, Lens, Pins, Polarity, Rest, Tracks
 from hostlink.wire import RestFrameReason
 
-__all__ = ["RestFrame", "TareParams", "TareRefused", "take_rest_frame", "tare"]
-
 Reason = RestFrameReason
 LET_GO = "let go, or force the tare"
 
@@ -51,18 +43,14 @@ LET_GO = "let go, or force the tare"
 class TareParams:
     """Thresholds of the tare; evidence in docs/tuning.md.
 
-    frames_n   images that the rest frame is made from
-    steady_px  largest motion of 90 % of the pins from the first image to the last
     kept_rel   smallest share of the last rest frame's pins that must be found, without a calibration
-    polarity   of the pins, as far as it is known
-    lens       whose distortion is removed from the pins' places
     """
 
-    frames_n: int = 8
-    steady_px: float = 0.5
+    frames_n: int = 8  # images that the rest frame is made from
+    steady_px: float = 0.5  # largest motion of 90 % of the pins from the first image to the last
     kept_rel: float = TIP.shared_min
-    polarity: Polarity = Polarity.FOUND
-    lens: Lens | None = None
+    polarity: Polarity = Polarity.FOUND  # of the pins, as far as it is known
+    lens: Lens | None = None  # whose distortion is removed from the pins' places
 
 
 PARAMS = TareParams()
@@ -83,16 +71,11 @@ class TareRefused(EdgeError):
 
 @dataclass(frozen=True, slots=True)
 class RestFrame:
-    """A rest frame that may be used.
+    """A rest frame that may be used."""
 
-    rest     row i is pin i of the calibration, where there is one
-    reason   NONE, or why it is implausible: then it was forced
-    message  the same as text
-    """
-
-    rest: Rest
-    reason: RestFrameReason = Reason.NONE
-    message: str = ""
+    rest: Rest  # row i is pin i of the calibration, where there is one
+    reason: RestFrameReason = Reason.NONE  # NONE, or why it is implausible: then it was forced
+    message: str = ""  # the same as text
 
 
 def take_rest_frame(
@@ -124,7 +107,7 @@ def take_rest_frame(
 
     refiner = CentroidRefiner(rest)
     first, last = (refiner.refine(images[k], rest.xy_img) for k in (0, -1))
-    check(_unsteady(first, last, params))
+    check(_unsteady(first, last, params.steady_px))
     if calibration is not None:
         try:
             matched, tracks = match_rest(calibration.rest, rest)
@@ -153,12 +136,14 @@ def _take(images: Sequence[Image], params: TareParams, calibration: Calibration 
     return take_rest(images, params.polarity, params.lens)
 
 
-def _unsteady(first: Pins, last: Pins, params: TareParams) -> TareRefused | None:
+def _unsteady(first: Pins, last: Pins, steady_px: float) -> TareRefused | None:
     """Whether pins move from the first image to the last."""
     motion_px = float(np.nanquantile(np.hypot(*(last.xy_img - first.xy_img).T), RUNTIME.most_rel))
-    if motion_px > params.steady_px:
-        return TareRefused(Reason.UNSTEADY, *_moved(motion_px, params.steady_px))
-    return None
+    if motion_px <= steady_px:
+        return None
+    problem = f"the pins moved by {motion_px:.2f} px while the rest frame was taken"
+    advice = f"leave the tip untouched (limit {steady_px:g} px, key [tare] steady_px)"
+    return TareRefused(Reason.UNSTEADY, problem, advice)
 
 
 def _begins(rest: Rest, first: Pins, last: Pins) -> TareRefused | None:
@@ -180,14 +165,6 @@ def _lopsided(rest: Rest) -> TareRefused | None:
     return None
 
 
-def _moved(motion_px: float, limit_px: float) -> tuple[str, str]:
-    """Problem and advice."""
-    return (
-        f"the pins moved by {motion_px:.2f} px while the rest frame was taken",
-        f"leave the tip untouched (limit {limit_px:g} px, key [tare] steady_px)",
-    )
-
-
 def _changed(reference: Rest, rest: Rest, params: TareParams) -> TareRefused | None:
     """Whether the rest frame shows a touch, or fewer pins, against the last accepted one."""
     if len(rest) < params.kept_rel * len(reference):
@@ -198,11 +175,9 @@ def _changed(reference: Rest, rest: Rest, params: TareParams) -> TareRefused | N
         )
     tracks = Tracker(reference).identify(rest.pins)
     if tracks.confidence < Tracks.LOW_CONFIDENCE:
+        problem = "the pins cannot be matched with those of the last rest frame"
         return TareRefused(
-            Reason.OTHER,
-            "the pins cannot be matched with those of the last rest frame: something touches the tip, or it "
-            "is another one",
-            LET_GO,
+            Reason.OTHER, f"{problem}: something touches the tip, or it is another one", LET_GO
         )
     return _touch_shown(reference, tracks, "the last rest frame's")
 
@@ -211,11 +186,8 @@ def _touch_shown(reference: Rest, tracks: Tracks, whose: str) -> TareRefused | N
     sigmas = _touch_sigmas(reference, _seen_from_before(reference, tracks))
     if not sigmas:
         return None
-    return TareRefused(
-        Reason.TOUCHED,
-        f"something touches the tip (cells changed by {sigmas:.0f} sigma against {whose})",
-        LET_GO,
-    )
+    problem = f"something touches the tip (cells changed by {sigmas:.0f} sigma against {whose})"
+    return TareRefused(Reason.TOUCHED, problem, LET_GO)
 
 
 def _seen_from_before(reference: Rest, tracks: Tracks) -> Tracks:
@@ -284,8 +256,7 @@ def tare(
     """
     rest = take_rest(images, polarity, lens)
     refiner = CentroidRefiner(rest)
-    first, last = (refiner.refine(images[k], rest.xy_img).xy_img for k in (0, -1))
-    motion_px = float(np.nanquantile(np.hypot(*(last - first).T), RUNTIME.most_rel))
-    if motion_px > steady_px:
-        raise NoPins("tare: " + "; ".join(_moved(motion_px, steady_px)))
+    first, last = (refiner.refine(images[k], rest.xy_img) for k in (0, -1))
+    if moved := _unsteady(first, last, steady_px):
+        raise NoPins(str(moved))
     return rest if calibration is None else in_order_of(calibration, rest)

@@ -1,14 +1,8 @@
 """Whether a rest frame shows the tip that a calibration belongs to, and which pin is which.
 
-Used at each tare (`edge.rest.tare`), which then checks more closely whether the tip is untouched.
-
-Rules
-- A camera that was taken out and put back shifts and rotates all pins alike, a little. The residual after the
-  best common shift, rotation and zoom is deformation: a touch, or another tip.
-- Nearly all of the calibration's pins must be seen, and nearly all pins seen must be the calibration's.
+A camera that was taken out and put back shifts and rotates all pins alike, a little. The residual after the
+best common shift, rotation and zoom is deformation: a touch, or another tip.
 """
-
-from __future__ import annotations
 
 from dataclasses import dataclass
 
@@ -19,8 +13,6 @@ from edge.errors import CalibrationError
 from edge.params import PARAMS as RUNTIME
 from edge.tracking import Tracker
 from edge.types import Lens, Pins, Rest, Tracks
-
-__all__ = ["in_order_of", "match_rest"]
 
 
 @dataclass(frozen=True, slots=True)

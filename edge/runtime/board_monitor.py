@@ -1,12 +1,10 @@
 """What no image shows: the board's temperature, free space, and whether camera and links still respond.
 
-`BoardMonitor` has its own thread: reading sysfs may take milliseconds, which the loop cannot spare, and a
-dead camera must be announced even while a search for lost pins runs.
+It has a thread of its own: sysfs takes milliseconds, and a dead camera must be announced during a search,
+too.
 """
 
-from __future__ import annotations
-
-import os
+import shutil
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -19,9 +17,6 @@ from edge.faults.registry import FaultRegistry
 from edge.limits import FILE_BYTES
 from edge.params import PARAMS as RUNTIME
 from hostlink.wire import FaultCode
-
-__all__ = ["PARAMS", "BoardMonitor", "BoardParams", "Thermometer", "free_space_problem"]
-
 
 #: At which a Raspberry Pi begins to throttle (maker's documentation, "frequency management").
 HOT_DEGC = 80.0
@@ -62,10 +57,9 @@ class Thermometer:
 def free_space_problem(directory: Path, least_bytes: int = STORED_BYTES) -> str:
     """Empty, or why nothing can be stored in this folder."""
     try:
-        stat = os.statvfs(directory)
+        free = shutil.disk_usage(directory).free
     except OSError as error:
         return f"{directory}: {error.strerror}"
-    free = stat.f_bavail * stat.f_frsize
     if free >= least_bytes:
         return ""
     return f"{directory}: {free >> 10} KiB free, {least_bytes >> 10} KiB needed; delete something there"
@@ -92,34 +86,26 @@ class BoardMonitor:
         self.checks: list[Callable[[], None]] = []
         self._params = params
         self._temperature = Check(
-            FaultCode.OVER_TEMPERATURE,
-            "degc",
-            params.hot_degc,
-            "degC",
-            "{degc:.0f} degC",
+            FaultCode.OVER_TEMPERATURE, "degc", params.hot_degc, "degC", "{degc:.0f} degC"
         )
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="board monitor", daemon=True)
         self.temperature_degc = nan
 
     def start(self) -> None:
-        """Check once now, then regularly."""
         self.check()
         self._thread.start()
 
     def check(self) -> None:
-        """Check everything once."""
         self.temperature_degc = self._thermometer()
         hot = self.temperature_degc >= self._temperature.limit(self._registry.holds(self._temperature.code))
-        reason = f"{self.temperature_degc:.0f} degC"
-        self._registry.report(self._temperature.code, hot, reason)
+        self._registry.report(self._temperature.code, hot, f"{self.temperature_degc:.0f} degC")
         problems = "; ".join(filter(None, (problem() for problem in self.storage)))
         self._registry.report(FaultCode.DISK_FULL, bool(problems), problems)
         for check in self.checks:
             check()
 
     def close(self) -> None:
-        """End the thread."""
         self._closing.set()
         if self._thread.is_alive():
             self._thread.join(self._params.period_s + 0.5)

@@ -1,10 +1,7 @@
 """The calibration that a host has uploaded, on disk: the one in use, and the last good one beside it.
 
-A file is stored only after it was tried on the tip, and replaced atomically. If it cannot be used at a start
-(a damaged disk, a file of an older release, another tip since), the finger starts with the previous file.
+A file is stored only after it was tried on the tip. If it cannot be used at a start, the previous one is.
 """
-
-from __future__ import annotations
 
 import logging
 from pathlib import Path
@@ -13,8 +10,6 @@ from edge.calibration import Calibration
 from edge.errors import CalibrationError
 from edge.limits import FILE_BYTES, BadContent, read_bounded
 from hostlink.output_file import find_unfinished, writing
-
-__all__ = ["CalibrationStore"]
 
 log = logging.getLogger(__name__)
 

@@ -1,30 +1,22 @@
 """The running program as its bus nodes see it: identity, tare, calibration, features, reboot.
 
-Called from the links' threads. Nothing here waits for the loop: what changes the pipeline is posted to it and
-done between two frames. What can be refused at once raises `RequestRefused`; `rest_frame` reports the outcome
-of the other requests.
+Called from the links' threads. Nothing here waits for the loop: what changes the pipeline is posted to it.
 """
-
-from __future__ import annotations
 
 import time
 from collections.abc import Mapping
 from functools import cache
 
 from edge.calibration import Calibration
-from edge.errors import CalibrationError
-from edge.link.node import RequestRefused
-from edge.rest.request import TareBusy
+from edge.errors import CalibrationError, RequestRefused
 from edge.runtime.calibration_store import CalibrationStore
 from edge.runtime.loop import Loop
 from edge.types import Clock, Feature
 from hostlink.wire import FaultCode
 
-__all__ = ["LoopDevice"]
-
 
 class LoopDevice:
-    """`edge.link.object_server.Device` on a `Loop`.
+    """`edge.link.object_server.Device`, which says what each method does, on a `Loop`.
 
     serial_number  of the fingertip
     store          where an uploaded calibration is kept; None: in memory only
@@ -40,7 +32,6 @@ class LoopDevice:
         self.reboot_wanted = False
 
     def describe(self) -> Mapping[str, int | float | str | bytes]:
-        """Read-only objects by name."""
         statistics, calibration = self._loop.statistics(), self._loop.calibration
         return {
             "serial_number": self._serial_number,
@@ -64,16 +55,11 @@ class LoopDevice:
         return time.monotonic_ns() // 1000
 
     def tare(self, force: bool) -> None:
-        """Have a new rest frame taken. Raises RequestRefused: there is a touch, or one is under way."""
         if self._loop.in_contact and not force:
             raise RequestRefused("something touches the tip; let go, or force the tare")
-        try:
-            self._loop.request_tare(force)
-        except TareBusy as error:
-            raise RequestRefused(str(error)) from None
+        self._loop.request_tare(force)
 
     def rest_frame(self) -> Mapping[str, int | float | str | bytes]:
-        """Outcome of the last request for a rest frame."""
         outcome = self._loop.tare_outcome
         return {
             "rest_frame_request_n": outcome.number,
@@ -83,15 +69,10 @@ class LoopDevice:
         }
 
     def calibration_bytes(self) -> bytes:
-        """The calibration file in use; empty: none."""
         calibration = self._loop.calibration
         return calibration.encoded if calibration else b""
 
     def upload_calibration(self, data: bytes) -> None:
-        """Check another calibration, and have a rest frame taken with it; then it is stored and used.
-
-        Raises  CalibrationError: not usable; RequestRefused: a rest frame is being taken. Nothing has changed
-        """
         calibration = Calibration.parse(data, "upload")
         frame, made_at = self._loop.frame, calibration.rest.pattern.size_px
         if frame is not None and made_at != (size := frame.image.shape[1::-1]):
@@ -100,26 +81,19 @@ class LoopDevice:
                 "give one of this tip and camera"
             )
         store = self._store
-        try:
-            self._loop.request_tare(
-                calibration=calibration,
-                store=None if store is None else lambda: store.replace(calibration),
-            )
-        except TareBusy as error:
-            raise RequestRefused(str(error)) from None
+        self._loop.request_tare(
+            calibration=calibration, store=None if store is None else lambda: store.replace(calibration)
+        )
 
     def set_features(self, names: frozenset[str]) -> None:
-        """Compute these features from the next frame on."""
         demand = frozenset(Feature(name) for name in names) | self._extra
         self._loop.post(lambda: self._loop.set_demand(demand))
 
     def reboot(self) -> None:
-        """End the loop; its program then restarts."""
         self.reboot_wanted = True
         self._loop.post(self._loop.stop)
 
     def report(self, code: FaultCode, active: bool, message: str = "") -> None:
-        """A link's fault appeared or cleared."""
         self._loop.faults.report(code, active, message)
 
 

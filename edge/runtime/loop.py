@@ -140,7 +140,7 @@ class Loop:
         force        take it although it shows a touch
         calibration  to be used from this rest frame on
         store        called when the rest frame is good, before it is used. Raises OSError
-        Raises       TareBusy
+        Raises       RequestRefused
         """
         return self.measurement.tare.ask(force, calibration, store)
 

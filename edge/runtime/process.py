@@ -1,20 +1,13 @@
 """How our processes share processor and memory, and how they end.
 
 Numeric libraries use one thread: the arrays of a frame are small, a second thread costs more in hand-over
-than it saves, and adds jitter and memory. A search of a whole image is no quicker with two threads of OpenCV,
-and takes a tenth more processor time. The interpreter switches threads after 0.2 ms instead of 5: the loop
-must not wait for a link's thread longer than a frame takes.
+than it saves. The interpreter switches threads after 0.2 ms instead of 5: the loop must not wait for a link's
+thread longer than a frame takes. Of freed memory the C library keeps as much as an image's floating-point
+copy takes: fetching its pages anew cost a fifth of a whole-image search.
 
-Of freed memory the C library keeps as much as an image's floating-point copy takes: fetching its pages anew
-cost a fifth of a whole-image search, and of a rest frame. Larger blocks go back to the system at once, and so
-does what a rest frame has taken for a moment, 20 MB, by `give_back_memory`.
-
-At exit the interpreter normally tears down its modules: 0.1 to 0.4 s on a desktop, seconds on a slow board,
-with daemon threads that may still be inside a driver. None of that is needed: the kernel reclaims memory and
-files.
+At exit the interpreter would tear down its modules, for seconds on a slow board, with daemon threads that may
+still be inside a driver. The kernel reclaims memory and files without that.
 """
-
-from __future__ import annotations
 
 import ctypes
 import logging
@@ -25,8 +18,6 @@ from contextlib import suppress
 from typing import NoReturn
 
 from edge.params import PARAMS
-
-__all__ = ["give_back_memory", "limit_resources", "run_and_exit"]
 
 _MMAP_THRESHOLD, _TRIM_THRESHOLD = -3, -1  # `mallopt`'s, glibc's malloc.h
 #: Value of both: more than an image of 640 x 480 px in double precision.

@@ -1,7 +1,5 @@
 """Statistics of the loop: counters, and quantiles of the last frames' times."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -11,46 +9,31 @@ import numpy as np
 from edge.params import PARAMS
 from edge.types import Array
 
-__all__ = ["LoopStatistics", "StatisticsCollector"]
-
 
 @dataclass(slots=True)
 class LoopStatistics:
     """Statistics since the loop started. `edge.cli.summary.LABELS` has a label for each.
 
-    frames_n            images that were processed
-    lost_by_camera_n    gaps in the camera's numbering: images that never reached this process
-    dropped_n           images that a newer one replaced before they were processed
-    full_searches_n     frames in which the pins were searched for in the whole image
-    unidentified_n      frames without values, because pins could not be identified
-    failed_n            frames that could not be processed at all
-    keepalives_n        samples without values, sent while no image came
-    sent_n              samples that left, summed over the sinks
-    pins_n              pins of the rest frame
     pins_seen_min_n, pins_seen_median_n  pins seen in a frame, of the last `latencies_n` frames
-    drift_px            largest slow drift that is subtracted now
-    rate_hz             frames a second
     compute_us          image taken up to sample ready: median, 99 %, 99.9 % of the last `latencies_n` frames
-    latency_us          capture to sample sent, likewise
-    faults              how often each fault appeared
     """
 
-    frames_n: int = 0
-    lost_by_camera_n: int = 0
-    dropped_n: int = 0
-    full_searches_n: int = 0
-    unidentified_n: int = 0
-    failed_n: int = 0
-    keepalives_n: int = 0
-    sent_n: int = 0
-    pins_n: int = 0
+    frames_n: int = 0  # images that were processed
+    lost_by_camera_n: int = 0  # gaps in the camera's numbering: images that never reached this process
+    dropped_n: int = 0  # images that a newer one replaced before they were processed
+    full_searches_n: int = 0  # frames in which the pins were searched for in the whole image
+    unidentified_n: int = 0  # frames without values, because pins could not be identified
+    failed_n: int = 0  # frames that could not be processed at all
+    keepalives_n: int = 0  # samples without values, sent while no image came
+    sent_n: int = 0  # samples that left, summed over the sinks
+    pins_n: int = 0  # pins of the rest frame
     pins_seen_min_n: int = 0
     pins_seen_median_n: int = 0
-    drift_px: float = 0.0
-    rate_hz: float = 0.0
+    drift_px: float = 0.0  # largest slow drift that is subtracted now
+    rate_hz: float = 0.0  # frames a second
     compute_us: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    latency_us: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    faults: dict[str, int] = field(default_factory=dict)
+    latency_us: tuple[float, float, float] = (0.0, 0.0, 0.0)  # capture to sample sent, likewise
+    faults: dict[str, int] = field(default_factory=dict)  # how often each fault appeared
 
 
 class StatisticsCollector:

@@ -1,19 +1,14 @@
-"""Reports to the service manager: one datagram to $NOTIFY_SOCKET a message (sd_notify(3)).
+"""Reports to the service manager, if there is one: a datagram to $NOTIFY_SOCKET a message (sd_notify(3)).
 
-Without a service manager every call does nothing. READY after the first image, STOPPING at the end, and
-WATCHDOG only while images arrive: a service whose camera hangs for longer than the unit's WatchdogSec is
-restarted, which also reopens the camera.
+WATCHDOG is sent only while images arrive: a service whose camera hangs is restarted, which reopens the
+camera.
 """
-
-from __future__ import annotations
 
 import logging
 import os
 import socket
 import time
 from collections.abc import Mapping
-
-__all__ = ["Notifier"]
 
 log = logging.getLogger(__name__)
 
@@ -53,11 +48,9 @@ class Notifier:
         self.send("STATUS=" + " ".join(text.split()))
 
     def stopping(self) -> None:
-        """The program is ending."""
         self.send("STOPPING=1")
 
     def send(self, message: str) -> None:
-        """One datagram."""
         if self._socket is None:
             return
         try:
@@ -66,7 +59,6 @@ class Notifier:
             log.warning("service manager at %s: %s", self._address, error.strerror)
 
     def close(self) -> None:
-        """Close the socket."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None

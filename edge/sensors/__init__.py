@@ -1,16 +1,8 @@
-"""Known sensors as data: one TOML file each. A figure that no source gives is left out.
+"""Known sensors as data: one TOML file each. What no source gives is left out.
 
-    sensor = load_sensor("gelsight-mini")       # or the path of a file of one's own
-    sensor.pins.pitch_mm                        # None: nobody has published it
-
-Rules
-- Each figure has its source in [sources], under its key; a test compares the two for the files in this
-  folder.
-- Lengths are the sensor's own. What it looks like in pixels is learnt from its image, never taken from
-  here.
+sensor = load_sensor("gelsight-mini")       # or the path of a file of one's own
+sensor.pins.pitch_mm                        # None: nobody has published it
 """
-
-from __future__ import annotations
 
 from pathlib import Path
 from typing import Annotated, Literal
@@ -43,20 +35,16 @@ class _Closed(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=T
 class SensorPins(_Closed, frozen=True, kw_only=True):
     """[pins] the markers that the camera sees.
 
-    layout     as `edge.geometry.layout.pin_layout` names it
     count      of the untouched sensor, all of them in view; of a grid that the image's border cuts, at least
-    polarity   bright or dark against the skin
     pitch_mm   distance of neighbours at the middle, in the plane across the camera's axis
-    radius_mm  of a marker
-    length_mm  of a lever from skin to marker
     """
 
-    layout: Literal["hex", "rings", "square"] | None = None
+    layout: Literal["hex", "rings", "square"] | None = None  # as `edge.geometry.layout.pin_layout` names it
     count: Annotated[int, msgspec.Meta(ge=limits.PINS_MIN, le=limits.PINS_MAX)] | None = None
-    polarity: Literal["bright", "dark"] | None = None
+    polarity: Literal["bright", "dark"] | None = None  # bright or dark against the skin
     pitch_mm: Length | None = None
-    radius_mm: Length | None = None
-    length_mm: Length | None = None
+    radius_mm: Length | None = None  # of a marker
+    length_mm: Length | None = None  # of a lever from skin to marker
 
 
 class SensorTip(_Closed, frozen=True, kw_only=True):
@@ -76,17 +64,15 @@ class SensorCamera(_Closed, frozen=True, kw_only=True):
 class KnownSensor(_Closed, frozen=True, kw_only=True):
     """The whole file.
 
-    title    what people call it
     sources  where each figure is from, by its key: "pins.pitch_mm"
-    name     of the file, without its suffix
     """
 
-    title: limits.Name
+    title: limits.Name  # what people call it
     pins: SensorPins = SensorPins()
     tip: SensorTip = SensorTip()
     camera: SensorCamera = SensorCamera()
     sources: dict[limits.Name, Annotated[str, msgspec.Meta(min_length=1, max_length=400)]] = {}
-    name: str = ""
+    name: str = ""  # of the file, without its suffix
 
     @property
     def polarity(self) -> Polarity:

@@ -10,8 +10,7 @@
 Each takes options after a question mark: `north.avi?pins=dark`, `v4l2:0?rate_hz=120&lens=lens.toml`.
 
 Further schemes come from installed packages through the entry point group `voronoi_touch.sources`: a
-callable `(where, options) -> FrameSource`, named as the scheme. The recording reader and the simulator
-are found that way too, so that this package does not import them.
+callable `(where, options) -> FrameSource`, named as the scheme. The simulator is found that way too.
 """
 
 from __future__ import annotations
@@ -50,14 +49,6 @@ GROUP = "voronoi_touch.sources"
 Opener = Callable[[str, Options], FrameSource]
 
 
-def _images(where: str, options: Options) -> FrameSource:
-    return FolderSource(where, options.without_extra(where).rate_hz)
-
-
-def _video(where: str, options: Options) -> FrameSource:
-    return VideoSource(where, options.without_extra(where).rate_hz)
-
-
 def _later(module: str, name: str) -> Opener:
     """An opener that imports its module when first used."""
 
@@ -69,13 +60,14 @@ def _later(module: str, name: str) -> Opener:
 
 
 _BUILT_IN: dict[str, Opener] = {
-    "images": _images,
-    "video": _video,
+    "images": lambda where, options: FolderSource(where, options.without_extra(where).rate_hz),
+    "video": lambda where, options: VideoSource(where, options.without_extra(where).rate_hz),
     "v4l2": _later("edge.sources.v4l2", "open_v4l2"),
     "oak": _later("edge.sources.oak", "open_oak"),
     "picamera": _later("edge.sources.picamera", "open_picamera"),
+    "mcap": _later("edge.recording.reader", "open_recording"),
 }
-_FROM_EXTRA = {"sim": "voronoi-touch[calib]", "mcap": "voronoi-touch[edge]"}
+_FROM_EXTRA = {"sim": "voronoi-touch[calib]"}
 
 
 def _from_packages(name: str | None = None) -> EntryPoints:

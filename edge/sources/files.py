@@ -1,12 +1,8 @@
 """Recordings as videos and as folders of images.
 
-- Colour is converted to grey. All images of a recording have one size.
-- Opening reads the first image, so that a bad file is one clear line before anything starts. Damage
-  further on is counted in `faults`, and reading goes on.
-- Each iteration starts from the beginning.
+Opening reads the first image, so that a bad file is one clear line before anything starts. Damage further on
+is counted in `faults`, and reading goes on.
 """
-
-from __future__ import annotations
 
 import os
 import re
@@ -23,11 +19,9 @@ from cv2.utils import logging
 
 from edge.errors import SourceError
 from edge.limits import RATE_MAX_HZ
-from edge.sources.image_header import check_image_header, check_size
+from edge.sources.image_header import check_size, image_size
 from edge.types import Clock, Frame, Image, Lens, Polarity
 from hostlink.input_file import read_bounded
-
-__all__ = ["IMAGE_SUFFIXES", "FolderSource", "VideoSource", "quiet_opencv", "read_image", "to_grey"]
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".webp")
 _GIVE = f"give {', '.join(IMAGE_SUFFIXES)}"
@@ -35,14 +29,10 @@ _GIVE = f"give {', '.join(IMAGE_SUFFIXES)}"
 
 @dataclass(frozen=True, slots=True)
 class FileParams:
-    """Parameters by name.
+    """Parameters by name."""
 
-    stills_hz  of stills, and of videos that do not state a rate: a live replay uses it
-    bad_max_n  damaged frames in a row after which a video has ended
-    """
-
-    stills_hz: float = 30.0
-    bad_max_n: int = 8
+    stills_hz: float = 30.0  # of stills, and of videos that do not state a rate: a live replay uses it
+    bad_max_n: int = 8  # damaged frames in a row after which a video has ended
 
 
 PARAMS = FileParams()
@@ -92,7 +82,7 @@ def _read_image(path: Path) -> Image:
     except OSError as error:
         raise ValueError(f"cannot be read: {error.strerror}") from None
     try:
-        check_image_header(data.data)
+        check_size(*image_size(data.data))
     except ValueError as error:
         raise ValueError(f"{error}; {_GIVE}") from None
     with quiet_opencv():
@@ -113,24 +103,43 @@ def read_image(path: str | Path) -> Image:
         raise SourceError(f"image {path}: {error}") from error
 
 
-class FolderSource:
+class FileSource:
+    """What all recordings have in common. Each iteration starts from the beginning.
+
+    kind    what it is, for messages
+    faults  how often each kind of damage was met, in the last reading
+    """
+
+    live = False
+
+    def __init__(self, kind: str, path: str | Path) -> None:
+        self.path = Path(path)
+        self.name = f"{kind} {self.path}"
+        self.dropped_n = 0
+        self.polarity = Polarity.FOUND
+        self.lens: Lens | None = None
+        self.faults: Counter[str] = Counter()
+        self._closed = False
+
+    @property
+    def truncated(self) -> bool:
+        """Whether the file is truncated; known once it has been read to its end."""
+        return self.faults["truncated"] > 0
+
+    def close(self) -> None:
+        self._closed = True
+
+
+class FolderSource(FileSource):
     """A folder of images in natural order, or one image.
 
     rate_hz  nominal rate of the stills
     Raises   SourceError: does not exist, empty, the first file is not an image
     """
 
-    live = False
-
     def __init__(self, path: str | Path, rate_hz: float = 0.0) -> None:
-        self.path = Path(path)
-        self.name = f"images {self.path}"
+        super().__init__("images", path)
         self.rate_hz = rate_hz or PARAMS.stills_hz
-        self.dropped_n = 0
-        self.polarity = Polarity.FOUND
-        self.lens: Lens | None = None
-        self.faults: Counter[str] = Counter()
-        self._closed = False
         if self.path.is_dir():
             found = [p for p in self.path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES and p.is_file()]
             self.paths = sorted(found, key=_natural)
@@ -149,7 +158,6 @@ class FolderSource:
 
     @property
     def frames_n(self) -> int:
-        """Images of the folder."""
         return len(self.paths)
 
     def __iter__(self) -> Iterator[Frame]:
@@ -171,27 +179,16 @@ class FolderSource:
             bits = 16 if image.dtype == np.uint16 else 8
             yield Frame(image, round(n * 1e9 / self.rate_hz), n, Clock.RECORDED, bits)
 
-    def close(self) -> None:
-        self._closed = True
 
-
-class VideoSource:
+class VideoSource(FileSource):
     """A video file, through OpenCV's FFmpeg.
 
     rate_hz  0: the file's own
     Raises   SourceError: does not exist, not a video, no frame in it
     """
 
-    live = False
-
     def __init__(self, path: str | Path, rate_hz: float = 0.0) -> None:
-        self.path = Path(path)
-        self.name = f"video {self.path}"
-        self.dropped_n = 0
-        self.polarity = Polarity.FOUND
-        self.lens: Lens | None = None
-        self.faults: Counter[str] = Counter()
-        self._closed = False
+        super().__init__("video", path)
         self._own_rate = not rate_hz
         capture = self._open()
         try:
@@ -212,8 +209,8 @@ class VideoSource:
 
     def _open(self) -> Any:
         if not self.path.is_file():
-            what = "a folder" if self.path.is_dir() else "no such file"
-            what = "a pipe or a device" if what != "a folder" and self.path.exists() else what
+            is_there = "a folder" if self.path.is_dir() else "a pipe or a device"
+            what = is_there if self.path.exists() else "no such file"
             raise SourceError(f"{self.name}: {what}; give a video file or a recording")
         with quiet_opencv():
             # absolute: FFmpeg takes the start of a name with a colon for a protocol
@@ -250,11 +247,3 @@ class VideoSource:
                 yield Frame(to_grey(image), capture_ns, at, Clock.RECORDED)
         finally:
             capture.release()
-
-    @property
-    def truncated(self) -> bool:
-        """Whether the file is shorter than its header states; known once it has been read to its end."""
-        return self.faults["truncated"] > 0
-
-    def close(self) -> None:
-        self._closed = True

@@ -1,14 +1,10 @@
 """A lens as a file: `edge lens` writes it, `?lens=FILE` in a source's address reads it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from edge import limits
 from edge.errors import SourceError
 from edge.types import FrameSource, Lens, MeasuredSource
-
-__all__ = ["lens_for", "load_lens", "text_of"]
 
 #: In a source's address: what the camera's maker measured.
 FACTORY = "factory"

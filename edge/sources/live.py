@@ -1,14 +1,8 @@
 """Base of all live sources: a thread that reads, one slot for the newest frame, and detection of faults.
 
-- The slot holds one frame. A slow reader gets the newest one, and `dropped_n` counts those it missed;
-  nothing queues.
-- A device that is lost, stalls, freezes or goes dark raises no exception: `faults` counts how often each
-  appeared, `condition` is the present one ("" if there is none), and the iterator waits until frames
-  come back or `close` is called.
-- `read(timeout_s)` is for a loop with other work: None when no frame came in time.
+A slow reader gets the newest frame, and `dropped_n` counts those it missed. A device that is lost, stalls,
+freezes or goes dark raises no exception: `condition` says so, and the iterator waits until frames come back.
 """
-
-from __future__ import annotations
 
 import threading
 import time
@@ -23,8 +17,6 @@ import numpy as np
 from edge.errors import SourceError
 from edge.params import PARAMS as RUNTIME
 from edge.types import Frame, Lens, Polarity
-
-__all__ = ["PARAMS", "LiveParams", "ThreadedSource", "Watch", "stalled_after_s"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,10 +161,14 @@ class ThreadedSource(ABC):
             frame, self._slot = self._slot, None
             self.frame_condition = self._slot_condition if frame is not None else ""
             self._changed.notify_all()
-        if frame is None and self._failure is not None:
-            failure, self._failure = self._failure, None
-            raise failure
+        if frame is None:
+            self._raise_failure()
         return frame
+
+    def _raise_failure(self) -> None:
+        failure, self._failure = self._failure, None
+        if failure is not None:
+            raise failure
 
     def peek(self) -> Frame | None:
         """The frame that the next `read` would give, without taking it; for another thread. None: there is
@@ -196,7 +192,7 @@ class ThreadedSource(ABC):
             self._ended = True
             self._changed.notify_all()
 
-    def measure_rate(self, least_hz: float, patience_s: float, advice: str = "") -> float:
+    def measure_rate(self, least_hz: float, patience_s: float) -> float:
         """Measured frames a second; the frames are discarded. 0: their times give no rate.
 
         Raises SourceError: no frame in time, or slower than `least_hz`
@@ -210,9 +206,7 @@ class ThreadedSource(ABC):
             self._times = None
             self._slot = None
             self.dropped_n = 0
-        if self._failure is not None:
-            failure, self._failure = self._failure, None
-            raise failure
+        self._raise_failure()
         if not times:
             raise SourceError(
                 f"{self.name}: no frame within {patience_s:g} s; check the cable and who else uses it"
@@ -222,6 +216,7 @@ class ThreadedSource(ABC):
         measured_hz = 1e9 / float(np.median(steps)) if len(steps) else 0.0
         if measured_hz < least_hz:
             raise SourceError(
-                f"{self.name}: {measured_hz:.1f} frames/s, at least {least_hz:g} wanted; {advice}"
+                f"{self.name}: {measured_hz:.1f} frames/s, at least {least_hz:g} wanted; "
+                "shorten exposure_us, light the tip better, or ask for less"
             )
         return measured_hz

@@ -1,12 +1,9 @@
 """OAK modules, through depthai v3.
 
-Only `find_module` and `camera_output` need hardware. The rest - queue policy, ImgFrame to Frame, gaps, end of
-stream, loss and return, shutdown - takes any node's output, so that it can be tested without a module, with
-depthai's own ReplayVideo or a host node.
+Only `find_module` and `camera_output` need hardware; the rest takes any node's output.
 
 - depthai is loaded here and nowhere else (0.5 s, 85 MB), with its telemetry off.
 - Modules are listed first (0.5 s): opening one that does not exist takes 11.5 s.
-- The output queue holds two messages and drops the oldest; the reader thread empties it at once.
 - Frames are read from the queue, never in a host node of our own: an exception in a node's thread would abort
   the process.
 - Capture time is depthai's, synchronised to the host's monotonic clock (`Clock.DRIVER`), or with
@@ -26,30 +23,19 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import timedelta
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from edge.errors import SourceError
 from edge.params import PARAMS as RUNTIME
+from edge.sources.camera import CameraSource
 from edge.sources.live import PARAMS as LIVE
-from edge.sources.live import ThreadedSource, Watch
 from edge.sources.options import Options
 from edge.types import Clock, Frame, Lens
 
 if TYPE_CHECKING:
     import depthai as dai
-
-__all__ = [
-    "Crop",
-    "OakSource",
-    "camera_output",
-    "find_module",
-    "lens_of",
-    "open_oak",
-    "replay_output",
-]
 
 MakeOutput = Callable[["dai.Pipeline"], "dai.Node.Output"]
 
@@ -75,9 +61,6 @@ def load_depthai() -> Any:
     except ImportError as error:
         raise SourceError(f"source oak: {error}; install voronoi-touch[oak]") from error
     return depthai
-
-
-# -- hardware -----------------------------------------------------------------------------------
 
 
 def find_module(where: str) -> dai.DeviceInfo:
@@ -115,7 +98,9 @@ def camera_output(
         if sync:
             control.setFrameSyncMode(getattr(dai.CameraControl.FrameSyncMode, SYNC_MODES[sync]))
         pipeline.setXLinkChunkSize(0)
-        output = camera.requestOutput(_size(options), type=dai.ImgFrame.Type.GRAY8, fps=rate_hz)
+        output = camera.requestOutput(
+            options.size_or(LIVE.size_px), type=dai.ImgFrame.Type.GRAY8, fps=rate_hz
+        )
         return output if crop is None else crop.of(pipeline, output)
 
     return make
@@ -160,10 +145,6 @@ class Crop:
         return node.out
 
 
-def _size(options: Options) -> tuple[int, int]:
-    return (options.width, options.height) if options.width and options.height else LIVE.size_px
-
-
 def _socket(name: str) -> dai.CameraBoardSocket:
     """Raises SourceError: no such name."""
     sockets = load_depthai().CameraBoardSocket.__members__
@@ -179,9 +160,6 @@ def check_socket(device: Any, name: str) -> None:
     if name not in cameras:
         here = ", ".join(f"{socket} ({sensor})" for socket, sensor in cameras.items()) or "none"
         raise SourceError(f"source oak: no camera on {name}; cameras of this module: {here}; give ?socket=")
-
-
-# -- lens ---------------------------------------------------------------------------------------
 
 
 #: Ours, of depthai's names of models; others are not OpenCV's.
@@ -212,35 +190,7 @@ def lens_of(
     )
 
 
-# -- without hardware -----------------------------------------------------------------------------
-
-
-def replay_output(path: str | Path, rate_hz: float, metadata: str | Path | None = None) -> MakeOutput:
-    """A video through depthai's own nodes. FFV1 and HuffYUV come out bit-exact; ends with the file.
-
-    metadata  the MCAP that RecordVideo wrote beside it: the original times and sequence numbers
-    """
-
-    def make(pipeline: dai.Pipeline) -> dai.Node.Output:
-        import depthai as dai
-
-        node = pipeline.create(dai.node.ReplayVideo)
-        node.setReplayVideoFile(Path(path))
-        if metadata is not None:
-            node.setReplayMetadataFile(Path(metadata))
-        node.setOutFrameType(dai.ImgFrame.Type.GRAY8)
-        node.setLoop(False)
-        if rate_hz:
-            node.setFps(rate_hz)
-        return node.out
-
-    return make
-
-
-# -- the source -------------------------------------------------------------------------------------
-
-
-class OakSource(ThreadedSource):
+class OakSource(CameraSource):
     """Frames of a depthai output.
 
     make_output  builds the nodes; called again when a lost module is back
@@ -261,29 +211,20 @@ class OakSource(ThreadedSource):
         socket: str = "CAM_B",
         own_clock: bool = False,
         crop: Crop | None = None,
-        patience_s: float = LIVE.first_s,
     ) -> None:
-        super().__init__(name)
+        super().__init__(name, options, RUNTIME.retry_s)
         self._dai = load_depthai()
         self._make_output, self._module, self._socket_name = make_output, module, socket
-        self._own_clock = own_clock
-        self._options = options
-        self._crop = crop
-        self._watch = Watch()
+        self._own_clock, self._crop = own_clock, crop
         self._base = 0  # added to the module's counter, which starts again with the module
         self._next = 0
         self.factory_lens: Lens | None = None
-        self._pipeline, self._queue = self._open()
+        self._device = self._open()
         if module is None:  # not for a replay, which would lose its first frames
-            self.size_px = _size(options) if crop is None else (crop.width, crop.height)
+            self.size_px = options.size_or(LIVE.size_px) if crop is None else (crop.width, crop.height)
             self.rate_hz = options.rate_hz
-            return
-        try:
-            least_hz = LIVE.slow_rel * options.rate_hz if options.check_rate else 0.0
-            self.rate_hz = self.measure_rate(least_hz, patience_s, "shorten exposure_us or ask for less")
-        except SourceError:
-            self.close()
-            raise
+        else:
+            self._check_rate(LIVE.first_s)
 
     def _open(self) -> tuple[Any, Any]:
         """Pipeline, running, and its queue. Raises SourceError; RuntimeError from depthai."""
@@ -294,44 +235,28 @@ class OakSource(ThreadedSource):
             device = dai.Device(self._module())
             check_socket(device, self._socket_name)
             self.factory_lens = lens_of(
-                device.readCalibration(), self._socket_name, _size(self._options), self._crop
+                device.readCalibration(), self._socket_name, self._options.size_or(LIVE.size_px), self._crop
             )
             pipeline = dai.Pipeline(device)
         queue = self._make_output(pipeline).createOutputQueue()
         pipeline.start()
+        self._base = self._next
         return pipeline, queue
 
-    def _work(self) -> None:
+    def _read_from(self, device: tuple[Any, Any]) -> bool:
         try:
-            while not self._closing.is_set():
-                if self._queue is None:
-                    self._return()
-                    continue
-                try:
-                    message = self._queue.get(_READ)
-                except (self._dai.MessageQueue.QueueException, RuntimeError):
-                    self._stop()
-                    if self._module is None:
-                        return
-                    self._set_condition("lost")
-                    continue
-                if message is not None:
-                    self._take(message)
-        finally:
-            self._stop()
+            message = device[1].get(_READ)
+        except (self._dai.MessageQueue.QueueException, RuntimeError):
+            if self._module is None:  # the end of the stream
+                self._closing.set()
+            return False
+        if message is not None:
+            self._take(message)
+        return True
 
-    def _return(self) -> None:
-        """Reopen the module, or pause."""
-        try:
-            self._pipeline, self._queue = self._open()
-        except (SourceError, RuntimeError):  # still lost, or booting: `condition` stays "lost"
-            self._closing.wait(RUNTIME.retry_s)
-        else:
-            self._base = self._next
-
-    def _stop(self) -> None:
-        pipeline, self._pipeline, self._queue = self._pipeline, None, None
-        if pipeline is not None and pipeline.isRunning():
+    def _shut(self, device: tuple[Any, Any]) -> None:
+        pipeline = device[0]
+        if pipeline.isRunning():
             pipeline.stop()
             pipeline.wait()
 
@@ -348,9 +273,7 @@ class OakSource(ThreadedSource):
         end = message.getTimestampDevice() if self._own_clock else message.getTimestamp()
         stamp = end - message.getExposureTime()
         clock = Clock.DEVICE if self._own_clock else Clock.DRIVER
-        frame = Frame(image, stamp // timedelta(microseconds=1) * 1000, sequence, clock)
-        self._set_condition(self._watch.check(frame))
-        self._offer(frame)
+        self._hand_over(Frame(image, stamp // timedelta(microseconds=1) * 1000, sequence, clock))
 
 
 def open_oak(where: str, options: Options) -> OakSource:
@@ -363,7 +286,7 @@ def open_oak(where: str, options: Options) -> OakSource:
         raise SourceError(f"source oak: no clock {clock!r}; known: host, device")
     if sync and sync not in SYNC_MODES:
         raise SourceError(f"source oak: no sync {sync!r}; known: {', '.join(SYNC_MODES)}")
-    crop = None if crop_text is None else Crop.parse(crop_text, _size(options))
+    crop = None if crop_text is None else Crop.parse(crop_text, options.size_or(LIVE.size_px))
     load_depthai()
     _socket(socket)
     return OakSource(

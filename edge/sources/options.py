@@ -1,11 +1,8 @@
 """How a source is requested: a specification, and settings that every kind of source understands.
 
-    v4l2:0?exposure_us=2000&format=GREY
-    ----  - ---------------------------
-    scheme where  keys; they win over the settings given in code or configuration
-
-A setting of 0 or None leaves the camera's own. Sources ignore settings that have no meaning for them
-(a recording has no exposure), but an unknown key is an error.
+v4l2:0?exposure_us=2000&format=GREY
+----  - ---------------------------
+scheme where  keys; they win over the settings given in code or configuration
 """
 
 from __future__ import annotations
@@ -20,9 +17,6 @@ from edge.errors import SourceError
 from edge.limits import IMAGE_SIDE_PX, NUMBER_MAX, RATE_MAX_HZ
 from edge.types import Polarity
 
-__all__ = ["EXPOSURE_MAX_US", "Options", "Spec", "convert", "parse_spec"]
-
-
 #: Dark or bright for every source; other values are the source's own: a number for the simulator.
 _SHARED = "pins"
 
@@ -30,30 +24,27 @@ _SHARED = "pins"
 @dataclass(frozen=True, slots=True)
 class Options:
     """width, height  px; 0: the camera's own
-    rate_hz        frames a second; 0: the camera's own, or the recording's
-    exposure_us    manual exposure; 0: unchanged
     gain           in the camera's own unit (V4L2 control, ISO for OAK, a factor for picamera2); 0: unchanged
-    focus          lens position in the camera's own unit; None: unchanged
-    format         pixel format: GREY, Y10, Y12, Y16, MJPG, YUYV; "": the best that the camera has
-    pins           dark or bright; "": found when the rest frame is taken
     lens           file of `edge lens`, or factory: distortion that is removed from the pins' places; "": none
-    buffers        kernel buffers of a V4L2 camera
-    check_rate     measure the rate at the start, and refuse a camera that is slower than asked
     extra          keys of the specification that are the source's own
     """
 
     width: int = 0
     height: int = 0
-    rate_hz: float = 0.0
-    exposure_us: int = 0
+    rate_hz: float = 0.0  # frames a second; 0: the camera's own, or the recording's
+    exposure_us: int = 0  # manual exposure; 0: unchanged
     gain: int = 0
-    focus: int | None = None
-    format: str = ""
-    pins: Polarity = Polarity.FOUND
+    focus: int | None = None  # lens position in the camera's own unit; None: unchanged
+    format: str = ""  # pixel format: GREY, Y10, Y12, Y16, MJPG, YUYV; "": the best that the camera has
+    pins: Polarity = Polarity.FOUND  # dark or bright; "": found when the rest frame is taken
     lens: str = ""
-    buffers: int = 1
-    check_rate: bool = True
+    buffers: int = 1  # kernel buffers of a V4L2 camera
+    check_rate: bool = True  # measure the rate at the start, and refuse a camera that is slower than asked
     extra: Mapping[str, str] = field(default_factory=dict)
+
+    def size_or(self, default_px: tuple[int, int]) -> tuple[int, int]:
+        """The width and height that are asked for, px."""
+        return (self.width, self.height) if self.width and self.height else default_px
 
     def without_extra(self, name: str) -> Options:
         """Self; raises SourceError if the specification has a key that this source does not know."""

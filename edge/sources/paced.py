@@ -1,14 +1,8 @@
 """Replays a recording as if it were live.
 
-- Deadlines are absolute: frame n is given at start + its own time, so that rounding and late wake-ups
-  do not add up.
-- It waits on the closing event: `close` ends a replay at once.
-- Frames get the time of their deadline on the host's monotonic clock, so that latency has the same meaning as
-  with a camera. Sequence, truth and pixels are unchanged.
-- Time waits until the first images, which are the rest frame, have been read: a busy machine misses none.
+Deadlines are absolute, so that rounding and late wake-ups do not add up. Frames get the time of their
+deadline on the host's monotonic clock, so that latency has the same meaning as with a camera.
 """
-
-from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
@@ -16,8 +10,6 @@ from dataclasses import replace
 
 from edge.sources.live import ThreadedSource
 from edge.types import Clock, Frame, FrameSource
-
-__all__ = ["Paced"]
 
 
 class Paced(ThreadedSource):

@@ -4,72 +4,32 @@
 - Exposure, gain and frame duration are fixed at the start, if asked for: automatic exposure changes the pins'
   brightness.
 - SensorTimestamp is when the first line is read out, at the end of its exposure; the start of exposure, which
-  `Frame.capture_ns` means, is earlier by the exposure time. If plausible, it is on the monotonic clock.
-- Lost frames are inferred from the times: a request's own number counts requests, not images of the sensor.
+  `Frame.capture_ns` means, is earlier by the exposure time.
+- A request's own number counts requests, not images of the sensor: lost frames show in the times alone.
 - A request holds one of the camera's buffers: the image is copied and the request released at once.
-- Only `load_picamera2` needs a Pi; all else runs with any object of the same methods.
 
 Source: picamera2 0.3, its source and manual; raspberrypi/picamera2#821 for the time.
 """
 
-from __future__ import annotations
-
 import re
 import time
-from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from edge.errors import SourceError
 from edge.params import PARAMS as RUNTIME
+from edge.sources.camera import CameraSource
 from edge.sources.live import PARAMS as LIVE
-from edge.sources.live import ThreadedSource, Watch
 from edge.sources.options import Options
-from edge.types import Array, Clock, Frame, Image
-
-__all__ = ["PiCamera", "PiCameraSource", "PiRequest", "load_picamera2", "open_picamera"]
-
+from edge.types import Array, Image
 
 _MONO = re.compile(r"^R(8|10|12)$")
 
 
-class PiRequest(Protocol):
-    """What is used of `picamera2.request.CompletedRequest`."""
-
-    def make_array(self, name: str) -> np.ndarray[Any, Any]: ...
-    def get_metadata(self) -> dict[str, Any]: ...
-    def release(self) -> None: ...
-
-
-class PiCamera(Protocol):
-    """What is used of `picamera2.Picamera2`."""
-
-    @property
-    def sensor_modes(self) -> list[dict[str, Any]]: ...
-    def create_video_configuration(
-        self,
-        main: Mapping[str, Any] = ...,
-        lores: Mapping[str, Any] | None = ...,
-        raw: Mapping[str, Any] | None = ...,
-        *,
-        buffer_count: int = ...,
-        controls: Mapping[str, Any] = ...,
-        queue: bool = ...,
-    ) -> dict[str, Any]: ...
-    def configure(self, camera_config: dict[str, Any]) -> Any: ...
-    def camera_configuration(self) -> dict[str, Any]: ...
-    def start(self) -> None: ...
-    def capture_request(self, wait: float | None = None) -> PiRequest: ...
-    def stop(self) -> None: ...
-    def close(self) -> None: ...
-
-
-OpenCamera = Callable[[], PiCamera]
-
-
-def load_picamera2(number: int) -> PiCamera:
-    """The camera with this number. Raises SourceError: no picamera2, no such camera."""
+def load_picamera2(number: int) -> Any:
+    """The `picamera2.Picamera2` with this number. Raises SourceError: no picamera2, no such camera."""
     try:
         from picamera2 import Picamera2
     except ImportError as error:
@@ -83,20 +43,19 @@ def load_picamera2(number: int) -> PiCamera:
         raise SourceError(
             f"source picamera:{number}: no such camera; cameras here: {here}; check the ribbon cable"
         )
-    camera: PiCamera = Picamera2(camera_num=number)
-    return camera
+    return Picamera2(camera_num=number)
 
 
-class PiCameraSource(ThreadedSource):
-    """Frames of a CSI camera.
+class PiCameraSource(CameraSource):
+    """A CSI camera.
 
-    open_camera  gives the camera, again after each loss
+    open_camera  gives a `picamera2.Picamera2`, again after each loss
     Raises       SourceError: no camera, a size that it does not have, no frames, too slow
     """
 
     def __init__(
         self,
-        open_camera: OpenCamera,
+        open_camera: Callable[[], Any],
         options: Options,
         *,
         name: str = "camera picamera",
@@ -104,47 +63,36 @@ class PiCameraSource(ThreadedSource):
         retry_s: float = RUNTIME.retry_s,
         clock_ns: Callable[[], int] = time.monotonic_ns,
     ) -> None:
-        super().__init__(name)
-        self._open_camera, self._options = open_camera, options
-        self._retry_s, self._clock_ns = retry_s, clock_ns
-        self._watch = Watch()
-        self._sequence, self._last_ns = -1, 0
+        super().__init__(name, options, retry_s, clock_ns)
+        self._open_camera = open_camera
         self._stream, self._bits = "main", 8
-        self._camera: PiCamera | None = self._open()
-        try:
-            least_hz = LIVE.slow_rel * options.rate_hz if options.check_rate else 0.0
-            self.rate_hz = self.measure_rate(least_hz, patience_s, "shorten exposure_us or ask for less")
-        except SourceError:
-            self.close()
-            raise
+        self._device = self._open()
+        self._check_rate(patience_s)
 
-    def _open(self) -> PiCamera:
+    def _open(self) -> Any:
         """The camera, running. Raises SourceError."""
         camera = self._open_camera()
         try:
             self._configure(camera)
             camera.start()
-        except (RuntimeError, ValueError, KeyError) as error:
+        except (RuntimeError, ValueError, KeyError, SourceError) as error:
             camera.close()
-            raise SourceError(
-                f"{self.name}: {error}; other program? ask for another size or format"
-            ) from error
-        except SourceError:
-            camera.close()
-            raise
+            if isinstance(error, SourceError):
+                raise
+            advice = "other program? ask for another size or format"
+            raise SourceError(f"{self.name}: {error}; {advice}") from error
         return camera
 
-    def _configure(self, camera: PiCamera) -> None:
+    def _configure(self, camera: Any) -> None:
         """Raises SourceError: not the size that was asked for, no such format."""
-        o = self._options
-        size = (o.width, o.height) if o.width and o.height else LIVE.size_px
+        size = self._options.size_or(LIVE.size_px)
         pixels = self._format(camera)
         raw = {"format": pixels, "size": size} if pixels else None
         camera.configure(
             camera.create_video_configuration(
                 main={"format": "YUV420", "size": size},
                 raw=raw,
-                controls=_controls(o),
+                controls=_controls(self._options),
                 queue=False,
             )
         )
@@ -161,7 +109,7 @@ class PiCameraSource(ThreadedSource):
             )
         self.size_px = size
 
-    def _format(self, camera: PiCamera) -> str:
+    def _format(self, camera: Any) -> str:
         """A mono format of the sensor, the asked one or that of fewest bits; "": it has colour."""
         wanted = self._options.format
         mono = {str(mode["format"]) for mode in camera.sensor_modes}
@@ -173,70 +121,34 @@ class PiCameraSource(ThreadedSource):
             return ""
         raise SourceError(f"{self.name}: no format {wanted!r}; it has {', '.join([*known, 'YUV420'])}")
 
-    # -- reading --------------------------------------------------------------------------------
-
-    def _work(self) -> None:
+    def _read_from(self, device: Any) -> bool:
         try:
-            while not self._closing.is_set():
-                if self._camera is None:
-                    self._return()
-                    continue
-                try:
-                    request = self._camera.capture_request(wait=RUNTIME.patience_s)
-                except (TimeoutError, RuntimeError):
-                    if not self._closing.is_set():
-                        self._set_condition("lost")
-                    self._release()
-                    continue
-                try:
-                    pixels, metadata = request.make_array(self._stream), request.get_metadata()
-                finally:
-                    request.release()
-                self._take(pixels, metadata)
+            request = device.capture_request(wait=RUNTIME.patience_s)
+        except (TimeoutError, RuntimeError):
+            return False
+        try:
+            pixels, metadata = request.make_array(self._stream), request.get_metadata()
         finally:
-            self._release()
-
-    def _return(self) -> None:
-        """The camera again, or a pause."""
-        try:
-            self._camera = self._open()
-        except SourceError:  # still away: `condition` stays lost
-            self._closing.wait(self._retry_s)
-
-    def _release(self) -> None:
-        camera, self._camera = self._camera, None
-        if camera is not None:
-            try:
-                camera.stop()
-            except RuntimeError:  # it is gone already
-                self.faults["stopped badly"] += 1
-            camera.close()
-
-    def _take(self, pixels: np.ndarray[Any, Any], metadata: Mapping[str, Any]) -> None:
+            request.release()
         now_ns = self._clock_ns()
         try:
             image = _grey(pixels, self._bits, self.size_px)
         except ValueError:
             self.faults["damaged frame"] += 1
-            return
-        begun_ns = int(metadata.get("SensorTimestamp", 0)) - 1000 * int(metadata.get("ExposureTime", 0))
-        trusted = 0 <= now_ns - begun_ns < LIVE.same_clock_s * 1e9
-        capture_ns = begun_ns if trusted else now_ns
-        self._sequence += self._steps(capture_ns, 1000 * int(metadata.get("FrameDuration", 0)))
-        self._last_ns = capture_ns
-        clock = Clock.DRIVER if trusted else Clock.HOST
-        frame = Frame(image, capture_ns, self._sequence, clock, self._bits)
-        self._set_condition(self._watch.check(frame))
-        self._offer(frame)
+        else:
+            exposed_ns, period_ns = (
+                1000 * int(metadata.get(name, 0)) for name in ("ExposureTime", "FrameDuration")
+            )
+            begun_ns = int(metadata.get("SensorTimestamp", 0)) - exposed_ns
+            self._hand_over_at(image, self._bits, begun_ns, now_ns, period_ns)
+        return True
 
-    def _steps(self, capture_ns: int, period_ns: int) -> int:
-        """Frame periods since the last frame; more than one: frames were lost."""
-        if not period_ns or self._sequence < 0:
-            return 1
-        steps = max(1, round((capture_ns - self._last_ns) / period_ns))
-        if steps > 1:
-            self.faults["missed frame"] += steps - 1
-        return steps
+    def _shut(self, device: Any) -> None:
+        try:
+            device.stop()
+        except RuntimeError:  # it is gone already
+            self.faults["stopped badly"] += 1
+        device.close()
 
 
 def _controls(options: Options) -> dict[str, Any]:

@@ -1,12 +1,10 @@
 """UVC and other V4L2 cameras, through OpenCV.
 
-- The camera is given by number, path, by-id link or serial number; a serial number is looked up again
-  after each loss, because a camera that returns may have another number.
-- Pixels are taken as the camera sends them and converted to grey here: GREY as it is, Y10/Y12/Y16 as uint16,
-  YUYV by its luma, MJPG by decoding to grey (0.93 ms for 640x480, against 1.35 ms by way of colour).
-- Capture time is the driver's (V4L2 buffer timestamp, CLOCK_MONOTONIC, start of exposure with UVC's
-  hardware clock) if it is plausible; OpenCV passes it on, but not the driver's frame counter. Gaps in the
-  sequence are therefore inferred from the times.
+- A serial number is looked up again after each loss: a camera that returns may have another number.
+- Pixels are taken as the camera sends them and converted to grey here: decoding MJPG to grey takes 0.93 ms
+  for 640x480, by way of colour 1.35 ms.
+- Capture time is the driver's (V4L2 buffer timestamp, CLOCK_MONOTONIC, start of exposure with UVC's hardware
+  clock). OpenCV passes it on, but not the driver's frame counter.
 - One kernel buffer, so that images are as new as possible. With one buffer some drivers lose every second
   frame; if the measured rate shows that, two are used.
 - Settings are read back. A size that the camera does not have, or a rate that it does not reach, is
@@ -15,10 +13,7 @@
 Source: OpenCV modules/videoio/src/cap_v4l.cpp (for what each property does); V4L2 API reference.
 """
 
-from __future__ import annotations
-
 import os
-import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -30,12 +25,10 @@ import numpy as np
 
 from edge.errors import SourceError
 from edge.params import PARAMS as RUNTIME
+from edge.sources.camera import CameraSource
 from edge.sources.live import PARAMS as LIVE
-from edge.sources.live import ThreadedSource, Watch
 from edge.sources.options import Options
-from edge.types import Clock, Frame, Image
-
-__all__ = ["V4l2Source", "VideoDevice", "find_device", "list_cameras", "open_v4l2"]
+from edge.types import Image
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,19 +46,11 @@ _MANUAL, _NO_FOCUS = 1, 0  # V4L2_EXPOSURE_MANUAL; autofocus off
 os.environ.setdefault("OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT", "1")
 
 
-# -- finding ------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True, slots=True)
 class VideoDevice:
-    """path    e.g. /dev/video0
-    serial  of the USB device; "" if it has none
-    label   the driver's name for it
-    """
-
-    path: str
-    serial: str
-    label: str
+    path: str  # e.g. /dev/video0
+    serial: str  # of the USB device; "" if it has none
+    label: str  # the driver's name for it
 
 
 def _text(path: Path) -> str:
@@ -107,9 +92,6 @@ def find_device(where: str, sys_root: Path = Path("/sys"), dev_root: Path = Path
             f"source v4l2:{where}: no permission for {path}; join the group video, log in again"
         )
     return os.path.realpath(path)
-
-
-# -- pixels -------------------------------------------------------------------------------------
 
 
 def _grey8(raw: Any, size: tuple[int, int]) -> Image:
@@ -155,11 +137,8 @@ def _fourcc(name: str) -> int:
     return int.from_bytes(name.encode("ascii"), "little")
 
 
-# -- the source -----------------------------------------------------------------------------------
-
-
-class V4l2Source(ThreadedSource):
-    """A camera that comes back after it was lost.
+class V4l2Source(CameraSource):
+    """A V4L2 camera.
 
     where         see `find_device`
     make_capture  gives an object with the interface of cv2.VideoCapture
@@ -178,48 +157,30 @@ class V4l2Source(ThreadedSource):
         retry_s: float = RUNTIME.retry_s,
         patience_s: float = LIVE.first_s,
     ) -> None:
-        super().__init__(f"camera v4l2:{where}")
-        self._where, self._options = where, options
+        super().__init__(f"camera v4l2:{where}", options, retry_s, clock_ns)
+        self._where, self._find = where, find
         self._make_capture = make_capture or (lambda path: cv2.VideoCapture(path, cv2.CAP_V4L2))
-        self._find = find
-        self._clock_ns = clock_ns
-        self._retry_s = retry_s
         self.refused: list[str] = []
-        self._watch = Watch()
-        self._sequence = -1
-        self._last_ns = 0
         self._period_ns = 0.0
         self._stated_hz = 0.0
-        self._again = threading.Event()  # reopen the camera, with other options
         if options.format and options.format.upper() not in _FORMATS:
             raise SourceError(
                 f"{self.name}: no pixel format {options.format!r}; known: {', '.join(_FORMATS)}"
             )
-        self._capture: Any = self._open()
-        self.start()
-        try:
-            self.rate_hz = self._checked_rate(patience_s)
-        except SourceError:
-            self.close()
-            raise
+        self._device = self._open()
+        self._check_rate(patience_s)
         self._period_ns = 1e9 / self.rate_hz if self.rate_hz else 0.0
 
-    def _checked_rate(self, patience_s: float) -> float:
-        """Measured rate, with two buffers if one is too few. Raises SourceError: no frames, too slow."""
-        measured_hz = self.measure_rate(0.0, patience_s)
-        asked_hz = self._options.rate_hz
-        if measured_hz < LIVE.slow_rel * (asked_hz or self._stated_hz) and self._options.buffers == 1:
+    def measure_rate(self, least_hz: float, patience_s: float) -> float:
+        """The same, with two buffers if one is too few."""
+        stated_hz = self._options.rate_hz or self._stated_hz
+        if self._options.buffers == 1:
+            measured_hz = super().measure_rate(0.0, patience_s)
+            if measured_hz >= max(least_hz, LIVE.slow_rel * stated_hz):
+                return measured_hz
             self._options = replace(self._options, buffers=2)
-            self._again.set()
-            measured_hz = self.measure_rate(0.0, patience_s)
-        if self._options.check_rate and measured_hz < LIVE.slow_rel * asked_hz:
-            advice = "shorten exposure_us, light the tip better, or ask for less"
-            raise SourceError(
-                f"{self.name}: asked for {asked_hz:g} frames/s, measured {measured_hz:.1f}; {advice}"
-            )
-        return measured_hz
-
-    # -- opening --------------------------------------------------------------------------------
+            self._reopen.set()
+        return super().measure_rate(least_hz, patience_s)
 
     def _open(self) -> Any:
         path = self._find(self._where)
@@ -285,38 +246,10 @@ class V4l2Source(ThreadedSource):
         elif abs((got := float(capture.get(prop))) - value) > max(1.0, PARAMS.refused_rel * abs(value)):
             self.refused.append(f"{name}: set to {value:g}, camera says {got:g}")
 
-    # -- reading --------------------------------------------------------------------------------
-
-    def _work(self) -> None:
-        capture = self._capture
-        try:
-            while not self._closing.is_set():
-                if capture is None:
-                    capture = self._return()
-                elif self._again.is_set():
-                    self._again.clear()
-                    capture.release()
-                    capture = None
-                elif not capture.grab():
-                    self._set_condition("lost")
-                    capture.release()
-                    capture = None
-                else:
-                    self._take(capture)
-        finally:
-            if capture is not None:
-                capture.release()
-
-    def _return(self) -> Any:
-        """Reopen the camera; None after a pause if that fails."""
-        try:
-            return self._open()
-        except SourceError:  # still lost: `condition` stays "lost"
-            self._closing.wait(self._retry_s)
-            return None
-
-    def _take(self, capture: Any) -> None:
-        ok, raw = capture.retrieve()
+    def _read_from(self, device: Any) -> bool:
+        if not device.grab():
+            return False
+        ok, raw = device.retrieve()
         now_ns = self._clock_ns()
         try:
             if not ok or raw is None:
@@ -324,27 +257,14 @@ class V4l2Source(ThreadedSource):
             image = self._format.to_grey(raw, self.size_px)
         except (ValueError, cv2.error):
             self.faults["damaged frame"] += 1
-            return
-        driver_ns = round(float(capture.get(cv2.CAP_PROP_POS_MSEC)) * 1e6)
-        trusted = 0 <= now_ns - driver_ns < LIVE.same_clock_s * 1e9
-        capture_ns = driver_ns if trusted else now_ns
-        self._sequence += self._steps(capture_ns)
-        self._last_ns = capture_ns
-        clock = Clock.DRIVER if trusted else Clock.HOST
-        frame = Frame(image, capture_ns, self._sequence, clock, self._format.bits)
-        self._set_condition(self._watch.check(frame))
-        self._offer(frame)
+        else:
+            driver_ns = round(float(device.get(cv2.CAP_PROP_POS_MSEC)) * 1e6)
+            self._hand_over_at(image, self._format.bits, driver_ns, now_ns, self._period_ns)
+        return True
 
-    def _steps(self, capture_ns: int) -> int:
-        """Frame periods since the last frame; more than one: frames were lost."""
-        if not self._period_ns or self._sequence < 0:
-            return 1
-        steps = max(1, round((capture_ns - self._last_ns) / self._period_ns))
-        if steps > 1:
-            self.faults["missed frame"] += steps - 1
-        return steps
+    def _shut(self, device: Any) -> None:
+        device.release()
 
 
 def open_v4l2(where: str, options: Options) -> V4l2Source:
-    """The scheme `v4l2:`."""
     return V4l2Source(where, options.without_extra(f"v4l2:{where}"))

@@ -1,14 +1,9 @@
-"""Colours, and how an area change becomes one.
+"""Colours (BGR, as in OpenCV), and how an area change becomes one.
 
-The paper shades compressed cells (area up) red and expanded ones (area down) blue. Red and blue of equal
-weight are distinguishable for most colour-blind readers, but not in grey print and not beside red vectors;
-`SAFE` takes orange and blue of the Okabe-Ito set, and black vectors.
-Between white and the full colour they are mixed in OKLab (Ottosson 2020), where equal steps look equal: mixed
-in sRGB, blue fades earlier than red.
-Colours are BGR, as in OpenCV.
+The paper shades compressed cells (area up) red and expanded ones blue; `SAFE` takes orange and blue of the
+Okabe-Ito set, and black vectors. Between white and the full colour they are mixed in OKLab (Ottosson 2020),
+where equal steps look equal: mixed in sRGB, blue fades earlier than red.
 """
-
-from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -19,34 +14,27 @@ from numpy.typing import NDArray
 from edge.types import Array
 from edge.view.params import PARAMS
 
-__all__ = ["COLOUR_STEPS", "PAPER", "SAFE", "Palette", "cell_colours", "cell_rgba"]
-
 COLOUR_STEPS = 255  # on each side of no change: as many as a colour of 8 bits has
+
 Bgr = tuple[int, int, int]
 
 
 @dataclass(frozen=True, slots=True)
 class Palette:
     """compressed, expanded  full colour for larger, for smaller area
-    paper                 an unchanged cell, and the background
-    edge                  outlines of cells
-    pin                   where a pin is
-    contact               the star
     local, shear          vectors of single pins, and their mean
-    ink                   text and axes
-    halo                  drawn round marks, so that they stand out from any cell
     """
 
     compressed: Bgr
     expanded: Bgr
-    paper: Bgr
-    edge: Bgr
-    pin: Bgr
-    contact: Bgr
+    paper: Bgr  # an unchanged cell, and the background
+    edge: Bgr  # outlines of cells
+    pin: Bgr  # where a pin is
+    contact: Bgr  # the star
     local: Bgr
     shear: Bgr
-    ink: Bgr
-    halo: Bgr
+    ink: Bgr  # text and axes
+    halo: Bgr  # drawn round marks, so that they stand out from any cell
 
 
 PAPER = Palette(
@@ -62,11 +50,7 @@ PAPER = Palette(
     halo=(255, 255, 255),
 )
 SAFE = replace(  # Okabe and Ito: orange, blue, bluish green, black
-    PAPER,
-    compressed=(0, 140, 230),
-    expanded=(178, 114, 0),
-    contact=(90, 110, 0),
-    local=(60, 60, 60),
+    PAPER, compressed=(0, 140, 230), expanded=(178, 114, 0), contact=(90, 110, 0), local=(60, 60, 60)
 )
 
 

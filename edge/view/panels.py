@@ -1,9 +1,6 @@
-"""The two panels of the paper's figures, drawn by OpenCV: fast enough for a live view and for video.
+"""The two panels of the paper's figures, drawn by OpenCV: left the touch, right the camera's image.
 
-- Left the touch: cells, contacts, shear; right the camera's image, with the pins marked.
-- A `View` is fixed for a tip, so that pictures do not jump from frame to frame.
-- All coordinates go through `View.fixed`: fixed-point, 1/16 px, anti-aliased.
-- Vectors are lengthened by factors that the legend states.
+All coordinates go through `View.fixed`: fixed-point, 1/16 px, anti-aliased.
 """
 
 from __future__ import annotations
@@ -21,8 +18,6 @@ from edge.types import Array, Features, Frame, Image, Pins, Tracks
 from edge.view.palette import PAPER, Bgr, Palette, cell_colours
 from edge.view.params import PARAMS
 
-__all__ = ["View", "draw_camera", "draw_touch", "picture", "save_pins_overlay"]
-
 Canvas = NDArray[np.uint8]
 _SHIFT = 4
 _ONE = 1 << _SHIFT
@@ -31,18 +26,12 @@ _FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """Which part of the image a panel shows.
+    """Which part of the image a panel shows."""
 
-    corner_img  (x, y) px of its upper left corner
-    scale       canvas px for one image px
-    size        (width, height) of a panel, canvas px
-    mm_per_px   for the scale bar; 0: in px
-    """
-
-    corner_img: tuple[float, float]
-    scale: float
-    size: tuple[int, int]
-    mm_per_px: float = 0.0
+    corner_img: tuple[float, float]  # (x, y) px of its upper left corner
+    scale: float  # canvas px for one image px
+    size: tuple[int, int]  # (width, height) of a panel, canvas px
+    mm_per_px: float = 0.0  # for the scale bar; 0: in px
 
     @classmethod
     def of(cls, xy_img: Array, pitch_px: float, height: int = 640, mm_per_px: float = 0.0) -> View:

@@ -1,14 +1,7 @@
-"""One frame as the page draws it: a short header, and raw arrays.
+"""One frame as the page draws it: a short header, and raw arrays, which are only cast and copied here.
 
-Rules
-- The browser does as much as it can: it gets pins and triangles and makes the cells itself (other viewers
-  may request the cells' corners). Here arrays are
-  only cast and copied (`tobytes`), some 50 us, and the image becomes a JPEG, which OpenCV does without the
-  interpreter's lock.
-- Places are px of the camera's image, pixel centres on integers, at any size of the transmitted picture.
+Places are px of the camera's image, pixel centres on integers, at any size of the transmitted picture.
 """
-
-from __future__ import annotations
 
 from collections.abc import Sequence
 from math import degrees
@@ -19,18 +12,13 @@ import numpy as np
 
 from edge.cells import cell_polygons
 from edge.types import Array, Frame, Rest, Result
+from edge.view.chart import CHART
 from edge.view.palette import COLOUR_STEPS, PAPER, SAFE, Palette, cell_colours, cell_rgba
 from edge.view.params import PARAMS
 from hostlink.wire import FIELDS
-from hostlink.wire.shown import live_charts, live_fields, page_numbers
-
-__all__ = ["CHART", "Arrays", "camera", "hello", "touch"]
+from hostlink.wire.shown import live_charts, page_numbers
 
 Arrays = dict[str, tuple[str, bytes]]
-
-
-#: What the charts show of every sample, in this order; the page finds them by name.
-CHART = ("time_s", *live_fields(FIELDS), "latency_ms", "volume_px2", "shear_x_px", "shear_y_px")
 
 
 def hello(source: str, serial: str) -> dict[str, Any]:

@@ -4,12 +4,10 @@ OpenCV does not report a full disk: it goes on and returns nothing. So a finishe
 must have as many frames as were written; FFmpeg's own messages, one a frame, are suppressed.
 """
 
-from __future__ import annotations
-
 import errno
 import os
 from collections.abc import Iterable
-from contextlib import closing
+from contextlib import ExitStack
 from pathlib import Path
 
 import cv2
@@ -18,8 +16,6 @@ from numpy.typing import NDArray
 
 from edge.errors import SinkError
 from edge.sources.files import quiet_opencv
-
-__all__ = ["CODECS", "write_video"]
 
 # What OpenCV's wheels encode (they have no H.264), by suffix; pictures of 1288x716 a second on one core.
 CODECS: dict[str, str] = {
@@ -41,43 +37,26 @@ def write_video(pictures: Iterable[NDArray[np.uint8]], path: str | Path, rate_hz
         raise SinkError(
             f"video {path}: no format {path.suffix or 'without a suffix'!r}; give {', '.join(CODECS)}"
         )
-    n = 0
-    with quiet_opencv(), closing(_Writer(path, rate_hz)) as writer:
+    with quiet_opencv(), ExitStack() as stack:
+        writer, size, n = None, (0, 0), 0
         for drawn in pictures:
-            writer.write(drawn)
             n += 1
+            # Video codecs subsample colour: sides must be even.
+            even = np.ascontiguousarray(drawn[: drawn.shape[0] & ~1, : drawn.shape[1] & ~1])
+            new_size = (even.shape[1], even.shape[0])
+            if writer is None:
+                size, writer = new_size, _open(path, rate_hz, new_size)
+                stack.callback(writer.release)
+            elif new_size != size:
+                found, wanted = ("{}x{}".format(*one) for one in (new_size, size))
+                raise SinkError(f"video {path}: a picture is {found}, not {wanted}")
+            writer.write(even)
+            if not os.statvfs(path.parent).f_bavail:  # stop early: the rest would be lost
+                raise _disk_full(path)
     if not n:
         raise SinkError(f"video {path}: no pictures; give a recording with frames in it")
     _check_whole(path, n)
     return n
-
-
-class _Writer:
-    """Opened with the first picture, which sets the size."""
-
-    def __init__(self, path: Path, rate_hz: float) -> None:
-        self._path, self._rate_hz = path, rate_hz
-        self._writer: cv2.VideoWriter | None = None
-        self._size = (0, 0)
-
-    def write(self, picture: NDArray[np.uint8]) -> None:
-        """Raises SinkError, OSError."""
-        # Video codecs subsample colour: sides must be even.
-        even = picture[: picture.shape[0] & ~1, : picture.shape[1] & ~1]
-        size = (even.shape[1], even.shape[0])
-        if self._writer is None:
-            self._size = size
-            self._writer = _open(self._path, self._rate_hz, size)
-        elif size != self._size:
-            wanted = f"{self._size[0]}x{self._size[1]}"
-            raise SinkError(f"video {self._path}: a picture is {size[0]}x{size[1]}, not {wanted}")
-        self._writer.write(np.ascontiguousarray(even))
-        if not os.statvfs(self._path.parent).f_bavail:  # stop early: the rest would be lost
-            raise _disk_full(self._path)
-
-    def close(self) -> None:
-        if self._writer is not None:
-            self._writer.release()
 
 
 def _check_whole(path: Path, n: int) -> None:

@@ -1,15 +1,8 @@
 """The second process: `python -m edge.worker DATA CONTROL MEMORY`, with inherited file descriptors.
 
-    main thread     Inbox -> recorder, page
-    "control"       receives the answers of the loop
-    "view"          the page's server; its commands in worker threads
-    "recorder"      encodes and writes
-
 It ends when the data channel ends, whether the loop has closed it or died; received messages are written
 first. Signals are handled by the loop: a service manager sends them to both.
 """
-
-from __future__ import annotations
 
 import logging
 import os
@@ -21,6 +14,7 @@ import threading
 import time
 from collections.abc import Mapping
 from concurrent.futures import Future
+from dataclasses import asdict
 from datetime import datetime
 from itertools import count
 from pathlib import Path
@@ -32,8 +26,9 @@ limit_resources()
 
 from edge.errors import EdgeError  # noqa: E402  (after the number of library threads is set)
 from edge.params import PARAMS as RUNTIME  # noqa: E402
-from edge.recording import TOPICS, Recorder  # noqa: E402
 from edge.recording.frame_recorder import FrameRecorder  # noqa: E402
+from edge.recording.topics import TOPICS  # noqa: E402
+from edge.recording.writer import Recorder  # noqa: E402
 from edge.runtime.process import run_and_exit  # noqa: E402
 from edge.worker.messages import (  # noqa: E402
     Answer,
@@ -66,6 +61,8 @@ class Worker:
 
     def __init__(self, control: socket.socket, inbox: Inbox, begin: Begin) -> None:
         self._control, self._inbox, self._begin = control, inbox, begin
+        self._config = config = begin.config
+        self._serial = config.tip.get("serial", "")
         self._recording: FrameRecorder | None = None
         self._switching = threading.Lock()  # one worker thread at a time starts or stops a recording
         self._drained = threading.Event()
@@ -73,19 +70,14 @@ class Worker:
         self._numbers = count()
         self._reported: dict[type, object] = {PageReport: PageReport(), RecordingReport: RecordingReport()}
         self._due_s = 0.0
-        if begin.record:
-            self._recording = self._frame_recorder(self._recorder(Path(begin.record), begin.overwrite))
+        if config.record is not None:
+            self._recording = self._frame_recorder(self._recorder(config.record, config.overwrite))
         self._page: Any = None
-        if begin.listen is not None:
+        if config.listen is not None:
             from edge.worker.page import LivePage
 
-            self._page = LivePage(
-                begin.listen,
-                begin.source,
-                begin.tip.get("serial", ""),
-                {"tare": self._tare, "record": self._record},
-                self._on_wants,
-            )
+            commands = {"tare": self._tare, "record": self._record}
+            self._page = LivePage(config.listen, begin.source, self._serial, commands, self._on_wants)
             self._page.start()
 
     @property
@@ -137,18 +129,13 @@ class Worker:
         if self._page is not None:
             server = self._page.server
             now.append(PageReport(server.viewers_n, server.sent_n, server.cut_off_n))
-        recording = self._recording
+        recording, shown = self._recording, None
         if recording is not None:
-            now.append(RecordingReport(_frames_n(recording.recorder), recording.dropped_n, recording.fault))
-            if self._page is not None:
-                self._page.recording = {
-                    "file": recording.path.name,
-                    "frames_n": _frames_n(recording.recorder),
-                    "dropped_n": recording.dropped_n,
-                    "fault": recording.fault,
-                }
-        elif self._page is not None:
-            self._page.recording = None
+            report = RecordingReport(_frames_n(recording.recorder), recording.dropped_n, recording.fault)
+            now.append(report)
+            shown = {"file": recording.recorder.path.name, **asdict(report)}
+        if self._page is not None:
+            self._page.recording = shown
         for message in now:
             if message != self._reported[type(message)]:
                 self._reported[type(message)] = message
@@ -186,19 +173,18 @@ class Worker:
 
     def _record(self, fields: Mapping[str, Any]) -> str:
         with self._switching:
-            return (
-                self._begin_recording() if self._recording is None else self._end_recording(self._recording)
-            )
+            recording = self._recording
+            return self._begin_recording() if recording is None else self._end_recording(recording)
 
     def _recorder(self, path: Path, overwrite: bool = False) -> Recorder:
-        return Recorder(path, tip=self._begin.tip, rate_hz=self._begin.rate_hz, overwrite=overwrite)
+        return Recorder(path, tip=self._config.tip, rate_hz=self._begin.rate_hz, overwrite=overwrite)
 
     def _frame_recorder(self, recorder: Recorder) -> FrameRecorder:
-        return FrameRecorder(recorder, self._begin.finger, self._begin.tip.get("serial", ""))
+        return FrameRecorder(recorder, self._config.finger, self._serial)
 
     def _begin_recording(self) -> str:
-        folder = Path(self._begin.recordings)
-        name = f"{self._begin.tip.get('serial', 'tip')}-{datetime.now():%Y%m%d-%H%M%S}.mcap"
+        folder = self._config.recordings
+        name = f"{self._serial or 'tip'}-{datetime.now():%Y%m%d-%H%M%S}.mcap"
         try:
             folder.mkdir(parents=True, exist_ok=True)
             recorder = self._recorder(folder / name)

@@ -1,13 +1,8 @@
 """The loop's side of the worker: starts it, sends new results, runs its viewers' commands, survives its end.
 
-Rules
-- `ViewFeed` and `RecordingFeed` run in the loop's thread after the sample has left, and never wait.
-- A separate thread receives from the worker; what changes the pipeline is posted to the loop.
-- The end of the socket is the end of the process. If it was not ended by us, a recording counts as broken
-  (what was written can be read), and the page is served again at the same address.
+What changes the pipeline is posted to the loop. The end of the socket is the end of the process: if we did
+not end it, a recording counts as broken, and the page is served again at the same address.
 """
-
-from __future__ import annotations
 
 import logging
 import pickle
@@ -16,19 +11,19 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from edge import errors
-from edge.errors import InputError
-from edge.rest.request import TareBusy
+from edge.errors import InputError, RequestRefused
 from edge.runtime.loop import Loop
 from edge.types import Feature
+from edge.worker.feeds import RecordingFeed, ViewFeed
 from edge.worker.messages import (
     Answer,
     Ask,
@@ -39,38 +34,17 @@ from edge.worker.messages import (
     RecordingReport,
     Stopped,
     Wants,
+    WorkerConfig,
 )
 from edge.worker.params import PARAMS
-from edge.worker.recording_feed import RecordingFeed
 from edge.worker.shared_memory import Outbox, pair, receive
-from edge.worker.view_feed import ViewFeed
 from hostlink.web import Listen
 from hostlink.wire import RestFrameState
-
-__all__ = ["WorkerClient", "WorkerConfig"]
 
 log = logging.getLogger(__name__)
 
 #: Features that the page always shows; the surface is computed only for a viewer that requests it.
 SHOWN = frozenset({Feature.DISPLACEMENT, Feature.CONTACTS, Feature.SHEAR, Feature.TORSION})
-
-
-@dataclass(frozen=True, slots=True)
-class WorkerConfig:
-    """listen      where the live page is served; None: no page
-    record      a file to record from the first frame on; None: none
-    overwrite   whether that file may exist already
-    recordings  folder for recordings started on the page
-    tip         about the tip, for recordings
-    finger      its number
-    """
-
-    listen: Listen | None = None
-    record: Path | None = None
-    overwrite: bool = False
-    recordings: Path = Path(".")
-    tip: Mapping[str, str] = field(default_factory=dict)
-    finger: int = 1
 
 
 class WorkerClient:
@@ -109,12 +83,11 @@ class WorkerClient:
 
     @property
     def connected(self) -> bool:
-        """Whether a worker is connected."""
         return self._outbox is not None
 
     def start(self) -> None:
         """Start the process, and begin to send to it. Raises InputError."""
-        self._start_process(str(self._config.record or ""))
+        self._start_process(self._config.record)
         self._loop.result_callbacks.append(self.view.on_result)
         self._loop.tick_callbacks.append(self.view.on_tick)
         if self._config.record is not None:
@@ -124,9 +97,8 @@ class WorkerClient:
         """End page and recording, and wait until everything is written."""
         self._closing = True
         loop = self._loop
-        if self.view.on_result in loop.result_callbacks:
+        with suppress(ValueError):  # it was never started
             loop.result_callbacks.remove(self.view.on_result)
-        if self.view.on_tick in loop.tick_callbacks:
             loop.tick_callbacks.remove(self.view.on_tick)
         recording = loop.session.recorder is self.recording
         if recording:
@@ -155,7 +127,6 @@ class WorkerClient:
     # ---- the loop's thread --------------------------------------------------------------------------
 
     def _start_recording(self) -> None:
-        """Record from the next frame on."""
         calibration = self._loop.calibration
         if calibration is not None:
             self._put(Attach("calibration.json", np.frombuffer(calibration.encoded, np.uint8)))
@@ -164,14 +135,13 @@ class WorkerClient:
         self._loop.session.recorder = self.recording
 
     def _stop_recording(self) -> None:
-        """Stop recording."""
         if self._loop.session.recorder is self.recording:
             self._loop.session.recorder = None
         self._put(Stopped())
 
     # ---- the process ----------------------------------------------------------------------------------
 
-    def _start_process(self, record: str) -> None:
+    def _start_process(self, record: Path | None) -> None:
         """Raises InputError: the page or the recording cannot be started."""
         outbox = Outbox(PARAMS.memory_bytes)
         control, far_control = pair()
@@ -186,7 +156,9 @@ class WorkerClient:
         )
         far_control.close()
         outbox.far_end.close()
-        control.send(pickle.dumps(self._first_message(record)))
+        source, level = self._loop.source, logging.getLogger().getEffectiveLevel()
+        config = replace(self._config, listen=self._listen, record=record, tip=dict(self._config.tip))
+        control.send(pickle.dumps(Begin(config, source.name, source.rate_hz, level)))
         control.settimeout(PARAMS.start_s)
         early: list[Any] = []  # viewers of an earlier worker may reconnect before this one is ready
         try:
@@ -212,20 +184,6 @@ class WorkerClient:
             target=self._receive_loop, args=(control, early), name="worker client", daemon=True
         )
         self._thread.start()
-
-    def _first_message(self, record: str) -> Begin:
-        source, config = self._loop.source, self._config
-        return Begin(
-            self._listen,
-            source.name,
-            source.rate_hz,
-            str(config.recordings),
-            record,
-            config.overwrite,
-            dict(config.tip),
-            config.finger,
-            logging.getLogger().getEffectiveLevel(),
-        )
 
     # ---- the thread that receives ---------------------------------------------------------------------
 
@@ -276,7 +234,7 @@ class WorkerClient:
         """Have a new rest frame taken; "" or why the previous one stays in use."""
         try:
             outcome = self._loop.request_tare(force).done.result(PARAMS.command_s)
-        except TareBusy as error:
+        except RequestRefused as error:
             return str(error)
         except TimeoutError:
             return "no rest frame could be taken in time; the one before stays in use until it is"
@@ -304,7 +262,7 @@ class WorkerClient:
         if self._listen is None or time.monotonic() - self._started_s < PARAMS.lived_s or self._closing:
             return
         try:
-            self._start_process("")
+            self._start_process(None)
         except InputError as error:
             log.error("the live page has ended: %s", error)
 

@@ -1,12 +1,8 @@
-"""The messages between the two processes.
+"""The messages between the two processes: data from the loop, control messages both ways."""
 
-On the data channel, from the loop: `Show`, `Take`, `Event`, `Attach`, `Stopped`. Over the control socket,
-both ways: `Begin`, `Answer` to the worker; `Ready`, `Ask`, `Wants`, `PageReport`, `RecordingReport` from it.
-"""
-
-from __future__ import annotations
-
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from edge.types import Frame, Rest, Result
@@ -15,39 +11,28 @@ from hostlink.wire import State
 
 
 @dataclass(frozen=True, slots=True)
-class Begin:
-    """listen   where to serve the page; None: no page
-    source      the camera's name
-    rate_hz     the camera's
-    recordings  folder for recordings started on the page
-    record      file to record from the start; "": none
-    overwrite   whether it may exist already
-    tip         about the tip
-    finger      its number
-    log_level   of the program
-    """
+class WorkerConfig:
+    listen: Listen | None = None  # where the live page is served; None: no page
+    record: Path | None = None  # a file to record from the first frame on; None: none
+    overwrite: bool = False  # whether that file may exist already
+    recordings: Path = Path(".")  # folder for recordings started on the page
+    tip: Mapping[str, str] = field(default_factory=dict)  # about the tip, for recordings
+    finger: int = 1  # its number
 
-    listen: Listen | None
-    source: str
-    rate_hz: float
-    recordings: str
-    record: str
-    overwrite: bool
-    tip: dict[str, str]
-    finger: int
-    log_level: int
+
+@dataclass(frozen=True, slots=True)
+class Begin:
+    config: WorkerConfig
+    source: str  # the camera's name
+    rate_hz: float  # the camera's
+    log_level: int  # of the program
 
 
 @dataclass(frozen=True, slots=True)
 class Ready:
-    """port   where the page is served
-    refused  the user's mistake, as text; "": none
-    kind     of the error, a class of `edge.errors`
-    """
-
-    port: int = 0
-    refused: str = ""
-    kind: str = ""
+    port: int = 0  # where the page is served
+    refused: str = ""  # the user's mistake, as text; "": none
+    kind: str = ""  # of the error, a class of `edge.errors`
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,23 +40,18 @@ class Show:
     """New data for viewers since the last such message.
 
     now_s, last_s  monotonic time: now, and of the newest result
-    seen_n         results since the start
-    rows           of the charts: one a sample
-    frame          the newest image, with or without a result; None: as before
     result, state  the newest; None: as before
-    rest           the rest frame; None: as before
-    about          data that do not come from a frame
     """
 
     now_s: float
     last_s: float
-    seen_n: int
-    rows: list[tuple[float, ...]]
-    frame: Frame | None
+    seen_n: int  # results since the start
+    rows: list[tuple[float, ...]]  # of the charts: one a sample
+    frame: Frame | None  # the newest image, with or without a result; None: as before
     result: Result | None
     state: State | None
-    rest: Rest | None
-    about: dict[str, Any]
+    rest: Rest | None  # the rest frame; None: as before
+    about: dict[str, Any]  # data that do not come from a frame
 
 
 @dataclass(frozen=True, slots=True)

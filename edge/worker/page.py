@@ -1,17 +1,8 @@
 """The live page of the fingertip, in the second process: takes data from the loop, makes packets for viewers.
 
-    main thread     show, take: keep what is new
-    server thread   make(wants): the newest data as a packet
-    worker threads  viewers' commands
-
-Rules
-- Charts show every sample, not only those whose picture was drawn: `recent` holds the samples since the last
-  packet, and is bounded.
-- Without a new result packets are still sent, one each `report_s`: with the camera's image if there is
-  one (to aim and to focus before pins are found), and with the faults.
+Charts show every sample, not only those whose picture was drawn. Without a new result packets are still sent:
+with the camera's image, to aim and to focus before pins are found, and with the faults.
 """
-
-from __future__ import annotations
 
 import time
 from collections import deque
@@ -23,14 +14,12 @@ import numpy as np
 
 from edge.errors import InputError
 from edge.types import Frame, Rest, Result
-from edge.view.scene import CHART, Arrays, camera, hello, touch
+from edge.view.chart import CHART
+from edge.view.scene import Arrays, camera, hello, touch
 from edge.worker.messages import Show
 from edge.worker.params import PARAMS
 from hostlink.web import Listen, PageServer, WebError, pack_packet
 from hostlink.wire import FIELDS, State
-
-__all__ = ["LivePage"]
-
 
 #: What the page has of a sample: the measured values.
 VALUES = tuple(f.name for f in FIELDS if not f.plain)
@@ -85,17 +74,13 @@ class LivePage:
             raise InputError(str(error)) from None
 
     def close(self) -> None:
-        """End the page."""
         self.server.close()
 
     # ---- the main thread ----------------------------------------------------------------------------
 
     def show(self, show: Show) -> None:
-        """Take new data from the loop."""
-        if show.rest is not None:
-            self._rest = show.rest
-        if show.frame is not None:
-            self._frame = show.frame
+        self._rest = show.rest or self._rest
+        self._frame = show.frame or self._frame
         if show.result is not None and show.state is not None:
             self._latest = (show.result, show.state)
         self._about = show.about

@@ -1,12 +1,8 @@
 """Every chosen number of the second process; the evidence for each is in docs/tuning.md, "Second process"."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from edge.params import PARAMS as RUNTIME
-
-__all__ = ["PARAMS", "WorkerParams"]
 
 
 @dataclass(frozen=True, slots=True)

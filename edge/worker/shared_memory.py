@@ -1,22 +1,12 @@
 """Messages with large arrays from one process to another, without ever waiting.
 
 A message is pickled, its arrays out of band (protocol 5). Both are copied once into memory that the two
-processes share; a packet on a socket gives their places. A message without arrays is sent in the packet
-itself.
+processes share, a ring of regions; a packet on a socket gives their places. A message without arrays is sent
+in the packet itself. Messages with arrays come from one thread, others from any.
 
-    |....[pickle|array|array][pickle|array]...........|   a ring of regions, freed in the order they were made
-         ^ oldest                          ^ next
-
-Rules
-- One thread sends messages with arrays. Others may be sent by any thread: a packet is whole or not sent.
-- If the memory or the socket is full, the message is not sent and `put` returns False. Nothing blocks.
-- The memory has no name (memfd): nothing is left behind when a process dies. An empty ring restarts at its
-  beginning, so that only as much of it is ever touched as was needed at once.
-- The channel ends with the socket: `get` then returns None, whether the other side closed or died.
-- Pickle is safe here: the socket pair is inherited, no other process can write to it.
+The memory has no name (memfd): nothing is left behind when a process dies. Pickle is safe here: the socket
+pair is inherited, no other process can write to it.
 """
-
-from __future__ import annotations
 
 import mmap
 import os
@@ -26,8 +16,6 @@ import struct
 from collections import deque
 from contextlib import suppress
 from typing import Any
-
-__all__ = ["Inbox", "Outbox", "pair", "receive"]
 
 ALIGN = 64  # a cache line
 _HEAD = struct.Struct(

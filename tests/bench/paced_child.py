@@ -27,9 +27,10 @@ limit_resources()
 import numpy as np  # noqa: E402
 
 from edge.calibration import Calibration  # noqa: E402
+from edge.link.link_sink import SinkCounters  # noqa: E402
 from edge.link.medium import MediumError  # noqa: E402
 from edge.link.node import Node  # noqa: E402
-from edge.link.sinks import CanFdSink, SinkCounters  # noqa: E402
+from edge.link.sinks import CanFdSink  # noqa: E402
 from edge.link.socketcan import SocketCanMedium  # noqa: E402
 from edge.runtime.device import LoopDevice  # noqa: E402
 from edge.runtime.loop import Loop  # noqa: E402

@@ -62,7 +62,7 @@ from calib.sim.source import SceneSource
 from edge.calibration import Calibration
 from edge.faults.registry import FaultRegistry
 from edge.frame import Pipeline
-from edge.link.media import open_bus
+from edge.link.medium import opener
 from edge.link.node import Node
 from edge.link.settings import SettingsFile
 from edge.link.sinks import CanFdSink
@@ -259,11 +259,11 @@ class Soak:
         self.refused_s: dict[Episode, float] = {}  # when it first took no sample
         self.back_s: dict[Episode, float] = {}  # when the first sample arrived after it
         self.disturbed = list(self.rows["link"])  # of which no sample has arrived yet
-        opener = faulty_medium(
-            open_bus(address, ()), self.rows["link"], self.clock, outcome.seed, self.on_refused
+        faulty = faulty_medium(
+            opener(address, ()), self.rows["link"], self.clock, outcome.seed, self.on_refused
         )
         self.node = Node(
-            CanFdSink(str(address), opener, NODE), LoopDevice(self.loop, "soak"), SettingsFile(), NODE
+            CanFdSink(str(address), faulty, NODE), LoopDevice(self.loop, "soak"), SettingsFile(), NODE
         )
         self.registry.listeners.append(self.node.report)
         self.loop.sinks.append(self.node)

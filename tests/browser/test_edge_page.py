@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from edge.recording import RecordingSource
+from edge.recording.reader import RecordingSource
 from tests.browser.chrome import Chrome, Page
 from tests.support.viewing import TOKEN, Live
 from tests.support.waiting import SOON_S, until

@@ -17,7 +17,7 @@ from calib.rig import Pose
 from calib.rig.base import CLEAR
 from calib.sim import Tool
 from edge.errors import InputError
-from edge.recording import RecordingSource
+from edge.recording.reader import RecordingSource
 from tests.support.captures import breaking_after, simulated
 from tests.support.commands import only_error, run_calib
 

@@ -20,7 +20,7 @@ from calib.sim.script import REST_FRAMES, SCENES, play
 from edge.errors import SourceError
 from edge.geometry.layout import pin_layout
 from edge.pins import detect, take_rest
-from edge.recording import RecordingSource
+from edge.recording.reader import RecordingSource
 from edge.sources import open_source
 from edge.tracking import Tracker
 from edge.types import Array

@@ -14,7 +14,7 @@ from calib.sim import Appearance, Camera, Simulator, Tip
 from calib.sim.mechanics import Tool
 from calib.sim.script import SCENES, play
 from calib.simulated_calibration import calibrate_simulated
-from edge.recording import Recorder
+from edge.recording.writer import Recorder
 
 _QUIET = Appearance(read_noise=0.4, shot_noise=0.008)
 

@@ -18,9 +18,9 @@ import can
 import pytest
 
 import hostlink
-from edge.errors import CalibrationError, SinkError
+from edge.errors import CalibrationError, RequestRefused, SinkError
 from edge.link.nmt import NmtState
-from edge.link.node import Node, RequestRefused
+from edge.link.node import Node
 from edge.link.settings import SettingsFile
 from edge.link.sinks import CanClassicSink, CanSink, SerialSink, open_sink
 from hostlink import RestFrameOutcome, RestFrameReason, RestFrameState, objects

@@ -23,7 +23,7 @@ from edge.calibration import Calibration
 from edge.config import load_config
 from edge.errors import CalibrationError, ConfigError, InputError, SourceError
 from edge.link.settings import NodeSettings, SettingsFile
-from edge.recording import RecordingSource
+from edge.recording.reader import RecordingSource
 from edge.runtime.calibration_store import CalibrationStore
 from edge.sensors import load_sensor
 from edge.sources import open_source, read_image

@@ -15,7 +15,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import hostlink
-from edge.link.object_server import ObjectServer, RequestRefused
+from edge.errors import RequestRefused
+from edge.link.object_server import ObjectServer
 from edge.link.ports import SerialPort
 from edge.link.sdo_server import SdoServer
 from edge.link.settings import SettingsFile

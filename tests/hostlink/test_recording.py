@@ -18,7 +18,7 @@ import can
 import numpy as np
 import pytest
 
-from edge.recording import Recorder
+from edge.recording.writer import Recorder
 from edge.types import Clock, Frame
 from hostlink.decoder import CanDecoder, Sample, SerialDecoder
 from hostlink.errors import LinkError, LogError, UsageError

@@ -16,7 +16,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from edge.calibration import Calibration
-from edge.recording import RecordingSource
+from edge.recording.reader import RecordingSource
 from edge.runtime.loop import Loop
 from edge.sources import ThreadedSource
 from edge.types import Clock, Frame

@@ -26,7 +26,8 @@ from calib.sim.mechanics import ToolPose
 from calib.sim.simulator import Simulator
 from calib.sim.tip import Tip
 from edge.cli.options import LoopOptions
-from edge.recording import Recorder, read_messages
+from edge.recording.reader import read_messages
+from edge.recording.writer import Recorder
 from edge.runtime.loop import Loop
 from edge.runtime.statistics import LoopStatistics
 from edge.sensors import load_sensor
@@ -452,7 +453,7 @@ def test_a_recording_that_does_not_fit_on_the_disk_is_no_success(
     fault: str | None,
 ) -> None:
     """As the worker reports it."""
-    monkeypatch.setattr("edge.worker.recording_feed.RecordingFeed.fault", property(lambda feed: fault))
+    monkeypatch.setattr("edge.worker.feeds.RecordingFeed.fault", property(lambda feed: fault))
     replay = ("replay", data_dir / "press_shear.mcap", "--speed", "max", "-q")
     assert command(*replay, "--record", tmp_path / "a.mcap").code == (1 if fault else 0)
     assert (f"recording: {fault}" in caplog.text) == (fault is not None)

@@ -17,8 +17,9 @@ from calib.sim.mechanics import ToolPose
 from calib.sim.simulator import Simulator
 from calib.sim.tip import Tip
 from edge.calibration import Calibration
-from edge.cli.checks import LIMITS
-from edge.cli.doctor import Line, Machine, examine, worst
+from edge.cli.checks import LIMITS, Line, worst
+from edge.cli.doctor import examine
+from edge.cli.machine import Machine
 from edge.cli.program import cli
 from edge.config import Config, LinkTable, SourceTable, StateTable
 from edge.errors import SourceError

@@ -13,7 +13,7 @@ from edge.calibration import Calibration
 from edge.cli.render import Style, render_recording
 from edge.errors import CalibrationError, SinkError, SourceError
 from edge.pins import take_rest
-from edge.recording import RecordingSource
+from edge.recording.reader import RecordingSource
 from edge.view.panels import View, draw_camera
 from tests.edge.cli.conftest import Command
 

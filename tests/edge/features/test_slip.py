@@ -11,7 +11,7 @@ from calib.sim import Camera, Tip, Tool, ToolPose, deform
 from edge.features.pin_motion import PinMotion
 from edge.features.slip import Slip, SlipState
 from edge.frame import Pipeline
-from edge.recording import RecordingSource
+from edge.recording.reader import RecordingSource
 from edge.rest.tare import tare
 from edge.types import Array, Feature
 from tests.support.fields import CENTRE, make_rest, plane, tip

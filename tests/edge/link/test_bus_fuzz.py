@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from edge.link import sdo_server
-from edge.link.can_frame import CanFrame
+from edge.link.medium import CanFrame
 from edge.link.nmt import NmtState
 from edge.link.node import Node
 from edge.link.ports import CanPort

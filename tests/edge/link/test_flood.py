@@ -5,10 +5,10 @@ from __future__ import annotations
 import can
 import pytest
 
+from edge.link.link_sink import ReadBudget
 from edge.link.medium import MediumError
 from edge.link.params import PARAMS
 from edge.link.python_can import CanMedium
-from edge.link.read_budget import ReadBudget
 from hostlink.can_bus import OpenBus
 
 

@@ -16,12 +16,10 @@ import canopen
 import pytest
 from canopen.objectdictionary import ObjectDictionary
 
-from edge.errors import CalibrationError
-from edge.link.can_frame import CanFrame
-from edge.link.media import open_line
-from edge.link.medium import MediumError
+from edge.errors import CalibrationError, RequestRefused
+from edge.link.medium import CanFrame, MediumError, opener
 from edge.link.nmt import NmtState
-from edge.link.node import Node, RequestRefused
+from edge.link.node import Node
 from edge.link.object_server import Aborted
 from edge.link.settings import NodeSettings, SettingsFile
 from edge.link.sinks import CanFdSink, SerialSink, open_sink
@@ -538,7 +536,7 @@ class Line:
     """A serial node on a looped line: what it sends comes back, and is sorted here."""
 
     def __init__(self) -> None:
-        self.sink = SerialSink("loop", open_line(parse_address("serial:loop://")))
+        self.sink = SerialSink("loop", opener(parse_address("serial:loop://")))
         self.finger = Finger()
         self.node = Node(self.sink, self.finger)
         self.received: list[tuple[Message, int, bytes]] = []

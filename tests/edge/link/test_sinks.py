@@ -19,17 +19,10 @@ import pytest
 from can.interfaces.virtual import VirtualBus
 
 from edge.errors import SinkError
-from edge.link.can_frame import CanFrame
-from edge.link.media import open_line
+from edge.link.medium import CanFrame, MediumError, opener
 from edge.link.params import PARAMS
 from edge.link.python_can import CanMedium
-from edge.link.sinks import (
-    CanClassicSink,
-    CanFdSink,
-    MediumError,
-    SerialSink,
-    open_sink,
-)
+from edge.link.sinks import CanClassicSink, CanFdSink, SerialSink, open_sink
 from hostlink.wire import (
     Assembler,
     CanIds,
@@ -432,7 +425,7 @@ def test_line_that_nobody_reads_is_full_not_fatal(pty: Pty, serial_sink: SerialS
 
 
 def test_loop_url_receives_its_own_bytes() -> None:
-    sink = SerialSink("loop", open_line(parse_address("serial:loop://")))
+    sink = SerialSink("loop", opener(parse_address("serial:loop://")))
     received: list[tuple[Message, int, bytes]] = []
     sink.on_frame = lambda *frame: received.append(frame)
     sink.post(b"\0noise\0")

@@ -13,8 +13,7 @@ import pytest
 from can.interfaces.socketcan.socketcan import build_can_frame, dissect_can_frame
 
 from edge.errors import SinkError
-from edge.link.can_frame import CAN_ERR_BUSOFF, CAN_ERR_RESTARTED, CanFrame
-from edge.link.medium import MediumError, MediumFull
+from edge.link.medium import CAN_ERR_BUSOFF, CAN_ERR_RESTARTED, CanFrame, MediumError, MediumFull
 from edge.link.sinks import CanFdSink, open_sink
 from edge.link.socketcan import CAN_ERR_FLAG, SocketCanMedium, open_socket
 from hostlink.wire import FaultCode, State, unpack_state

@@ -18,8 +18,10 @@ from mcap.records import Attachment, AttachmentIndex, DataEnd, Footer, Header
 from mcap.writer import CompressionType, Writer
 
 from edge.errors import SourceError
-from edge.recording import Recorder, RecordingSource, read_attachments, read_messages, read_metadata
+from edge.recording.mcap_file import read_attachments, read_metadata
+from edge.recording.reader import RecordingSource, read_messages
 from edge.recording.topics import proto
+from edge.recording.writer import Recorder
 from edge.types import Frame
 from hostlink.mcap_chunk import UNPACKED_MAX
 from tests.edge.sources.test_image_header import png_of

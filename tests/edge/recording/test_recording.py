@@ -20,17 +20,11 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap_protobuf.decoder import DecoderFactory
 
 from edge.errors import SinkError, SourceError
-from edge.recording import (
-    TOPICS,
-    Recorder,
-    RecordingSource,
-    cloud_to_array,
-    read_attachments,
-    read_messages,
-    read_metadata,
-)
-from edge.recording.messages import annotations_of
-from edge.recording.topics import proto, stamp
+from edge.recording.mcap_file import read_attachments, read_metadata
+from edge.recording.messages import annotations_of, cloud_to_array
+from edge.recording.reader import RecordingSource, read_messages
+from edge.recording.topics import TOPICS, proto, stamp
+from edge.recording.writer import Recorder
 from edge.types import Cells, Clock, Features, Frame, Reading, Tracks
 from hostlink.topics import Diagnosis, Level
 from hostlink.wire import State
@@ -322,7 +316,7 @@ def test_random_damage_never_raises(tmp_path: Path, seed: int) -> None:
 WRITER = """
 import sys, time
 import numpy as np
-from edge.recording import Recorder
+from edge.recording.writer import Recorder
 from edge.types import Frame
 recorder = Recorder(sys.argv[1])
 image = np.arange(640 * 480, dtype=np.uint32).astype(np.uint8).reshape(480, 640)

@@ -18,8 +18,7 @@ from calib.sim.tip import Tip
 from calib.simulated_calibration import mm_per_px as true_mm_per_px
 from edge.frame import Pipeline
 from edge.pins import take_rest
-from edge.rest.layout_match import CLEAR, match_layout
-from edge.rest.sensor_match import layout_of, mm_per_px, recognise
+from edge.rest.sensor_match import CLEAR, layout_of, match_layout, mm_per_px, recognise
 from edge.sensors import known_sensors, load_sensor, missing_pins
 from edge.sources import open_source, read_image
 from edge.types import Image, Pins, Rest

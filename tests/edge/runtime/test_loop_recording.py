@@ -12,9 +12,10 @@ from mcap.reader import make_reader
 
 from edge.calibration import Calibration
 from edge.link.sinks import open_sink
-from edge.recording import Recorder, read_messages
 from edge.recording.frame_recorder import FrameRecorder
+from edge.recording.reader import read_messages
 from edge.recording.topics import proto
+from edge.recording.writer import Recorder
 from edge.runtime.loop import Loop
 from edge.sources import open_source
 from hostlink.bridge.foxglove import FoxgloveOutlet

@@ -13,7 +13,7 @@ import pytest
 
 from edge.errors import SourceError
 from edge.sources import open_source, read_image
-from edge.sources.image_header import check_image_header, check_size, image_size
+from edge.sources.image_header import check_size, image_size
 
 FORMATS = (".png", ".jpg", ".bmp", ".tif", ".pgm", ".webp")
 SHAPES = [(48, 64), (1, 300), (301, 7)]
@@ -79,7 +79,8 @@ def test_modified_headers_give_a_size_or_a_value_error() -> None:
         for _ in range(dice.randrange(1, 5)):
             data[dice.randrange(len(data))] = dice.randrange(256)
         try:
-            width, height = check_image_header(bytes(data))
+            width, height = image_size(bytes(data))
+            check_size(width, height)
         except ValueError:
             continue
         assert 1 <= width * height <= 1 << 24

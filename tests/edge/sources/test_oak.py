@@ -72,6 +72,28 @@ def frames_output(
     return make
 
 
+def replay_output(path: Path, rate_hz: float, metadata: Path | None = None) -> oak.MakeOutput:
+    """A video through depthai's own nodes: FFV1 comes out bit-exact; the stream ends with the file.
+
+    metadata  the MCAP that RecordVideo wrote beside it: the original times and sequence numbers
+    """
+
+    def make(pipeline: Any) -> Any:
+        import depthai
+
+        node = pipeline.create(depthai.node.ReplayVideo)
+        node.setReplayVideoFile(path)
+        if metadata is not None:
+            node.setReplayMetadataFile(metadata)
+        node.setOutFrameType(depthai.ImgFrame.Type.GRAY8)
+        node.setLoop(False)
+        if rate_hz:
+            node.setFps(rate_hz)
+        return node.out
+
+    return make
+
+
 def lock_step(dai: Any, steps: list[int], **options: Any) -> tuple[list[Frame], oak.OakSource]:
     """Every frame is taken before the next one is made."""
     go = threading.Semaphore(1)
@@ -135,7 +157,7 @@ def test_replay_is_exact_and_ends(dai: Any, tmp_path: Path) -> None:
         writer.write(noise(i))
     writer.release()
     before_ns = time.monotonic_ns()
-    with closing(oak.OakSource(oak.replay_output(path, 100.0), replace(HOST, rate_hz=100.0))) as source:
+    with closing(oak.OakSource(replay_output(path, 100.0), replace(HOST, rate_hz=100.0))) as source:
         frames = list(source)
         # depthai drops what is still queued at the end of a file; nothing before that is lost.
         assert len(frames) + source.dropped_n == 20
@@ -144,7 +166,7 @@ def test_replay_is_exact_and_ends(dai: Any, tmp_path: Path) -> None:
         assert np.array_equal(frame.image, noise(frame.sequence))
         assert before_ns - 1_000_000_000 < frame.capture_ns <= time.monotonic_ns()
     bad.write_bytes(b"not a video")
-    with closing(oak.OakSource(oak.replay_output(bad, 0.0), HOST)) as source:
+    with closing(oak.OakSource(replay_output(bad, 0.0), HOST)) as source:
         assert list(source) == []
 
 
@@ -168,7 +190,7 @@ def test_depthai_recordings_keep_pixels_gaps_and_the_modules_times(dai: Any, tmp
         until(lambda: not recorder.input.getSize(), "the last frame is taken; stopping waits for its writing")
         pipeline.stop()
         pipeline.wait()
-    source = oak.OakSource(oak.replay_output(video, 0.0, metadata), HOST, own_clock=True)
+    source = oak.OakSource(replay_output(video, 0.0, metadata), HOST, own_clock=True)
     frames = list(source)
     assert len(frames) >= 30
     assert {f.sequence for f in frames} <= set(steps)

@@ -18,7 +18,8 @@ import pytest
 from edge import sources
 from edge.errors import SourceError
 from edge.params import PARAMS as RUNTIME
-from edge.recording import Recorder, RecordingSource
+from edge.recording.reader import RecordingSource
+from edge.recording.writer import Recorder
 from edge.sources import FolderSource, Paced, ThreadedSource, VideoSource, open_source, read_image
 from edge.sources.live import Watch
 from edge.sources.options import Options, parse_spec

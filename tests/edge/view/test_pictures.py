@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 import pytest
 
+from calib.figures import figure, surface_figure
 from edge.errors import InputError, SinkError
 from edge.types import Array, Features, Frame, Pins, Tracks
-from edge.view.figures import figure, surface_figure
 from edge.view.palette import PAPER, SAFE, Palette, cell_colours, cell_rgba
 from edge.view.panels import View, draw_camera, draw_touch, picture, save_pins_overlay
 from edge.view.params import PARAMS

@@ -14,9 +14,10 @@ import numpy as np
 import pytest
 
 from edge.cells import cell_polygons
-from edge.recording import RecordingSource, read_attachments, read_messages
+from edge.recording.mcap_file import read_attachments
+from edge.recording.reader import RecordingSource, read_messages
 from edge.types import Feature
-from edge.view.scene import CHART
+from edge.view.chart import CHART
 from edge.worker.messages import Show
 from edge.worker.page import LivePage
 from edge.worker.params import PARAMS
@@ -320,7 +321,7 @@ def test_features_not_in_demand_are_neither_computed_nor_sent(live: Live) -> Non
     live.show(0)
     live.show(PRESSED)
     assert live.worker.view._shown is shown, "nothing more was sent to the page's process"
-    assert live.worker.view.pending_n == 0
+    assert not live.worker.view._rows
 
 
 def test_faults_have_readable_messages_and_a_stalled_camera_is_reported(live: Live) -> None:

@@ -22,10 +22,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
-from edge.recording import RecordingSource, read_messages
+from edge.recording.reader import RecordingSource, read_messages
 from edge.sources import open_source
-from edge.worker.client import WorkerClient, WorkerConfig
-from edge.worker.messages import Answer, Ask
+from edge.worker.client import WorkerClient
+from edge.worker.messages import Answer, Ask, WorkerConfig
 from edge.worker.params import WorkerParams
 from edge.worker.shared_memory import Inbox, Outbox, pair
 from hostlink.interrupt import ENDING

@@ -3,8 +3,6 @@
 matplotlib is loaded inside the functions: the edge draws without it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,9 +14,9 @@ from edge.types import Array, Features, Frame, Tracks
 from edge.view.palette import PAPER, Bgr, Palette, cell_colours
 from edge.view.params import PARAMS
 
-__all__ = ["figure", "surface_figure"]
-
 _COLUMN_IN = 7.16  # both columns of an IEEE page
+#: Left, bottom, width, height of the surface's box in the figure: it fills it, with space for the label of z.
+_SURFACE_BOX = (-0.05, -0.02, 1.0, 1.1)
 
 
 def _figure(width_in: float, height_in: float) -> Any:
@@ -176,7 +174,7 @@ def surface_figure(
     height = np.where(inside, features.surface, np.nan)
     made = _figure(4.2, 3.1)
     made.set_layout_engine("none")  # it would not account for the labels of a rotated box
-    axes = made.add_axes(PARAMS.surface_box, projection="3d", computed_zorder=False)
+    axes = made.add_axes(_SURFACE_BOX, projection="3d", computed_zorder=False)
     scale = ScalarMappable(Normalize(-full, full), _colour_map(palette))
     axes.plot_surface(
         x, y, height, facecolors=scale.to_rgba(height), rstride=1, cstride=1,

@@ -1,4 +1,7 @@
-"""Sends the loop's results to viewers: at most 30 times a second, and only while somebody watches."""
+"""What the loop sends to the worker: new results for viewers, and every turn for the recorder.
+
+Both run in the loop's thread after the sample has left, and never wait.
+"""
 
 from __future__ import annotations
 
@@ -6,28 +9,24 @@ import time
 from collections import deque
 from collections.abc import Callable
 from math import nan
-from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
-from edge.worker.messages import Show
+from edge.view.chart import CHARTED
+from edge.worker.messages import Event, RecordingReport, Show, Take
 from edge.worker.params import PARAMS
 from hostlink.web.limits import WebLimits
-from hostlink.wire import FAULTS, FIELDS
-from hostlink.wire.shown import live_fields
+from hostlink.wire import FAULTS
 
 if TYPE_CHECKING:
     from edge.runtime.loop import Loop
     from edge.types import Features, Frame, Rest, Result
     from hostlink.wire import State
 
-__all__ = ["ViewFeed"]
-
-_charted = attrgetter(*live_fields(FIELDS))
 _MEANING = {fault.code: fault.meaning for fault in FAULTS}
 
 
 class ViewFeed:
-    """Collects new results and combines them; runs in the loop's thread.
+    """Sends new results to viewers: at most 30 times a second, and only while somebody watches.
 
     put      sends a message to the worker; False: the memory is full
     watched  whether anybody watches
@@ -43,11 +42,6 @@ class ViewFeed:
         self._rows: deque[tuple[float, ...]] = deque(maxlen=PARAMS.recent_n)
         self._due_s = self._sent_s = 0.0
         self._shown: tuple[Frame | None, Result | None, Rest | None] = (None, None, None)
-
-    @property
-    def pending_n(self) -> int:
-        """Rows of the charts that wait for the next picture."""
-        return len(self._rows)
 
     def on_result(self, result: Result, state: State) -> None:
         """Note a result; a result callback of the loop."""
@@ -118,13 +112,57 @@ class ViewFeed:
 
 
 def _row(at_s: float, state: State, features: Features | None) -> tuple[float, ...]:
-    """One sample in the order of `edge.view.scene.CHART`."""
-    shear = None if features is None else features.shear_px
-    volume = None if features is None else features.volume_px2
-    return (
-        at_s,
-        *_charted(state),
-        state.latency_us / 1e3,
-        nan if volume is None else volume,
-        *((nan, nan) if shear is None else shear.tolist()),
-    )
+    """One sample in the order of `edge.view.chart.CHART`."""
+    volume_px2, shear_px = nan, [nan, nan]
+    if features is not None:
+        volume_px2 = nan if features.volume_px2 is None else features.volume_px2
+        shear_px = shear_px if features.shear_px is None else features.shear_px.tolist()
+    sent = [getattr(state, name) for name in CHARTED]
+    return (at_s, *sent, state.latency_us / 1e3, volume_px2, *shear_px)
+
+
+class RecordingFeed:
+    """Sends each turn of the loop to the recorder, and keeps its state.
+
+    put          sends a message to the worker; False: the memory is full
+    on_recorded  called with each turn that was sent: the worker has its image and result
+    report       the worker's last report on the recording
+    """
+
+    def __init__(
+        self, put: Callable[[Any], bool], on_recorded: Callable[[Frame, Result | None], None]
+    ) -> None:
+        self._put, self._on_recorded = put, on_recorded
+        self.begin()
+
+    def begin(self) -> None:
+        self.report = RecordingReport()
+        self.failure: str | None = None  # the worker itself has failed
+        self.lost_n = 0  # turns that were lost before the worker
+        self._lost_reported_n = 0
+
+    def take(self, frame: Frame, result: Result | None, state: State) -> None:
+        lost_n = self.unreported_n
+        if not self._put(Take(frame, result, state, lost_n)):
+            self.lost_n += 1
+            return
+        self._lost_reported_n += lost_n
+        self._on_recorded(frame, result)
+
+    def event(self, level: str, text: str) -> None:
+        """Record a line of the log; from any thread."""
+        self._put(Event(level, text))
+
+    @property
+    def unreported_n(self) -> int:
+        """Turns that were lost before the worker, and not reported to it yet."""
+        return self.lost_n - self._lost_reported_n
+
+    @property
+    def fault(self) -> str | None:
+        return self.failure or self.report.fault
+
+    @property
+    def dropped_n(self) -> int:
+        """Messages that the disk or the worker was too slow for."""
+        return self.report.dropped_n + self.unreported_n
