@@ -10,8 +10,9 @@ typedef long long vt_mask __attribute__((vector_size(16)));
 #define VT_BOTH(k, a, b) ((vt_two){(a)[k], (b)[k]})
 
 /* The number n of triangles is even: each point adds two. */
-static void vt_measure(const int *restrict tail, const double *restrict x, const double *restrict y, Py_ssize_t n,
-                       double sliver, double bound, double *restrict parts)
+__attribute__((always_inline)) static inline void vt_measure_by(
+    const int *restrict tail, const double *restrict x, const double *restrict y, Py_ssize_t n, double sliver,
+    double bound, double *restrict parts)
 {
     const vt_mask infinite = (vt_mask)((vt_two){0} + __builtin_inf());
     for (Py_ssize_t t = 0; t < n; t += 2, tail += 6, parts += 8) {
@@ -32,4 +33,25 @@ static void vt_measure(const int *restrict tail, const double *restrict x, const
         *(vt_any_two *)(parts + 4) = VT_BOTH(1, ab, bc);
         *(vt_any_two *)(parts + 6) = VT_BOTH(1, ca, error);
     }
+}
+
+/* AVX2, chosen at run time, needs a fifth less instructions for the same, as it overwrites no operand. */
+#if defined(__x86_64__) && defined(__GNUC__)
+__attribute__((target("avx2"))) static void vt_measure_avx2(const int *tail, const double *x, const double *y,
+                                                            Py_ssize_t n, double sliver, double bound, double *parts)
+{
+    vt_measure_by(tail, x, y, n, sliver, bound, parts);
+}
+#endif
+
+static void vt_measure(const int *tail, const double *x, const double *y, Py_ssize_t n, double sliver, double bound,
+                       double *parts)
+{
+#if defined(__x86_64__) && defined(__GNUC__)
+    if (__builtin_cpu_supports("avx2")) {
+        vt_measure_avx2(tail, x, y, n, sliver, bound, parts);
+        return;
+    }
+#endif
+    vt_measure_by(tail, x, y, n, sliver, bound, parts);
 }

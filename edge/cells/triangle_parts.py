@@ -16,11 +16,11 @@ def measure(tail: Index, x: Array, y: Array, n: int, sliver: float, bound: float
     tail    (3 t,) corners a, b, c of each triangle
     x, y    coordinates of the points
     n       even, as the number of a mesh's triangles is
-    sliver  twice a triangle's area over the sum of its squared edges, up to which it has no parts: they are 0,
-            and the bound of their error is infinite
+    sliver  twice a triangle's area over the sum of its squared edges, up to which it has no parts: they are
+            0, and the bound of their error is infinite
     bound   of the parts' error over q (1 + q) S, as `mesh` says
-    parts   (t, 4): of the edges ab, bc and ca the cotangent of the angle that faces the edge times its squared
-            length, and the bound of their error; written
+    parts   (t, 4) written: of the edges ab, bc and ca the cotangent of the angle that faces the edge times
+            its squared length, and the bound of their error
     """
     corners = np.asarray(tail)[: 3 * n].reshape(n, 3)
     (ax, bx, cx), (ay, by, cy) = np.asarray(x)[corners].T, np.asarray(y)[corners].T

@@ -1,5 +1,7 @@
 """Order statistics without sorting. A kernel; other kernels import it through `select.pxd`."""
 
+# mypy: disable-error-code="untyped-decorator"
+
 from __future__ import annotations
 
 import cython
@@ -53,7 +55,7 @@ def _select(
     pivot: cython.double
     while low < high:
         few = (high - low) // 16
-        if few > 2:  # whose k-th is nearer to that of all than any one of them
+        if few > 4:  # whose k-th is nearer to that of all than any one of them
             i = k - few * (k - low) // (high - low)
             _select(v, i, i + few, k)
         pivot = v[k]

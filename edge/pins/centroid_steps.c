@@ -104,19 +104,21 @@ static int vt_step(const vt_steps *s, const double *sums, Py_ssize_t i, Py_ssize
 
 typedef void vt_sum(const vt_windows *, Py_ssize_t, Py_ssize_t, Py_ssize_t);
 
-VT_INLINE static inline Py_ssize_t vt_first_steps_by(vt_sum *sum_window, const vt_windows *windows, const vt_steps *s,
-                                                     Py_ssize_t n, double near2, double far2, int *others)
+VT_INLINE static inline Py_ssize_t vt_take_steps_by(vt_sum *sum_window, const vt_windows *windows, const vt_steps *s,
+                                                    int *who, Py_ssize_t n, double near2, double far2, int first)
 {
     double sums[16];
     vt_start from[2];
     vt_windows w = *windows;
     Py_ssize_t asked = 0, taken = 0;
     const vt_two least = {s->inner[0], s->inner[1]}, beyond = {s->inner[2], s->inner[3]};
-    for (Py_ssize_t i = 0; i < n; i++) {
-        const vt_two at = 4.0 * *(const vt_any_two *)(s->predicted + 2 * i) + 2.0; /* phases */
+    const double *const begin = first ? s->predicted : s->xy;
+    for (Py_ssize_t j = 0; j < n; j++) {
+        const Py_ssize_t i = who[j];
+        const vt_two at = 4.0 * *(const vt_any_two *)(begin + 2 * i) + 2.0; /* phases */
         const vt_mask inside = (at >= least) & (at < beyond);
         if (!(inside[0] & inside[1])) {
-            others[asked++] = (int)(2 * i);
+            who[asked++] = (int)(2 * i);
             continue;
         }
         const int x = (int)at[0], y = (int)at[1];
@@ -126,29 +128,29 @@ VT_INLINE static inline Py_ssize_t vt_first_steps_by(vt_sum *sum_window, const v
         sum_window(&w, (y >> 2) * s->stride + (x >> 2), s->kind_of[i], norm);
         if (++taken < 2) continue;
         taken = 0;
-        const int goes_on = vt_step_two(s, sums, from, near2, far2, 1);
-        if (goes_on & 1) others[asked++] = (int)(2 * from[0].pin + 1);
-        if (goes_on & 2) others[asked++] = (int)(2 * i + 1);
+        const int goes_on = vt_step_two(s, sums, from, near2, far2, first);
+        if (goes_on & 1) who[asked++] = (int)(2 * from[0].pin + 1);
+        if (goes_on & 2) who[asked++] = (int)(2 * i + 1);
     }
-    if (taken && vt_step(s, sums, from[0].pin, from[0].norm, from[0].x, from[0].y, near2, far2, 1))
-        others[asked++] = (int)(2 * from[0].pin + 1);
+    if (taken && vt_step(s, sums, from[0].pin, from[0].norm, from[0].x, from[0].y, near2, far2, first))
+        who[asked++] = (int)(2 * from[0].pin + 1);
     return asked;
 }
 
 #ifdef VT_AVX2
-__attribute__((target("avx2"))) static Py_ssize_t vt_first_steps_avx2(const vt_windows *windows, const vt_steps *s,
-                                                                      Py_ssize_t n, double near2, double far2,
-                                                                      int *others)
+__attribute__((target("avx2"))) static Py_ssize_t vt_take_steps_avx2(const vt_windows *windows, const vt_steps *s,
+                                                                     int *who, Py_ssize_t n, double near2, double far2,
+                                                                     int first)
 {
-    return vt_first_steps_by(vt_sum_window_avx2, windows, s, n, near2, far2, others);
+    return vt_take_steps_by(vt_sum_window_avx2, windows, s, who, n, near2, far2, first);
 }
 #endif
 
-static Py_ssize_t vt_first_steps(const vt_windows *windows, const vt_steps *s, Py_ssize_t n, double near2, double far2,
-                                 int *others)
+static Py_ssize_t vt_take_steps(const vt_windows *windows, const vt_steps *s, int *who, Py_ssize_t n, double near2,
+                                double far2, int first)
 {
 #ifdef VT_AVX2
-    if (__builtin_cpu_supports("avx2")) return vt_first_steps_avx2(windows, s, n, near2, far2, others);
+    if (__builtin_cpu_supports("avx2")) return vt_take_steps_avx2(windows, s, who, n, near2, far2, first);
 #endif
-    return vt_first_steps_by(vt_sum_window_plain, windows, s, n, near2, far2, others);
+    return vt_take_steps_by(vt_sum_window_plain, windows, s, who, n, near2, far2, first);
 }

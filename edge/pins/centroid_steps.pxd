@@ -25,7 +25,7 @@ cdef extern from "centroid_steps.c":
     bint vt_step(
         const Steps *, const double *, Py_ssize_t, Py_ssize_t, double, double, double, double, bint
     ) noexcept nogil
-    Py_ssize_t vt_first_steps(const Windows *, const Steps *, Py_ssize_t, double, double, int *) noexcept nogil
+    Py_ssize_t vt_take_steps(const Windows *, const Steps *, int *, Py_ssize_t, double, double, bint) noexcept nogil
 
 
 cdef inline Steps steps_of(
@@ -46,10 +46,10 @@ cdef inline bint take_step(
     return vt_step(&steps, &sums[0], i, norm, x, y, near2, far2, first)
 
 
-cdef inline Py_ssize_t take_first_steps(
-    Windows windows, Steps steps, Py_ssize_t n, double near2, double far2, int[::1] others
+cdef inline Py_ssize_t take_steps(
+    Windows windows, Steps steps, int[::1] who, Py_ssize_t n, double near2, double far2, bint first
 ) noexcept nogil:
-    return vt_first_steps(&windows, &steps, n, near2, far2, &others[0])
+    return vt_take_steps(&windows, &steps, &who[0], n, near2, far2, first)
 
 
 cdef inline double sigma_of(

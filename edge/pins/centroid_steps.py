@@ -1,6 +1,6 @@
 """Least-squares steps of pins from the sums over their windows, for uncompiled runs.
 
-`centroid_steps.c` has them in C, for vectors: the same to the last bit where the processor rounds each product.
+`centroid_steps.c` has them in C, for vectors: the same to the last bit where the processor rounds products.
 """
 
 from __future__ import annotations
@@ -102,26 +102,27 @@ def take_step(
     return goes_on
 
 
-def take_first_steps(
-    windows: Windows, steps: Steps, n: int, near2: float, far2: float, others: Index
+def take_steps(
+    windows: Windows, steps: Steps, who: Index, n: int, near2: float, far2: float, first: bool
 ) -> int:
-    """Take the first step of each of n pins whose window is within the image.
+    """Take a step of each of n pins whose window is within the image.
 
-    others   (n,) written: twice each pin that has to go on, and 1 if it has taken its first step
-    Returns  how many these are
+    who      these pins; written: twice each that has to go on, and 1 if it has taken this step
+    near2, far2, first  as of `take_step`
+    Returns  how many have to go on
     """
     asked = 0
-    for i in range(n):
-        x4, y4 = (PHASES * float(at) + 2.0 for at in steps.predicted[i])
+    for i in map(int, who[:n]):
+        x4, y4 = (PHASES * float(at) + 2.0 for at in (steps.predicted if first else steps.xy)[i])
         taken = steps.inner[0] <= x4 < steps.inner[2] and steps.inner[1] <= y4 < steps.inner[3]
         if taken:
             x, y = int(x4), int(y4)
             norm = int(steps.norm_of[i]) + y % PHASES * PHASES + x % PHASES
             sum_window(windows, y // PHASES * steps.stride + x // PHASES, int(steps.kind_of[i]), norm)
             start = 0.25 * x - 0.375, 0.25 * y - 0.375
-            if not take_step(steps, windows.sums, i, norm, *start, near2, far2, True):
+            if not take_step(steps, windows.sums, i, norm, *start, near2, far2, first):
                 continue
-        others[asked] = 2 * i + taken
+        who[asked] = 2 * i + taken
         asked += 1
     return asked
 

@@ -43,8 +43,8 @@ if cython.compiled:
         Steps,
         sigma_of,
         steps_of,
-        take_first_steps,
         take_step,
+        take_steps,
     )
     from cython.cimports.edge.pins.rejection import CentroidFilter
     from cython.cimports.edge.pins.window_sums import Fetch, Kind, Windows, sum_window, windows_of
@@ -61,8 +61,8 @@ else:
         UNIT_T,
         sigma_of,
         steps_of,
-        take_first_steps,
         take_step,
+        take_steps,
     )
     from edge.pins.rejection import CentroidFilter
     from edge.pins.window_sums import sum_window, windows_of
@@ -115,7 +115,7 @@ class CentroidKernel:
     _fetch: Fetch[::1]  # as `sum_window` takes it
     _windows: Windows  # of the image in hand
     _steps_of: Steps  # to take in it
-    _others: cython.int[::1]  # pins whose first step is not their only one, as `take_first_steps` says
+    _who: cython.int[::1]  # pins that have to take a step, and what `take_steps` says of them
     _values: cython.short[::1]  # of the templates
     _uv: cython.schar[::1]
     _norms: cython.double[:, ::1]
@@ -159,7 +159,7 @@ class CentroidKernel:
         self._sign = -1 if dark else 1
         self._norms = np.concatenate(templates.norms)
         self._rows = self._columns = self._stride = -1  # none yet
-        self._inner, self._others = np.zeros(4), np.zeros(self.n, np.int32)
+        self._inner, self._who = np.zeros(4), np.zeros(self.n, np.int32)
         if not 0 <= limits["spare_bits"] <= 8:
             raise ValueError(f"spare_bits of 0 to 8 are wanted, not {limits['spare_bits']}")
         self._reach2 = limits["reach_px"] ** 2
@@ -251,28 +251,42 @@ class CentroidKernel:
     @cython.exceptval(check=False)
     def _read(self) -> cython.void:
         """Each pin steps from its prediction to its centroid."""
+        i: cython.Py_ssize_t
         k: cython.Py_ssize_t
         asked: cython.Py_ssize_t
-        if self.n == 0:
+        n: cython.Py_ssize_t = self.n  # that have to take the next step
+        iteration: cython.int = 0
+        if n == 0:
             return
         self._steps_of = steps_of(
             self._norms, self._predicted, self._inner, self._kind_of, self._norm_of, self._stride,
             self._reach2, self._noise2, self._gain, self._xy, self._sigma, self._amplitude, self._fit,
         )  # fmt: skip
         if self._wide:
-            for k in range(self.n):
-                self._find(k, 0)
+            for i in range(n):
+                self._find(i, 0)
             return
         self._begin_to_fetch()
         self._windows = windows_of(
             self._image8, self._fetch, self._kinds, self._steps, self._values, self._uv, self._norms,
             self._pixels, self._sums, self._sign < 0,
         )  # fmt: skip
-        asked = take_first_steps(
-            self._windows, self._steps_of, self.n, self._near2_of(0), self._far2_of(0), self._others
-        )
-        for k in range(asked):
-            self._find(self._others[k] >> 1, self._others[k] & 1)
+        for i in range(n):
+            self._who[i] = i
+        while n > 0:
+            asked = take_steps(
+                self._windows, self._steps_of, self._who, n, self._near2_of(iteration),
+                self._far2_of(iteration), iteration == 0,
+            )  # fmt: skip
+            n = 0
+            for k in range(asked):
+                i = self._who[k] >> 1
+                if self._who[k] & 1:
+                    self._who[n] = i
+                    n += 1
+                else:
+                    self._find(i, iteration)
+            iteration += 1
 
     @cython.cfunc
     @cython.inline
