@@ -43,8 +43,8 @@ static int vt_is_within_reach(const vt_steps *s, const vt_start *from, double ex
 }
 
 /* A step of two pins, or of one twice, from their sums. Returns 1 if the first one has to go on, 2 for the other. */
-VT_INLINE static inline int vt_step_two(const vt_steps *s, const double *sums, const vt_start *from, double near2, double far2,
-                       int first)
+VT_INLINE static inline int vt_step_two(const vt_steps *s, const double *sums, const vt_start *from, double near2,
+                                        double far2, int first)
 {
     const double *const p = s->norms + VT_NORM * from[0].norm, *const q = s->norms + VT_NORM * from[1].norm;
     const double *const other = sums + 8;

@@ -10,7 +10,7 @@ from edge.geometry.select import kth_smallest
 pytestmark = pytest.mark.kernels
 
 
-@pytest.mark.parametrize("n", [1, 2, 3, 10, 331])
+@pytest.mark.parametrize("n", [1, 2, 3, 10, 331, 2000])
 @pytest.mark.parametrize(
     "kind", ["random", "sorted", "reversed", "equal", "few", "signed zeros", "wide", "infinite", "neighbours"]
 )
