@@ -54,12 +54,14 @@ from edge.types import Array, Index
 
 if cython.compiled:
     from cython.cimports.edge.cells.predicates import Predicates
+    from cython.cimports.edge.cells.triangle_parts import measure
     from cython.cimports.edge.geometry.views import PointsView
     from cython.cimports.libc.math import fabs
 else:
     from math import fabs
 
     from edge.cells.predicates import Predicates
+    from edge.cells.triangle_parts import measure
     from edge.geometry.views import PointsView
 
 INFINITY = cython.declare(cython.double, float("inf"))
@@ -83,10 +85,6 @@ N_GUARD = cython.declare(cython.Py_ssize_t, 4)
 EXTENT_MIN = cython.declare(cython.double, 2.0**-66)
 EXTENT_MAX = cython.declare(cython.double, 2.0**66)
 SNAP = cython.declare(cython.double, 2.0**-140)
-
-#: Of a triangle, the part of each edge: the cotangent of the angle that faces it times its squared length;
-#: and the bound of their error, infinite where rounding does not allow cotangents.
-Parts = cython.struct(ab=cython.double, bc=cython.double, ca=cython.double, error=cython.double)
 
 # Outcomes of an update.
 DONE = cython.declare(cython.int, 0)
@@ -137,6 +135,7 @@ class Mesh:
     twin: cython.int[::1]
     stacked: cython.uchar[::1]  # whether it is on the stack
     stack: cython.int[::1]  # half-edges to check
+    parts: cython.double[:, ::1]  # of each triangle, as `measure` writes them
     points_view: PointsView
     areas: cython.double[::1]  # given last
     areas_array: Array | None  # the same memory
@@ -171,6 +170,7 @@ class Mesh:
         self.twin = np.zeros(3 * n_triangles, np.int32)
         self.stacked = np.zeros(3 * n_triangles, np.uint8)
         self.stack = np.zeros(3 * n_triangles, np.int32)
+        self.parts = np.zeros((n_triangles, 4))
         self.points_view, self.areas_array = PointsView(), None
         self.total_area = 0.0
 
@@ -392,12 +392,9 @@ class Mesh:
     @cython.inline
     @cython.nogil
     @cython.exceptval(check=False)
-    def _parts(self, t: cython.Py_ssize_t) -> Parts:
-        """Parts of triangle t."""
-        a: cython.Py_ssize_t = self.tail[3 * t]
-        b: cython.Py_ssize_t = self.tail[3 * t + 1]
-        c: cython.Py_ssize_t = self.tail[3 * t + 2]
-        return _parts_of(self.x[a], self.y[a], self.x[b], self.y[b], self.x[c], self.y[c])
+    def _is_certain(self, t: cython.Py_ssize_t, k: cython.Py_ssize_t) -> cython.bint:
+        """Whether the part of edge k of triangle t is positive and accurate by itself."""
+        return self.parts[t, 3] < AREA_TOLERANCE * self.parts[t, k]
 
     @cython.cfunc
     @cython.nogil
@@ -414,35 +411,37 @@ class Mesh:
         a: cython.Py_ssize_t
         b: cython.Py_ssize_t
         c: cython.Py_ssize_t
-        own: Parts
+        ab: cython.double
+        bc: cython.double
+        ca: cython.double
         part: cython.double
-        x: cython.double[::1] = self.x
-        y: cython.double[::1] = self.y
         tail: cython.int[::1] = self.tail
         area: cython.double[::1] = self.area
+        parts: cython.double[:, ::1] = self.parts
         for i in range(self.n_points + N_GUARD):
             area[i] = 0.0
         if self.has_bounds:
             self.has_bounds = False
             for i in range(self.n_points):
                 self.bound[i] = 0.0
+        measure(self.tail, self.x, self.y, self.n_triangles, SLIVER, ERROR_BOUND, self.parts)
         for t in range(self.n_triangles):
-            a, b, c = tail[3 * t], tail[3 * t + 1], tail[3 * t + 2]
-            own = _parts_of(x[a], y[a], x[b], y[b], x[c], y[c])
-            if own.error < AREA_TOLERANCE * min(own.ab, own.bc, own.ca):
-                area[a] += own.ab + own.ca
-                area[b] += own.ab + own.bc
-                area[c] += own.bc + own.ca
+            ab, bc, ca = parts[t, 0], parts[t, 1], parts[t, 2]
+            if parts[t, 3] < AREA_TOLERANCE * min(ab, bc, ca):
+                a, b, c = tail[3 * t], tail[3 * t + 1], tail[3 * t + 2]
+                area[a] += ab + ca
+                area[b] += ab + bc
+                area[c] += bc + ca
                 continue
-            if own.error == INFINITY and self._is_turned(t):
+            if parts[t, 3] == INFINITY and self._is_turned(t):
                 return False
             for k in range(3):
-                if _is_certain(own, k):
-                    part = _part_of(own, k)
+                if self._is_certain(t, k):
+                    part = parts[t, k]
                     area[tail[3 * t + k]] += part
                     area[tail[3 * t + (k + 1) % 3]] += part
                 else:
-                    self._sweep_edge(3 * t + k, _part_of(own, k), own.error)
+                    self._sweep_edge(3 * t + k, parts[t, k], parts[t, 3])
         if self.reached or self.marked != self.changes:
             self.marked = self.changes
             self.reached = self._mark()
@@ -458,13 +457,13 @@ class Mesh:
             return
         p: cython.Py_ssize_t = self.tail[h]
         q: cython.Py_ssize_t = self.tail[g]
-        other: Parts = self._parts(g // 3)
-        beyond: cython.double = _part_of(other, g % 3)
+        other: cython.Py_ssize_t = g // 3
+        beyond: cython.double = self.parts[other, g % 3]
         part: cython.double = own + beyond
-        is_certain: cython.bint = _is_certain(other, g % 3)
+        is_certain: cython.bint = self._is_certain(other, g % 3)
         if g < h and not is_certain:  # seen from the other side
             return
-        error += other.error
+        error += self.parts[other, 3]
         if not error < AREA_TOLERANCE * part:
             part = self._part(h, g, part, error)
             if part < 0.0:
@@ -815,56 +814,6 @@ class Mesh:
         self._flip(flat)
         self._push_round(flat, g)
         return True
-
-
-@cython.cfunc
-@cython.inline
-@cython.nogil
-@cython.exceptval(check=False)
-def _parts_of(
-    ax: cython.double, ay: cython.double, bx: cython.double, by: cython.double, cx: cython.double,
-    cy: cython.double,
-) -> Parts:  # fmt: skip
-    """Parts of a triangle."""
-    abx: cython.double = bx - ax
-    aby: cython.double = by - ay
-    bcx: cython.double = cx - bx
-    bcy: cython.double = cy - by
-    acx: cython.double = cx - ax
-    acy: cython.double = cy - ay
-    cross: cython.double = abx * acy - aby * acx
-    ab2: cython.double = abx * abx + aby * aby
-    bc2: cython.double = bcx * bcx + bcy * bcy
-    ca2: cython.double = acx * acx + acy * acy
-    sum2: cython.double = ab2 + bc2 + ca2
-    if not cross > SLIVER * sum2:
-        return Parts(0.0, 0.0, 0.0, INFINITY)
-    inverse: cython.double = 1.0 / cross
-    q: cython.double = 0.5 * sum2 * inverse
-    return Parts(
-        (bcx * acx + bcy * acy) * inverse * ab2,
-        (acx * abx + acy * aby) * inverse * bc2,
-        -(abx * bcx + aby * bcy) * inverse * ca2,
-        ERROR_BOUND * q * (1.0 + q) * sum2,
-    )
-
-
-@cython.cfunc
-@cython.inline
-@cython.nogil
-@cython.exceptval(check=False)
-def _part_of(parts: Parts, k: cython.Py_ssize_t) -> cython.double:
-    """That of edge k."""
-    return parts.ab if k == 0 else parts.bc if k == 1 else parts.ca
-
-
-@cython.cfunc
-@cython.inline
-@cython.nogil
-@cython.exceptval(check=False)
-def _is_certain(parts: Parts, k: cython.Py_ssize_t) -> cython.bint:
-    """Whether the part of edge k is positive and accurate by itself."""
-    return parts.error < AREA_TOLERANCE * _part_of(parts, k)
 
 
 @cython.cfunc

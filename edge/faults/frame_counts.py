@@ -193,8 +193,8 @@ class FocusWindows:
     side: cython.Py_ssize_t
     tail: cython.Py_ssize_t
     corners: cython.int[:, ::1]
-    rows: Index  # (m, side, 1) and
-    columns: Index  # (m, 1, side): of all pixels in the windows
+    image8: cython.const[cython.uchar][:, :]  # in hand, or
+    image16: cython.const[cython.ushort][:, :]
     levels: cython.double[::1]
     counts: cython.Py_ssize_t[::1]
 
@@ -205,9 +205,6 @@ class FocusWindows:
             )
         self.corners = np.array(corners, np.int32, order="C")
         self.side, self.tail = side, tail
-        steps = np.arange(side)
-        self.rows = corners[:, 1, None, None] + steps[:, None]
-        self.columns = corners[:, 0, None, None] + steps
         self.levels = np.empty(side * side)
         self.counts = np.empty(256, np.intp)
 
@@ -233,20 +230,24 @@ class FocusWindows:
                 raise ValueError("a window that is not within the image")
         if self.corners.shape[0] == 0:
             return 0.0
-        windows = np.array(image[self.rows, self.columns], np.float64, order="C")
-        level: float = self._measure(windows, out, image.dtype != np.uint8)
+        wide: cython.bint = image.dtype != np.uint8
+        if wide:
+            self.image16 = image
+        else:
+            self.image8 = image
+        level: float = self._measure(out, wide)
         return level
 
     @cython.cfunc
     @cython.exceptval(check=False)
-    def _measure(
-        self, windows: cython.double[:, :, ::1], out: cython.double[:, ::1], wide: cython.bint
-    ) -> cython.double:
+    def _measure(self, out: cython.double[:, ::1], wide: cython.bint) -> cython.double:
         n: cython.Py_ssize_t = self.side * self.side
         w: cython.Py_ssize_t
         x: cython.Py_ssize_t
         y: cython.Py_ssize_t
         k: cython.Py_ssize_t
+        column: cython.Py_ssize_t
+        row: cython.Py_ssize_t
         sum_: cython.double
         energy: cython.double
         dx: cython.double
@@ -258,7 +259,8 @@ class FocusWindows:
             k = 0
             for y in range(self.side):
                 for x in range(self.side):
-                    self.levels[k] = windows[w, y, x]
+                    column, row = self.corners[w, 0] + x, self.corners[w, 1] + y
+                    self.levels[k] = self.image16[row, column] if wide else self.image8[row, column]
                     dx = self.levels[k] - self.levels[k - 1] if x else 0.0
                     dy = self.levels[k] - self.levels[k - self.side] if y else 0.0
                     energy += dx * dx + dy * dy

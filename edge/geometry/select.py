@@ -1,5 +1,7 @@
 """Order statistics without sorting. A kernel; other kernels import it through `select.pxd`."""
 
+# mypy: disable-error-code="untyped-decorator"
+
 from __future__ import annotations
 
 import cython
@@ -33,14 +35,29 @@ def select_kth(v: cython.double[::1], n: cython.Py_ssize_t, k: cython.Py_ssize_t
     """k-th smallest of the first n > k, which change places: none before it is larger then, none behind it
     smaller.
 
-    Source  Hoare, Algorithm 65: Find, Communications of the ACM 4, 1961
+    Source  Hoare, Algorithm 65: Find; Floyd and Rivest, Algorithm 489: Select; Communications of the ACM 4,
+            1961, and 18, 1975
     """
-    low: cython.Py_ssize_t = 0
-    high: cython.Py_ssize_t = n - 1
+    _select(v, 0, n - 1, k)
+    return v[k]
+
+
+@cython.cfunc
+@cython.nogil
+@cython.exceptval(check=False)
+def _select(
+    v: cython.double[::1], low: cython.Py_ssize_t, high: cython.Py_ssize_t, k: cython.Py_ssize_t
+) -> cython.void:
+    """The same of v[low] to v[high]."""
     i: cython.Py_ssize_t
     j: cython.Py_ssize_t
+    few: cython.Py_ssize_t
     pivot: cython.double
     while low < high:
+        few = (high - low) // 16
+        if few > 4:  # whose k-th is nearer to that of all than any one of them
+            i = k - few * (k - low) // (high - low)
+            _select(v, i, i + few, k)
         pivot = v[k]
         i = low
         j = high
@@ -57,7 +74,6 @@ def select_kth(v: cython.double[::1], n: cython.Py_ssize_t, k: cython.Py_ssize_t
             low = i
         if k < i:
             high = j
-    return v[k]
 
 
 def median(v: cython.double[::1], n: cython.Py_ssize_t) -> cython.double:

@@ -13,7 +13,7 @@ Rules
 - Templates (`templates.py`) are in 16-bit integers for PHASES x PHASES subpixel offsets, zero outside of the
   support circle. d is orthogonal to 1; tx and ty to 1 and d.
 - One pass over the pixels of the support, which are copied from the image without the gaps between its rows
-  (`window_sums`); then the step. Nine pins in ten need one.
+  (`window_sums`); then the step (`centroid_steps`). Nine pins in ten need one.
 - All sums are exact integers. What depends on the template alone is precomputed in `norms`.
 - Dark pins are bright ones in the inverted image, whose sums follow from the image's own: the result is the
   same to the last bit.
@@ -34,56 +34,38 @@ from edge.pins.window_sums import FETCH, KIND
 from edge.types import Array, Image, Index
 
 if cython.compiled:
-    from cython.cimports.edge.pins.rejection import CentroidFilter
-    from cython.cimports.edge.pins.window_sums import (
+    from cython.cimports.edge.pins.centroid_steps import (
         D2,
-        D_U,
-        D_V,
-        FREEDOM,
-        INV_D,
-        INV_FREEDOM,
         LONGEST,
         RADIUS,
-        TX_U,
-        TY_V,
         UNIT_D,
         UNIT_T,
-        X_D,
-        X_U,
-        Y_D,
-        Y_V,
-        Fetch,
-        Kind,
-        Windows,
-        sum_window,
-        windows_of,
+        Steps,
+        sigma_of,
+        steps_of,
+        take_step,
+        take_steps,
     )
+    from cython.cimports.edge.pins.rejection import CentroidFilter
+    from cython.cimports.edge.pins.window_sums import Fetch, Kind, Windows, sum_window, windows_of
     from cython.cimports.libc.math import HUGE_VAL, sqrt
 else:
     from math import inf as HUGE_VAL  # noqa: N812
     from math import sqrt
 
-    from edge.pins.rejection import CentroidFilter
-    from edge.pins.window_sums import (
+    from edge.pins.centroid_steps import (
         D2,
-        D_U,
-        D_V,
-        FREEDOM,
-        INV_D,
-        INV_FREEDOM,
         LONGEST,
         RADIUS,
-        TX_U,
-        TY_V,
         UNIT_D,
         UNIT_T,
-        X_D,
-        X_U,
-        Y_D,
-        Y_V,
-        sum_window,
-        windows_of,
+        sigma_of,
+        steps_of,
+        take_step,
+        take_steps,
     )
+    from edge.pins.rejection import CentroidFilter
+    from edge.pins.window_sums import sum_window, windows_of
 
 INT_MAX = cython.declare(cython.Py_ssize_t, np.iinfo(np.int32).max)
 N_PHASES = cython.declare(cython.int, PHASES)
@@ -132,6 +114,8 @@ class CentroidKernel:
     _half: cython.Py_ssize_t  # of the largest window
     _fetch: Fetch[::1]  # as `sum_window` takes it
     _windows: Windows  # of the image in hand
+    _steps_of: Steps  # to take in it
+    _who: cython.int[::1]  # pins that have to take a step, and what `take_steps` says of them
     _values: cython.short[::1]  # of the templates
     _uv: cython.schar[::1]
     _norms: cython.double[:, ::1]
@@ -175,6 +159,7 @@ class CentroidKernel:
         self._sign = -1 if dark else 1
         self._norms = np.concatenate(templates.norms)
         self._rows = self._columns = self._stride = -1  # none yet
+        self._inner, self._who = np.zeros(4), np.zeros(self.n, np.int32)
         if not 0 <= limits["spare_bits"] <= 8:
             raise ValueError(f"spare_bits of 0 to 8 are wanted, not {limits['spare_bits']}")
         self._reach2 = limits["reach_px"] ** 2
@@ -267,31 +252,69 @@ class CentroidKernel:
     def _read(self) -> cython.void:
         """Each pin steps from its prediction to its centroid."""
         i: cython.Py_ssize_t
-        if not self._wide:
-            self._begin_to_fetch()
-            self._windows = windows_of(
-                self._image8, self._fetch, self._kinds, self._steps, self._values, self._uv, self._norms,
-                self._pixels, self._sums, self._sign < 0,
+        k: cython.Py_ssize_t
+        asked: cython.Py_ssize_t
+        n: cython.Py_ssize_t = self.n  # that have to take the next step
+        iteration: cython.int = 0
+        if n == 0:
+            return
+        self._steps_of = steps_of(
+            self._norms, self._predicted, self._inner, self._kind_of, self._norm_of, self._stride,
+            self._reach2, self._noise2, self._gain, self._xy, self._sigma, self._amplitude, self._fit,
+        )  # fmt: skip
+        if self._wide:
+            for i in range(n):
+                self._find(i, 0)
+            return
+        self._begin_to_fetch()
+        self._windows = windows_of(
+            self._image8, self._fetch, self._kinds, self._steps, self._values, self._uv, self._norms,
+            self._pixels, self._sums, self._sign < 0,
+        )  # fmt: skip
+        for i in range(n):
+            self._who[i] = i
+        while n > 0:
+            asked = take_steps(
+                self._windows, self._steps_of, self._who, n, self._near2_of(iteration),
+                self._far2_of(iteration), iteration == 0,
             )  # fmt: skip
-        for i in range(self.n):
-            self._find(i)
+            n = 0
+            for k in range(asked):
+                i = self._who[k] >> 1
+                if self._who[k] & 1:
+                    self._who[n] = i
+                    n += 1
+                else:
+                    self._find(i, iteration)
+            iteration += 1
+
+    @cython.cfunc
+    @cython.inline
+    @cython.exceptval(check=False)
+    def _far2_of(self, iteration: cython.int) -> cython.double:
+        """Far off, slopes alone give a coarse step first."""
+        return self._far2 if iteration < self._steps_max - 3 else HUGE_VAL
+
+    @cython.cfunc
+    @cython.inline
+    @cython.exceptval(check=False)
+    def _near2_of(self, iteration: cython.int) -> cython.double:
+        """The last step that is allowed ends everywhere."""
+        return self._near2 if iteration < self._steps_max - 1 else HUGE_VAL
 
     @cython.cfunc
     @cython.exceptval(check=False)
-    def _find(self, i: cython.Py_ssize_t) -> cython.void:
-        """Steps of pin i."""
-        iteration: cython.int
-        x: cython.double = self._predicted[i, 0]
-        y: cython.double = self._predicted[i, 1]
-        near2: cython.double
-        far2: cython.double
-        for iteration in range(self._steps_max):
-            # Far off, slopes alone give a coarse step first. The last step that is allowed ends everywhere.
-            far2 = self._far2 if iteration < self._steps_max - 3 else HUGE_VAL
-            near2 = self._near2 if iteration < self._steps_max - 1 else HUGE_VAL
-            if not self._step(i, x, y, near2, far2, iteration == 0):
+    def _find(self, i: cython.Py_ssize_t, iteration: cython.int) -> cython.void:
+        """Steps of pin i, which has taken `iteration` of them."""
+        x: cython.double
+        y: cython.double
+        while iteration < self._steps_max:
+            x, y = self._predicted[i, 0], self._predicted[i, 1]
+            if iteration:
+                x, y = self._xy[i, 0], self._xy[i, 1]
+            if not self._step(i, x, y, self._near2_of(iteration), self._far2_of(iteration), iteration == 0):
                 return
-            x, y = self._xy[i, 0], self._xy[i, 1]
+            iteration += 1
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -364,84 +387,7 @@ class CentroidKernel:
             if cx < half or cy < half or cx + half >= self._columns or cy + half >= self._rows:
                 return self._step_cut(i, kind, cx, cy, phase, middle_x, middle_y, near2)
             self._sum_levels(kind, phase, norm)
-        return self._solve(i, norm, middle_x, middle_y, near2, far2, first)
-
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _solve(
-        self, i: cython.Py_ssize_t, n: cython.Py_ssize_t, middle_x: cython.double, middle_y: cython.double,
-        near2: cython.double, far2: cython.double, first: cython.bint,
-    ) -> cython.bint:  # fmt: skip
-        """The step of pin i from `_sums`; n: the row of its norms. Returns that it has to go on."""
-        a: cython.double = self._sums[0]
-        tx: cython.double = self._sums[1]
-        ty: cython.double = self._sums[2]
-        if not a > 0.0:
-            return False
-        x_d: cython.double = self._norms[n, X_D]
-        y_d: cython.double = self._norms[n, Y_D]
-        x_u: cython.double = self._norms[n, X_U]
-        y_v: cython.double = self._norms[n, Y_V]
-        inverse: cython.double = 1.0 / a
-        a2: cython.double = a * a
-        # The step times |d| A, as if the surroundings had no slope.
-        ex: cython.double = tx * x_d
-        ey: cython.double = ty * y_d
-        is_near: cython.bint = ex * ex + ey * ey <= far2 * a2
-        # What the slope of the surroundings explains besides. It is shrunk by its uncertainty: where it is
-        # within its own noise, leaving it out costs nothing and saves a fifth of the noise.
-        su: cython.double = self._sums[4] + self._norms[n, D_U] * a
-        sv: cython.double = self._sums[5] + self._norms[n, D_V] * a
-        gu: cython.double = su + self._norms[n, TX_U] * tx
-        gv: cython.double = sv + self._norms[n, TY_V] * ty
-        gu2: cython.double = gu * gu
-        gv2: cython.double = gv * gv
-        energy: cython.double = self._sums[6] - self._sums[3] * self._sums[3] * self._sums[7]
-        rest: cython.double = energy - a2 - tx * tx - ty * ty - gu2 - gv2
-        variance: cython.double = max(rest, 0.0) * self._norms[n, INV_FREEDOM] + 1.0 / 12.0
-        limit: cython.double = 4.0 * variance
-        keep_x: cython.double = 1.0 - limit / gu2 if is_near and gu2 > limit else 0.0
-        keep_y: cython.double = 1.0 - limit / gv2 if is_near and gv2 > limit else 0.0
-        ex -= keep_x * gu * x_u
-        ey -= keep_y * gv * y_v
-        goes_on: cython.bint = square(ex, ey) >= near2 * a2
-        ex *= inverse
-        ey *= inverse
-        # Variation that the slope of the surroundings explains does not count against the disc.
-        left: cython.double = energy - gu * su - gv * sv
-        spread: cython.double = x_d * x_d + y_d * y_d + keep_x * (x_u * x_u) + keep_y * (y_v * y_v)
-        self._sigma[i] = sigma_of(
-            0.5 * variance * spread * inverse * inverse,
-            rest,
-            self._norms[n, FREEDOM],
-            left,
-            self._noise2,
-            self._norms[n, RADIUS],
-        )
-        self._xy[i, 0] = middle_x + ex
-        self._xy[i, 1] = middle_y + ey
-        # A first step that is the last one is so short that it is within reach.
-        if (goes_on or not first) and not self._is_within_reach(i, n, middle_x, middle_y, ex, ey):
-            return False
-        self._amplitude[i] = a * self._norms[n, INV_D] * self._gain
-        self._fit[i] = a2 / left if left > 0.0 else 0.0
-        return goes_on
-
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _is_within_reach(
-        self, i: cython.Py_ssize_t, n: cython.Py_ssize_t, middle_x: cython.double, middle_y: cython.double,
-        ex: cython.double, ey: cython.double,
-    ) -> cython.bint:  # fmt: skip
-        """Shorten a step that is too long; whether it ends near enough to the prediction."""
-        length: cython.double = sqrt(square(ex, ey))
-        longest: cython.double = self._norms[n, LONGEST]
-        if length > longest:
-            self._xy[i, 0] = middle_x + longest / length * ex
-            self._xy[i, 1] = middle_y + longest / length * ey
-        ex = self._xy[i, 0] - self._predicted[i, 0]
-        ey = self._xy[i, 1] - self._predicted[i, 1]
-        return square(ex, ey) <= self._reach2
+        return take_step(self._steps_of, self._sums, i, norm, middle_x, middle_y, near2, far2, first)
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -639,23 +585,6 @@ class CentroidKernel:
 def square(x: cython.double, y: cython.double) -> cython.double:
     """Squared length."""
     return x * x + y * y
-
-
-@cython.cfunc
-@cython.inline
-@cython.exceptval(check=False)
-def sigma_of(
-    noise_variance: cython.double, rest: cython.double, freedom: cython.double,
-    energy: cython.double, noise2: cython.double, radius: cython.double,
-) -> cython.double:  # fmt: skip
-    """Sigma of a coordinate, px: the noise left by the fit, plus the bias that a blob unlike a disc may hide.
-
-    The share m of the variation that the disc does not explain counts as radius x m^2 (docs/tuning.md).
-    """
-    missing: cython.double = rest - freedom * (noise2 + 1.0 / 12.0)
-    m: cython.double = missing / energy if missing > 0 and energy > 0 else 0.0
-    hidden: cython.double = radius * m * m
-    return sqrt(noise_variance + hidden * hidden)
 
 
 def _kinds_of(templates: TemplateSet) -> NDArray[np.void]:

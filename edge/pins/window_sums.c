@@ -5,6 +5,7 @@
  * are formed in one pass. AVX2, chosen at run time, and NEON have loops of their own: GCC 12 needs 2 and 1.15 times as
  * many instructions for the plain one.
  */
+#pragma once
 #include <string.h>
 #if defined(__x86_64__) && defined(__GNUC__)
 #define VT_AVX2

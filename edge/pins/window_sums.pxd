@@ -1,21 +1,3 @@
-cdef enum:  # columns of `NORM`
-    INV_D = 8
-    X_D
-    Y_D
-    X_U
-    Y_V
-    D_U
-    TX_U
-    D_V
-    TY_V
-    FREEDOM
-    INV_FREEDOM
-    RADIUS
-    LONGEST
-    D2
-    UNIT_D
-    UNIT_T
-
 cdef extern from "window_sums.c":
     ctypedef struct Kind "vt_kind":
         Py_ssize_t half, first_span, end_span, first_step, end_step, row_bytes, first, first_uv, plane, pixels

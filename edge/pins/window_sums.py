@@ -10,16 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from edge.pins.templates import BLOCK, NORM, PHASES
+from edge.pins.templates import BLOCK, PHASES
 from edge.types import Array, Image, Index
 
 Shorts = NDArray[np.int16]
 
-#: Columns of `NORM`: `window_sums.pxd` numbers them alike.
-(
-    INV_D, X_D, Y_D, X_U, Y_V, D_U, TX_U, D_V, TY_V, FREEDOM, INV_FREEDOM, RADIUS, LONGEST, D2, UNIT_D,
-    UNIT_T,
-) = map(NORM.index, NORM[NORM.index("inv_d") :])  # fmt: skip
 #: What is known of one kind of pins:
 #: half             px, half width of its window
 #: first_span, end_span  its rows in the spans of all kinds

@@ -11,7 +11,7 @@ from tests.support.refusals import refused
 pytestmark = pytest.mark.kernels
 
 
-@pytest.mark.parametrize("n", [1, 2, 3, 10, 331])
+@pytest.mark.parametrize("n", [1, 2, 3, 10, 331, 2000])
 @pytest.mark.parametrize(
     "kind", ["random", "sorted", "reversed", "equal", "few", "signed zeros", "wide", "infinite", "neighbours"]
 )

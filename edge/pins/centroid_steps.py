@@ -1,0 +1,152 @@
+"""Least-squares steps of pins from the sums over their windows, for uncompiled runs.
+
+`centroid_steps.c` has them in C, for vectors: the same to the last bit where the processor rounds products.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from typing import NamedTuple
+
+from edge.pins.templates import NORM, PHASES
+from edge.pins.window_sums import Windows, sum_window
+from edge.types import Array, Index
+
+#: Columns of `NORM`: `centroid_steps.c` counts them likewise.
+(
+    INV_D, X_D, Y_D, X_U, Y_V, D_U, TX_U, D_V, TY_V, FREEDOM, INV_FREEDOM, RADIUS, LONGEST, D2, UNIT_D,
+    UNIT_T,
+) = map(NORM.index, NORM[NORM.index("inv_d") :])  # fmt: skip
+
+
+class Steps(NamedTuple):
+    """What the steps of a frame share.
+
+    norms               of the templates
+    predicted           (n, 2) px
+    inner               phases: least x and y of pins whose windows are within the image, least beyond
+    kind_of, norm_of    (n,) which of the kinds each pin is, and the row of its first phase in `norms`
+    stride              bytes from row to row of an 8-bit image
+    reach2              px2: farther from its prediction a pin is lost
+    noise2, gain        levels^2 of the camera's noise; factor of the levels
+    xy, sigma, amplitude, fit  of `CentroidKernel`; written
+    """
+
+    norms: Array
+    predicted: Array
+    inner: Array
+    kind_of: Index
+    norm_of: Index
+    stride: int
+    reach2: float
+    noise2: float
+    gain: float
+    xy: Array
+    sigma: Array
+    amplitude: Array
+    fit: Array
+
+
+steps_of = Steps
+
+
+def take_step(
+    steps: Steps, sums: Array, i: int, norm: int, x: float, y: float, near2: float, far2: float, first: bool
+) -> bool:
+    """Take the step of pin i. Returns that it has to go on.
+
+    sums   of its window, as `sum_window` writes them
+    norm   row of its norms
+    x, y   px, where the step begins: the place of the template
+    near2  px2: a step this short is the last
+    far2   px2: of a longer one the slopes alone are enough
+    first  it is its first step
+    """
+    steps.amplitude[i] = steps.fit[i] = 0
+    a, tx, ty, level, u, v, square, inv_pixels = map(float, sums[:8])
+    if not a > 0.0:
+        return False
+    norms = [float(number) for number in steps.norms[norm]]
+    x_d, y_d, x_u, y_v = norms[X_D], norms[Y_D], norms[X_U], norms[Y_V]
+    inverse, a2 = 1.0 / a, a * a
+    # The step times |d| A, as if the surroundings had no slope.
+    ex, ey = tx * x_d, ty * y_d
+    is_near = ex * ex + ey * ey <= far2 * a2
+    # What the slope of the surroundings explains besides. It is shrunk by its uncertainty: where it is
+    # within its own noise, leaving it out costs nothing and saves a fifth of the noise.
+    su, sv = u + norms[D_U] * a, v + norms[D_V] * a
+    gu, gv = su + norms[TX_U] * tx, sv + norms[TY_V] * ty
+    gu2, gv2 = gu * gu, gv * gv
+    energy = square - level * level * inv_pixels
+    rest = energy - a2 - tx * tx - ty * ty - gu2 - gv2
+    variance = max(rest, 0.0) * norms[INV_FREEDOM] + 1.0 / 12.0
+    limit = 4.0 * variance
+    keep_x = 1.0 - limit / gu2 if is_near and gu2 > limit else 0.0
+    keep_y = 1.0 - limit / gv2 if is_near and gv2 > limit else 0.0
+    ex -= keep_x * gu * x_u
+    ey -= keep_y * gv * y_v
+    goes_on = ex * ex + ey * ey >= near2 * a2
+    ex *= inverse
+    ey *= inverse
+    # Variation that the slope of the surroundings explains does not count against the disc.
+    left = energy - gu * su - gv * sv
+    spread = x_d * x_d + y_d * y_d + keep_x * (x_u * x_u) + keep_y * (y_v * y_v)
+    noise = 0.5 * variance * spread * inverse * inverse
+    steps.sigma[i] = sigma_of(noise, rest, norms[FREEDOM], left, steps.noise2, norms[RADIUS])
+    steps.xy[i] = x + ex, y + ey
+    # A first step that is the last one is so short that it is within reach.
+    if (goes_on or not first) and not _is_within_reach(steps, i, norms[LONGEST], (x, y), (ex, ey)):
+        return False
+    steps.amplitude[i] = a * norms[INV_D] * steps.gain
+    steps.fit[i] = a2 / left if left > 0.0 else 0.0
+    return goes_on
+
+
+def take_steps(
+    windows: Windows, steps: Steps, who: Index, n: int, near2: float, far2: float, first: bool
+) -> int:
+    """Take a step of each of n pins whose window is within the image.
+
+    who      these pins; written: twice each that has to go on, and 1 if it has taken this step
+    near2, far2, first  as of `take_step`
+    Returns  how many have to go on
+    """
+    asked = 0
+    for i in map(int, who[:n]):
+        x4, y4 = (PHASES * float(at) + 2.0 for at in (steps.predicted if first else steps.xy)[i])
+        taken = steps.inner[0] <= x4 < steps.inner[2] and steps.inner[1] <= y4 < steps.inner[3]
+        if taken:
+            x, y = int(x4), int(y4)
+            norm = int(steps.norm_of[i]) + y % PHASES * PHASES + x % PHASES
+            sum_window(windows, y // PHASES * steps.stride + x // PHASES, int(steps.kind_of[i]), norm)
+            start = 0.25 * x - 0.375, 0.25 * y - 0.375
+            if not take_step(steps, windows.sums, i, norm, *start, near2, far2, first):
+                continue
+        who[asked] = 2 * i + taken
+        asked += 1
+    return asked
+
+
+def sigma_of(
+    noise_variance: float, rest: float, freedom: float, energy: float, noise2: float, radius: float
+) -> float:
+    """Sigma of a coordinate, px: the noise left by the fit, plus the bias that a blob unlike a disc may hide.
+
+    The share m of the variation that the disc does not explain counts as radius x m^2 (docs/tuning.md).
+    """
+    missing = rest - freedom * (noise2 + 1.0 / 12.0)
+    m = missing / energy if missing > 0 and energy > 0 else 0.0
+    hidden = radius * m * m
+    return sqrt(noise_variance + hidden * hidden)
+
+
+def _is_within_reach(
+    steps: Steps, i: int, longest: float, start: tuple[float, float], step: tuple[float, float]
+) -> bool:
+    """Shorten a step that is too long; whether it ends near enough to the prediction."""
+    length = sqrt(step[0] * step[0] + step[1] * step[1])
+    if length > longest:
+        share = longest / length
+        steps.xy[i] = start[0] + share * step[0], start[1] + share * step[1]
+    dx, dy = (float(d) for d in steps.xy[i] - steps.predicted[i])
+    return dx * dx + dy * dy <= steps.reach2
