@@ -25,7 +25,7 @@ from edge.types import Feature, Features, Frame, Image, Reading, Rest, Result, T
 
 #: Features that need cell areas; the others need only the pins' motion.
 OF_CELLS = frozenset(f for f in Feature if f.cells)
-#: Those whose models may depend on the pins' motion alone: areas only say when a contact begins and ends.
+#: Their models may depend on the pins' motion alone: areas only say when a contact begins and ends.
 OF_MODES = frozenset(f for f in Feature if not f.areas)
 ALL = frozenset(Feature)
 

@@ -78,7 +78,7 @@ def per_frame(cls: type[T]) -> type[T]:
     return new_class(cls.__name__, (msgspec.Struct,), options, lambda namespace: namespace.update(own))
 
 
-#: Of a lens, px; beyond a hundred image sides nothing is seen at an angle.
+#: A lens's focal length, px; beyond a hundred image sides nothing is seen at an angle.
 Focal = Annotated[float, msgspec.Meta(ge=1.0, le=100 * IMAGE_SIDE_PX)]
 Coefficient = Annotated[float, msgspec.Meta(ge=-1e3, le=1e3)]
 

@@ -37,8 +37,8 @@ MODES = tuple(f"c{a}{d - a}" for d in range(6) for a in range(d, -1, -1))  # as 
 FRAME_INPUTS: tuple[str, ...] = ("volume", "shear", *MODES, "p", "peak", "size", "gap", "gap_place")
 #: First moments about a contact's middle: computed only for models that depend on them.
 MOMENTS = ("divergence_moment", "curl_moment")
-#: Of a contact fitted to the pins' motion (`edge.types.FittedContact`), computed of several contacts: its
-#: place on the tip's unit disc, the others in pitches.
+#: Inputs of a contact fitted to the pins' motion (`edge.types.FittedContact`), computed of several contacts:
+#: its place on the tip's unit disc, the others in pitches.
 FITTED = ("fitted_p", "fitted_potential", "fitted_width", "fitted_shear", "fitted_dipole")
 #: Inputs made of one contact: place on the tip's unit disc, height of the maximum, the frame's mean motion
 #: (a shear moves the maximum within the contact), the root of the contact's area; where the contact's middle

@@ -139,7 +139,7 @@ class Calibration:
         self.of_volume = "volume" in read
         self._of_place = [CONTACT_OUTPUTS.index(name) for name in self._contact.outputs.names]
         self._of_joint = [JOINT_OUTPUTS.index(name) for name in self._joint.outputs.names]
-        # What places are computed with that no model gives.
+        # A place that no model gives is computed with this.
         self._scale = None if self.outputs >= set(CONTACT_OUTPUTS[:2]) else content.mm_per_px
         self._untouched = {name: UNTOUCHED[name] for name in self._frame.outputs.names}
         self._untouched_sigmas = dict(zip(self._frame.outputs.names, self._frame.sigmas, strict=True))

@@ -36,7 +36,7 @@ else:
 
     from edge.geometry.views import PointsView
 
-#: Of each output: value, sigma, whether the model is out of its range (0 or 1).
+#: Each output has a value, a sigma, and whether the model is out of its range (0 or 1).
 FIELDS = 3
 _NONE: frozenset[str] = frozenset()
 _FIELDS = cython.declare(cython.Py_ssize_t, FIELDS)
@@ -106,7 +106,7 @@ class ModelKernel:
     n_outputs: cython.Py_ssize_t
     _n_models: cython.Py_ssize_t
     _wanted: cython.uchar[::1]  # of each model
-    # Of each model: where its part of the arrays below begins. Row n_models marks the end.
+    # Each model's row says where its part of the arrays below begins. Row n_models marks the end.
     _first_output: cython.Py_ssize_t[::1]
     _first_knot: cython.Py_ssize_t[::1]  # a model without knots is a polynomial
     _first_term: cython.Py_ssize_t[::1]

@@ -39,7 +39,7 @@ class Tessellator:
         self._n_boundary = b
         self._lost = LostPins(xy, pitch_px)
         self._mesh = Mesh(n, b, f)
-        # Of the last frame: kernels need not look at arrays again that stay the same objects.
+        # The last frame's arrays stay the same objects: kernels need not look at them again.
         self._points, self._area = np.concatenate([xy, boundary, fence]), np.empty(n)
         self._of_pins, self._around = self._points[:n], self._points[n : n + b]  # the same memory
         self._rest_area_px2 = np.empty(n)

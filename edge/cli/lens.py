@@ -18,7 +18,7 @@ from hostlink.output_file import check_output, writing
 if TYPE_CHECKING:
     from edge.types import Array, Lens
 
-#: So many views of a plane determine a camera (Zhang 2000).
+#: A camera is determined by this number of views of a plane (Zhang 2000).
 VIEWS_MIN = 3
 
 

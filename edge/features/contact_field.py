@@ -296,7 +296,7 @@ class ContactField:
         which    (n or more,) int32, of the k points
         Raises   ValueError: no such point
         """
-        # With motion (u, v) the rows make du/dx + dv/dy; with (v, -u) they make dv/dx - du/dy.
+        # The rows make, of motion (u, v), du/dx + dv/dy; with (v, -u) they make dv/dx - du/dy.
         i: cython.Py_ssize_t
         u: cython.float
         motion: cython.float[::1] = self._detrended

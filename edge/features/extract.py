@@ -61,8 +61,8 @@ NEEDS: dict[Feature, frozenset[Quantity]] = {
 }
 
 
-#: Of `Features` what follows from areas: volume, surface, grid, contacts; and from the pins in the contact:
-#: torsion, slip and its probability, vibration and the end of its band.
+#: Fields of `Features` that follow from areas: volume, surface, grid, contacts; and from the pins in the
+#: contact: torsion, slip and its probability, vibration and the end of its band.
 _OfAreas = tuple[float | None, Array | None, tuple[Array, Array] | None, tuple[ContactRegion, ...] | None]
 _OfPins = tuple[float | None, float | None, float | None, float | None, float | None]
 _NO_AREAS: _OfAreas = (None, None, None, None)

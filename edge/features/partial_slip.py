@@ -192,7 +192,7 @@ class PartialSlip:
                 self._core[self._n_core] = self._core[p]
                 self._n_core += 1
         self._begun = True
-        # Of a mean over the pins, at the beginning and now.
+        # These are of a mean over the pins, at the beginning and now.
         self._noise_s = sigma_px * sqrt(2.0 / self._n_core)
         self._noise_q = sigma_px * sqrt(2.0 / self._n_around)
 

@@ -32,7 +32,7 @@ __all__ = [
     "slope_stencil",
 ]
 
-# Of a hexagonal lattice: pins of the first ring, of the first two, and where the third one is, in pitches.
+# A hexagonal lattice has these: pins of the first ring, of the first two; where the third is, in pitches.
 N_RING, N_TWO_RINGS, THIRD_RING = 6, 18, 7.0**0.5
 # Singular values below this share of the largest count as zero: pins on a line determine no slope across it.
 RANK_TOLERANCE = 1e-4

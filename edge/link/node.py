@@ -185,7 +185,7 @@ class Node:
         period_us = 1e6 / settings.rate_hz
         if abs(capture_us - self._next_us) > 2 * period_us:
             self._next_us = capture_us  # first one, after a pause or a clock step
-        # With half a millisecond of jitter, a camera of 100 Hz and a rate of 100 Hz must not give 50 Hz.
+        # Given half a millisecond of jitter, a camera of 100 Hz and a rate of 100 Hz must not give 50 Hz.
         if capture_us < self._next_us - 500:
             return False
         self._next_us += period_us

@@ -72,7 +72,7 @@ def take_step(
     # The step times |d| A, as if the surroundings had no slope.
     ex, ey = tx * x_d, ty * y_d
     is_near = ex * ex + ey * ey <= far2 * a2
-    # What the slope of the surroundings explains besides. It is shrunk by its uncertainty: where it is
+    # The slope of the surroundings explains this besides. It is shrunk by its uncertainty: where it is
     # within its own noise, leaving it out costs nothing and saves a fifth of the noise.
     su, sv = u + norms[D_U] * a, v + norms[D_V] * a
     gu, gv = su + norms[TX_U] * tx, sv + norms[TY_V] * ty

@@ -126,7 +126,7 @@ def _steady(greys: Sequence[Image], start: int, rest: Rest) -> list[int]:
             xy[k], sigma[k] = pins.xy_img, pins.sigma_px
             expected = np.where(np.isfinite(xy[k]), xy[k], expected)
     most = 0.8  # of the pins
-    # Of pins that did not move, this share are apart by less in two images: noise alone.
+    # This share of the pins that did not move are apart by less in two images: noise alone.
     apart = 2.0 * float(np.sqrt(-np.log(1.0 - most)) * np.median(sigma[np.isfinite(sigma)]))
     limit = PARAMS.steady_radii * rest.pattern.pin_radius_px + apart
     away = np.full((len(greys), len(greys)), np.inf)
@@ -137,7 +137,7 @@ def _steady(greys: Sequence[Image], start: int, rest: Rest) -> list[int]:
         away[k, enough] = [np.quantile(m[b], most) for m, b in zip(moved[enough], both[enough], strict=True)]
     near = away <= limit
     size = near.sum(axis=1)
-    # Of sets of the same size the steadiest is taken; of equally steady ones the first.
+    # The steadiest of the sets of one size is taken; of equally steady ones the first.
     total = np.where(near, away, 0.0).sum(axis=1)
     middle = min(range(len(greys)), key=lambda k: (-size[k], total[k]))
     return np.flatnonzero(near[middle]).tolist()

@@ -27,7 +27,7 @@ BLOCK = 32  # a plane's length is a multiple of it: loops have no remainder
 HALF_MAX = 39  # px, half width of a window
 STEP_MAX = 4095  # a pixel against the window's middle, levels: 12 bits; brighter images lose their last bits
 
-#: Of one phase, in this order, which `centroid_steps.pxd` numbers. |p| is the root of
+#: One phase has these, in this order, which `centroid_steps.pxd` numbers. |p| is the root of
 #: the sum of p^2 over the support, u and v are columns and rows from its middle, u' and v' these less their
 #: shares of d and of tx or ty.
 #: by_d, by_tx, by_ty  a sum with these integers times this is a component along d / |d|, tx / |tx|, ty / |ty|

@@ -15,7 +15,7 @@ from edge.types import Array, Image, Index
 
 Shorts = NDArray[np.int16]
 
-#: What is known of one kind of pins:
+#: Columns of what is known of one kind of pins:
 #: half             px, half width of its window
 #: first_span, end_span  its rows in the spans of all kinds
 #: first_step, end_step  and in their steps
@@ -32,8 +32,8 @@ KIND = np.dtype(
     ]
 )  # fmt: skip
 
-#: What of an 8-bit image is fetched into the cache before windows are read: its rows in the order of memory.
-#: Reading the pins of an image that lies in memory takes 1.35 times as long so as of one in the cache, twice
+#: The part of an 8-bit image that is fetched into the cache before windows are read: its rows in the order
+#: of memory. Reading the pins of an image that lies in memory takes 1.35 times as long so as of one in the cache, twice
 #: with the rows of each window fetched on their own, 3.3 times without. That is with 331 pins, 640 x 480,
 #: 2 or 3 times the mean number of rows, 2 or 3 windows ahead. With the mean, or with as many rows as there
 #: are, it is 2.1 times, with 1 window ahead 1.5.

@@ -94,7 +94,7 @@ def _check_counts(tracks: Tracks, known_n: int, seen_n: int) -> None:
 def _check_shift(made_with: Rest, tracks: Tracks) -> None:
     """Raises CalibrationError: the pins are not where the calibration has them."""
     moved = (tracks.xy_img - made_with.xy_img)[tracks.seen]
-    # Beyond half a pitch a pin is nearer to its neighbour's place.
+    # A pin more than half a pitch off is nearer to its neighbour's place.
     shift, shift_max = float(np.median(np.hypot(*moved.T))), 0.5 * made_with.pattern.pitch_px
     if shift > shift_max:
         raise CalibrationError(

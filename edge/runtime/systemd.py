@@ -12,7 +12,7 @@ from collections.abc import Mapping
 
 log = logging.getLogger(__name__)
 
-#: Of the watchdog's time, after which sd_watchdog_enabled(3) asks for the next message.
+#: Share of the watchdog's time after which sd_watchdog_enabled(3) asks for the next message.
 _WATCHDOG_SHARE = 0.5
 
 

@@ -106,7 +106,7 @@ def camera_output(
     return make
 
 
-#: What a camera's frame sync pin does, by the value of `sync=`; depthai's name for it.
+#: A camera's frame sync pin does this, by the value of `sync=`; depthai's name for it.
 SYNC_MODES = {"output": "OUTPUT", "input": "INPUT", "ptp": "TIME_PTP"}
 
 

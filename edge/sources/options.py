@@ -69,7 +69,7 @@ class Spec:
 _SCHEME = re.compile(r"^([a-z][a-z0-9_+-]*):(.*)$", re.DOTALL)
 EXPOSURE_MAX_US = 0x7FFF_FFFF  # what a control of V4L2 holds
 _VIDEO_MAX_FRAME = 32  # buffers of a V4L2 device
-#: What a camera can be asked for; a key without a row takes any finite number.
+#: Ranges of what a camera can be asked for; a key without a row takes any finite number.
 _RANGES: dict[str, tuple[float, float]] = {
     "width": (0, IMAGE_SIDE_PX),
     "height": (0, IMAGE_SIDE_PX),

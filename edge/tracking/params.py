@@ -20,7 +20,7 @@ class TrackingParams:
     # --- which followed pins are seen: residual = motion off the neighbours' map
     innovation_max: float = 0.25  # change of the residual from one frame to the next
     # --- photometric outliers: brightness or centroid sigma unlike the pin's own
-    # So many times the scatter of the others: robust sigmas of the frame's brightness, from the gain that
+    # Multiples of the scatter of the others: robust sigmas of the frame's brightness, from the gain that
     # all pins share; what two thirds of the neighbours are off by
     outlier_ratio: float = 4.0
     brightness_change_min: float = 0.03  # least change of brightness, as a share

@@ -90,7 +90,7 @@ class Identifier:
         found, *others = self._search(blobs, guesses or [])
         again, certain = certain_match(found)
         best = max(found, again, key=lambda match: match.log_posterior)
-        # What was assigned anew may be better in itself, but is no further ahead of the others.
+        # A match that was assigned anew may be better in itself, but is no further ahead of the others.
         confidence = self._confidence(best, _ahead(found, others))
         return Identity(np.where(certain, again.blob, -1), best.known_n, confidence)
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from edge.errors import SinkError
 from edge.sources.files import quiet_opencv
 
-# What OpenCV's wheels encode (they have no H.264), by suffix; pictures of 1288x716 a second on one core.
+# OpenCV's wheels encode these (they have no H.264), by suffix; pictures of 1288x716 a second on one core.
 CODECS: dict[str, str] = {
     ".mp4": "mp4v",  # 107; every video player, no browser
     ".webm": "VP80",  # 20; browsers

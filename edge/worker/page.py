@@ -21,7 +21,7 @@ from edge.worker.params import PARAMS
 from hostlink.web import Listen, PageServer, WebError, pack_packet
 from hostlink.wire import FIELDS, State
 
-#: What the page has of a sample: the measured values.
+#: The page has these of a sample: the measured values.
 VALUES = tuple(f.name for f in FIELDS if not f.plain)
 
 

@@ -54,7 +54,7 @@ def test_a_function_counts_for_the_library_that_holds_it(tmp_path: Path) -> None
         ("/x/libpython3.so", "PyObject_Call", ("libpython3.so", "PyObject_Call")),
     ],
 )
-def test_part_and_name_of_a_symbol(binary: str, symbol: str, name: tuple[str, str]) -> None:
+def test_part_and_name_of_a_symbol(library: str, symbol: str, name: tuple[str, str]) -> None:
     assert name_of(library, symbol) == name
 
 

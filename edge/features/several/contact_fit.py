@@ -58,7 +58,7 @@ _NODES = cython.declare(cython.Py_ssize_t, 12)
 _LOG_WIDTH_MAX = cython.declare(cython.double, 3.0)  # a twentieth to twenty pitches: keeps them finite
 _STEPS_MAX = cython.declare(cython.Py_ssize_t, 60)  # so that a frame's time is bounded; more change nothing
 _DAMPING_MIN = cython.declare(cython.double, 1e-9)
-#: Of the first step; a tenth of it after one that helped, else tenfold. With 0.1 some lines lose length.
+#: Damping of the first step; a tenth of it after one that helped, else tenfold. At 0.1 some lines get short.
 _DAMPING = cython.declare(cython.double, 1.0)
 _ENOUGH = cython.declare(cython.double, 1e-2)  # relative gain of a step that is the last one
 _NO_LIMIT = cython.declare(cython.double, float("inf"))
@@ -628,7 +628,7 @@ class ContactFit:
             rows[q, p + 1] = -(push * gy * dx + vy * g * dx + tx * fy)
             rows[r, p] = -(push * gx * dy + vx * g * dy + ty * fx)
             rows[r, p + 1] = -(push * (g + gy * dy) + vy * g * dy + ty * fy)
-            # With the logarithm of the width: f changes by f^2 r^2 / s^2.
+            # The derivative by the logarithm of the width: f changes by f^2 r^2 / s^2.
             fs = g * r2
             gs = push * g3 * r2 - (a + 2.0 * across) * g
             rows[q, p + 2], rows[r, p + 2] = gs * dx + tx * fs, gs * dy + ty * fs
