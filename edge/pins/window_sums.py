@@ -33,10 +33,10 @@ KIND = np.dtype(
 )  # fmt: skip
 
 #: The part of an 8-bit image that is fetched into the cache before windows are read: its rows in the order
-#: of memory. Reading the pins of an image that lies in memory takes 1.35 times as long so as of one in the cache, twice
-#: with the rows of each window fetched on their own, 3.3 times without. That is with 331 pins, 640 x 480,
-#: 2 or 3 times the mean number of rows, 2 or 3 windows ahead. With the mean, or with as many rows as there
-#: are, it is 2.1 times, with 1 window ahead 1.5.
+#: of memory. Reading the pins of an image that lies in memory takes 1.35 times as long so as of one in the
+#: cache, twice with the rows of each window fetched on their own, 3.3 times without. That is with 331 pins,
+#: 640 x 480, 2 or 3 times the mean number of rows, 2 or 3 windows ahead. It is 2.1 times with the mean, or
+#: with as many rows as there are, and 1.5 times with 1 window ahead.
 #: row, end, stride  bytes: the next row, the first that is not wanted, and from row to row
 #: first, beyond     bytes: what is wanted of each
 #: rows              for each window at most

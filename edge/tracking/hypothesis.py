@@ -186,8 +186,8 @@ class Hypothesis:
         self.square = (error**2).sum(1)
         # The frame's is by the median, which outliers do not move; half the square is that of one component.
         of_frame = float(np.median((self.square / self.variance)[self.known])) / (2 * np.log(2))
-        # That of the pins near is taken as if the pin were where it is predicted: an outlier is no evidence of
-        # a rough field.
+        # That of the pins near is taken as if the pin were where it is predicted: an outlier is no evidence
+        # of a rough field.
         of_near, near_n = kriging.square_around(error, self.variance, self._weight, self.known)
         self.freedom = p.scale_freedom + near_n
         self.scale = (p.scale_freedom * of_frame + of_near) / self.freedom

@@ -314,14 +314,18 @@ def awake(frames: list[Frame], calibration: Calibration) -> Finger:
     return Finger(frames, calibration, clock_ns=time.monotonic_ns)
 
 
-def test_without_images_samples_go_on_with_the_reason(awake: Finger) -> None:
+def test_a_slow_camera_is_no_fault_and_commands_run_without_images(awake: Finger) -> None:
     before = len(awake.sink.states)
-    with running(awake.loop):  # a slow camera is no fault
+    with running(awake.loop):
         for _ in range(20):
             assert awake.camera.waiting.acquire(timeout=SOON_S)
-        assert awake.loop.post(lambda: 42).result(SOON_S) == 42  # commands run without images
+        assert awake.loop.post(lambda: 42).result(SOON_S) == 42
     assert len(awake.sink.states) == before
     assert not awake.camera.ended  # a stop, from a signal handler, closes nothing
+
+
+def test_without_images_samples_go_on_with_the_reason(awake: Finger) -> None:
+    before = len(awake.sink.states)
     awake.camera.condition = "lost"
     with running(awake.loop):
         until(lambda: len(awake.sink.states) >= before + 3)
