@@ -320,11 +320,10 @@ def test_without_images_samples_go_on_with_the_reason(awake: Finger) -> None:
         for _ in range(20):
             assert awake.camera.waiting.acquire(timeout=SOON_S)
         assert awake.loop.post(lambda: 42).result(SOON_S) == 42  # commands run without images
-    assert len(awake.sink.states) == before
-    assert not awake.camera.ended  # a stop, from a signal handler, closes nothing
-    awake.camera.condition = "lost"
-    with running(awake.loop):
+        assert len(awake.sink.states) == before
+        awake.camera.condition = "lost"
         until(lambda: len(awake.sink.states) >= before + 3)
+    assert not awake.camera.ended  # a stop, from a signal handler, closes nothing
     beats = list(awake.sink.states)[before:]
     assert all(Status.CAMERA_FAULT in s.status and not measured(s) for s in beats)
     assert [s.sample for s in beats] == list(range(beats[0].sample, beats[0].sample + len(beats)))
