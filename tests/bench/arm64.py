@@ -61,7 +61,7 @@ class Place:
 
     begin: int
     end: int
-    library: Library
+    binary: Library
 
 
 class Board:
@@ -110,7 +110,7 @@ def of_blocks(blocks: Path, places: list[Place], frames: int) -> Counts:
         at = bisect_right(starts, address) - 1
         name = ("?", "?")
         if at >= 0 and address < places[at].end:
-            library = places[at].library
+            library = places[at].binary
             name = name_of(str(library.path), library.function(address))
         functions[name] += size * runs
     return Counts({name: n / frames for name, n in functions.items()})

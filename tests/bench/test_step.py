@@ -54,7 +54,7 @@ def test_a_function_counts_for_the_library_that_holds_it(tmp_path: Path) -> None
         ("/x/libpython3.so", "PyObject_Call", ("libpython3.so", "PyObject_Call")),
     ],
 )
-def test_part_and_name_of_a_symbol(library: str, symbol: str, name: tuple[str, str]) -> None:
+def test_part_and_name_of_a_symbol(binary: str, symbol: str, name: tuple[str, str]) -> None:
     assert name_of(library, symbol) == name
 
 
@@ -76,7 +76,7 @@ def test_a_block_counts_for_the_function_that_it_lies_in(tmp_path: Path) -> None
     places = places_of(tmp_path / "maps")
     names = [(0x10, "first"), (0x1010, "second"), (0x410, "third")]
     for place in places:
-        vars(place.library)["symbols"] = sorted(names)  # in place of what `nm` prints
+        vars(place.binary)["symbols"] = sorted(names)  # in place of what `nm` prints
     (tmp_path / "blocks").write_text("7010 3 4\n801c 5 2\n420 7 2\n9004 1 6\n")
     assert of_blocks(tmp_path / "blocks", places, frames=2).functions == {
         ("library.so", "first"): 6,
