@@ -17,8 +17,9 @@ kernels.install()
 
 from edge.sources import ThreadedSource  # noqa: E402  (with the kernels that were installed)
 
-# A background job begins with SIGINT ignored, and so would the programs that tests interrupt.
+# A background job begins with SIGINT and SIGQUIT ignored, and so would the programs that tests end by them.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal(signal.SIGQUIT, signal.SIG_DFL)
 # No times: a busy machine is slow.
 settings.register_profile(
     "voronoi-touch",
