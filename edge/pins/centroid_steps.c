@@ -22,7 +22,7 @@ typedef struct {
     double x, y;
 } vt_start;
 
-/* into the form for each processor: AVX2 needs a fifth less instructions, as it overwrites no operand */
+/* The loop is compiled for each processor: AVX2 needs a fifth less instructions, as it overwrites no operand. */
 #define VT_INLINE __attribute__((always_inline))
 
 #define VT_WHERE(mask, a) ((vt_two)((vt_mask)(a) & (mask)))
