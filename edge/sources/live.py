@@ -26,7 +26,7 @@ class LiveParams:
     first_s: float = 10.0  # for the first frames of a camera that starts
     black_share: float = 1 / 32  # of full scale; an image is black, a scene dim, below it
     rate_frames_n: int = 24  # intervals that a rate is measured from
-    slow_rel: float = 0.9  # share of the asked rate below which the camera counts as slow
+    slow_rel: float = 0.8  # share of the asked rate below which the camera counts as slow
     same_clock_s: float = 0.5  # times of one clock, a camera's and ours, are not further apart
     size_px: tuple[int, int] = (640, 400)  # width and height of a camera that has to be told one
 

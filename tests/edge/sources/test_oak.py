@@ -375,7 +375,7 @@ def test_rate_is_measured_and_a_slow_module_refused(monkeypatch: pytest.MonkeyPa
     with closing(opened(FakeModule(240.0), monkeypatch, rate_hz=240.0)) as source:
         assert source.rate_hz < 240 * 1.01  # frames may be skipped over
     module = FakeModule(60.0)
-    with pytest.raises(SourceError, match=r"at least 216 wanted"):
+    with pytest.raises(SourceError, match=r"at least 192 wanted"):
         opened(module, monkeypatch, rate_hz=240.0)
     assert not module.running
 
