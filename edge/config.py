@@ -168,6 +168,8 @@ def _wanted(kind: inspect.Type) -> str:
         return f"one of {', '.join(member.value for member in kind.cls)}"
     if isinstance(kind, inspect.StrType):
         return "text in quotes" + (f", {kind.max_length} characters at most" if kind.max_length else "")
+    if isinstance(kind, inspect.BoolType):
+        return "true or false"
     assert isinstance(kind, inspect.IntType | inspect.FloatType), kind
     name = "a whole number" if isinstance(kind, inspect.IntType) else "a number"
     if kind.ge is not None and kind.le is not None:

@@ -134,7 +134,7 @@ def stage_of(path: Path) -> StageFile:
     (load_simulation, "[tip]\nskin_mm = -1", ["skin_mm"]),
     (load_simulation, "[tip]\nrim_deg = 95", ["rim_deg"]),
     (load_simulation, "[tip]\nn_pins = 100", ["91"]),
-    (load_simulation, "[tip]\nn_pins = 3997", ["3997 pins; give 12 to 2048"]),
+    (load_simulation, "[tip]\nn_pins = 3997", ["3997 pins; give 12 to 3060"]),
     (load_simulation, "[tip]\nskin_mm = nan", ["tip.skin_mm = nan: give a finite number"]),
     (load_simulation, "[camera]\nsize_px = [100000, 100000]", ["100000x100000 pixels are too many"]),
     (load_simulation, "[tip]\ncamera_distance_mm = 5", ["camera_distance_mm"]),

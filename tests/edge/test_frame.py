@@ -208,9 +208,7 @@ def test_only_the_demand_is_computed(
 @pytest.mark.parametrize("several", [True, False])
 def test_fits_of_several_contacts_can_be_left_out(data_dir: Path, several: bool) -> None:
     seen = list(open_source(str(data_dir / "two_contacts.mcap")))
-    calibration = Calibration.load(data_dir / "rings331_ball.json")
-    rest = tare([frame.image for frame in seen[:8]], np.inf, calibration)
-    pipeline = Pipeline(rest, calibration, several=several)
+    pipeline = Pipeline(tare([frame.image for frame in seen[:8]], np.inf), several=several)
     found = [result.features.contacts for frame in seen if (result := pipeline.process(frame)).features]
     pairs = [contacts for contacts in found if contacts is not None and len(contacts) == 2]
     assert pairs

@@ -313,7 +313,7 @@ def test_two_buffers_where_one_halves_the_rate() -> None:
 
 
 def test_a_camera_that_is_too_slow_is_refused() -> None:
-    with pytest.raises(SourceError, match=r"60\.0 frames/s, at least 108 wanted"):
+    with pytest.raises(SourceError, match=r"60\.0 frames/s, at least 96 wanted"):
         Opened(FakeCamera(rate_hz=60), rate_hz=120)
     with Opened(FakeCamera(rate_hz=60), rate_hz=120, check_rate=False) as opened:
         assert opened.source.rate_hz == pytest.approx(60, rel=1e-3)
