@@ -69,7 +69,8 @@ def test_every_kernel_is_in_it_for_every_release(wheel: Path) -> None:
     sensors = {path.relative_to(ROOT).as_posix() for path in (ROOT / "edge" / "sensors").glob("*.toml")}
     assert sensors
     assert sensors <= set(names)
-    assert not [name for name in names if name.startswith("edge/") and name.endswith((".c", ".h"))]
+    made = [name for name in names if name.startswith("edge/") and name.endswith((".c", ".h"))]
+    assert not [name for name in made if not (ROOT / name).is_file()]  # what Cython makes stays out
 
 
 def test_the_wheel_runs_without_a_compiler(wheel: Path, tmp_path: Path) -> None:

@@ -163,7 +163,8 @@ def test_numbers_are_the_calibrated_ones(live: Live, page: Page) -> None:
     assert re.search(r"Pins held\s*33[01]\s*of 331", text)
     titles = page.evaluate("[...document.querySelectorAll('.chart:not([hidden]) h2')].map(e => e.innerText)")
     assert [" ".join(t.split()) for t in titles] == [
-        "Displacement mm", "Shear mm x y", "Torsion °", "Rate Hz", "Latency ms",
+        "Displacement mm", "Normal force N", "Shear mm x y", "Torsion °", "Rate Hz",
+        "Latency ms",
     ]  # fmt: skip
 
 
