@@ -58,7 +58,8 @@ class Kriging:
         if near.size and (near.min() < 0 or near.max() >= n):
             raise ValueError(f"near: pins of 0 to {n - 1} are wanted")
         self.n, self.k, self.own = n, k, own
-        self.near = np.array(near, np.int32, order="C")
+        near = np.array(near, np.int32, order="C")  # a mask would choose rows below
+        self.near = near
         self.around = np.array(around, np.float64, order="C")
         self.inverse = np.array(inverse, np.float64, order="C")
         self.own_with = np.array(own_with, np.float64, order="C")
