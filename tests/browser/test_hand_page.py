@@ -137,11 +137,13 @@ def test_one_finger_has_its_charts_beside_it_on_one_screen(chrome: Chrome) -> No
         page = chrome.open(view.server.url)
         stack.callback(page.close)
         page.until("document.querySelectorAll('.finger canvas').length === 1")
+        # A force has its chart with its first value.
+        page.until("document.querySelectorAll('.chart:not([hidden])').length === 6")
         finger, *charts = page.evaluate(
             "[...document.querySelectorAll('.finger, .chart:not([hidden])')].map(e => {"
             "const r = e.getBoundingClientRect(); return [r.left, r.top, r.right, r.bottom] })"
         )
-        assert len(charts) == 5  # a force has one with its first value
+        assert len(charts) == 6
         assert all(left > finger[2] for left, *_ in charts)
         assert max(bottom for *_, bottom in (finger, *charts)) <= page.evaluate("innerHeight")
         assert page.evaluate("document.getElementById('next').disabled")
