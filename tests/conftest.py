@@ -16,10 +16,12 @@ from tests.support import kernels
 kernels.install()
 
 from edge.sources import ThreadedSource  # noqa: E402  (with the kernels that were installed)
+from hostlink.interrupt import ENDING  # noqa: E402
 
-# A background job begins with SIGINT and SIGQUIT ignored, and so would the programs that tests end by them.
-signal.signal(signal.SIGINT, signal.default_int_handler)
-signal.signal(signal.SIGQUIT, signal.SIG_DFL)
+# A background job begins with SIGINT and SIGQUIT ignored, one under nohup with SIGHUP, and so would the programs
+# that tests end by them.
+for number in ENDING:
+    signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
 # No times: a busy machine is slow.
 settings.register_profile(
     "voronoi-touch",
