@@ -4,8 +4,6 @@ A new one is a line in `COMMANDS`, and a module of that name with a click comman
 options only, the group runs `DEFAULT`.
 """
 
-from __future__ import annotations
-
 import sys
 
 import click

@@ -8,8 +8,6 @@ length of their pins, in dome, gel, skin and friction, in the camera's distance,
             truth of depth and tilt, and without a picture of the untouched tip
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass

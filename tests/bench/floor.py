@@ -1,7 +1,5 @@
 """Lower bound of the time of window centroids: reading the windows' pixels once."""
 
-from __future__ import annotations
-
 import ctypes
 
 import numpy as np

@@ -8,8 +8,6 @@ The first so many frames of a random order are fitted, and others judge, always 
     --simulated  800 random poses on the simulated rig instead, of which 200 judge
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass

@@ -7,8 +7,6 @@ process of its own, as a finger is; the virtual bus exists within one process on
 reached when every tick was served; a late tick is sent late, never skipped.
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import queue
 import sys

@@ -11,8 +11,6 @@ included. The images are in memory (their size is reported): a camera would have
 bytecode is there before the start, as pip leaves it on a board.
 """
 
-from __future__ import annotations
-
 import json
 import multiprocessing
 import os

@@ -7,8 +7,6 @@ frames of the kernel. In place of a CAN interface, which few machines for benchm
 takes them, and a listener counts them. One JSON object on stdout at the end.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import socket

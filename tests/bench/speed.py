@@ -15,8 +15,6 @@ Rules
   those that remain after many frames.
 """
 
-from __future__ import annotations
-
 import gc
 import json
 import os

@@ -1,7 +1,5 @@
 """The second contact simulator: its closed forms against sums of point forces, its pictures, a few scenes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The tables of `tests.bench sigma`, on errors whose share within sigma is known."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tests.bench.sigma import DEPTH, SHEAR, thirds, whole_table

@@ -1,7 +1,5 @@
 """A step takes no more instructions and misses than when it was last made cheaper; how they are counted."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -15,8 +15,6 @@ after a collection.
     recording    nobody watches; images and values are recorded without loss
 """
 
-from __future__ import annotations
-
 import asyncio
 import gc
 import json

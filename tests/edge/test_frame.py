@@ -1,7 +1,5 @@
 """The stages together: what is computed, what is refused, how a rest frame is taken."""
 
-from __future__ import annotations
-
 from contextlib import closing
 from dataclasses import replace
 from itertools import islice

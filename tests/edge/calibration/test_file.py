@@ -1,7 +1,5 @@
 """The calibration file: round trip; damage and hostile content are one line, before anything is built."""
 
-from __future__ import annotations
-
 import os
 import random
 import signal

@@ -1,7 +1,5 @@
 """Inputs of models: the same for the same touch at any resolution of the camera."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Outputs of models by name and by place."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

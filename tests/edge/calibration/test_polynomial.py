@@ -1,7 +1,5 @@
 """The kernel of curves and polynomials: against NumPy, and what it refuses."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import msgspec

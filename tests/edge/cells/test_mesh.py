@@ -1,7 +1,5 @@
 """The kept triangulation by itself: exact areas, flips, degenerate sets, misuse."""
 
-from __future__ import annotations
-
 import threading
 from fractions import Fraction
 

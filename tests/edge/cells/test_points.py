@@ -1,7 +1,5 @@
 """The points of a frame: their parts, and what is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Cells of a tip: boundary, bounded polygon, lost pins, invariances, walks."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`python -m edge` as a user types it: results, and every mistake one line and exit code 2."""
 
-from __future__ import annotations
-
 import gc
 import json
 import os

@@ -1,7 +1,5 @@
 """The doctor finds each problem that a user can have, and gives advice."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import replace

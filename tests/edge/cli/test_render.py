@@ -1,7 +1,5 @@
 """`edge render`: the video holds the recording, frame by frame, with the pipeline's results."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Injected faults have the effect of their kind."""
 
-from __future__ import annotations
-
 import queue
 from collections.abc import Iterator
 from functools import partial

@@ -1,7 +1,5 @@
 """Measurements of images and motions agree with NumPy."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Active faults, the board monitor, and the service manager."""
 
-from __future__ import annotations
-
 import math
 import socket
 import threading

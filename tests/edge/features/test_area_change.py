@@ -1,7 +1,5 @@
 """Gaps in the area changes, and the volume: against the skin's motion, an integral, and noise."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Contacts fitted to motions with known parameters, to others, and what is refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

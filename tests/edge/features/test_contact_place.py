@@ -1,7 +1,5 @@
 """Pins round a contact: share of visible pins, and place; and what is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

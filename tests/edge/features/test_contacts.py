@@ -1,7 +1,5 @@
 """Contacts of fields with known truth."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

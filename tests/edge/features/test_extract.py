@@ -1,7 +1,5 @@
 """The extractor: contact detector, demand, lost pins, and the whole of it against the paper's method."""
 
-from __future__ import annotations
-
 import csv
 from dataclasses import replace
 from pathlib import Path

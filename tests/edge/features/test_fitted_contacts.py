@@ -1,7 +1,5 @@
 """One or two, the direction of a long contact, and what is wanted as fitted: on an elastic half-space."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Modes against NumPy's least squares, and their behaviour under rotation."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Regional maxima against scikit-image; valleys between peaks against connected components."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

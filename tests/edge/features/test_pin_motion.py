@@ -1,7 +1,5 @@
 """Mean motion, contact pins, torsion and planes of motion fields with known truth."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Noise of a pin, measured from its neighbours."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Products in 16-bit integers: their error, and that no sum overflows."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

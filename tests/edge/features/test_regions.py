@@ -1,7 +1,5 @@
 """Contacts from peaks: grouping, shape, splitting, and what is refused; on fields drawn by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

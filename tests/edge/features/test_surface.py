@@ -1,7 +1,5 @@
 """The surface and the contact field against known functions, everywhere and at the active points."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.interpolate import CloughTocher2DInterpolator

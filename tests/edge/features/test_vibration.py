@@ -1,7 +1,5 @@
 """Vibration: known amplitudes and frequencies at several frame rates, as numbers and as images."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

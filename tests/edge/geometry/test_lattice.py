@@ -1,7 +1,5 @@
 """Neighbours, pitch and stencils on lattices whose answers are known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

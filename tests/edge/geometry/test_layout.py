@@ -1,7 +1,5 @@
 """Small facts about points, against their definitions."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from edge.geometry.layout import circumcentres

@@ -1,7 +1,5 @@
 """The motion's covariance: its two components are independent where it says so."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Neighbours: as SciPy's search tree finds them, and what is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree

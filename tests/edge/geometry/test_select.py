@@ -1,7 +1,5 @@
 """Selection against sorting."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

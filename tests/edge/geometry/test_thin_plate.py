@@ -1,7 +1,5 @@
 """The thin-plate operators against scipy, and at the knots."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.interpolate import RBFInterpolator

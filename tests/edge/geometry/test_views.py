@@ -1,7 +1,5 @@
 """A view follows the array that it is given."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

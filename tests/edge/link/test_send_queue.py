@@ -1,7 +1,5 @@
 """Order of the items in a link's queue, where no sink's test sees it."""
 
-from __future__ import annotations
-
 import pytest
 
 from edge.link.send_queue import SendQueue

@@ -1,7 +1,5 @@
 """Sinks: sending, dropping and counting when the medium fails, without blocking the loop."""
 
-from __future__ import annotations
-
 import errno
 import os
 import threading

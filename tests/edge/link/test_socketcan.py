@@ -1,7 +1,5 @@
 """CAN frames of the kernel, with python-can as oracle: on a local socket, and on vcan0 where there is one."""
 
-from __future__ import annotations
-
 import socket
 import threading
 from collections.abc import Iterator

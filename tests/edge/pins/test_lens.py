@@ -1,7 +1,5 @@
 """Distortion is removed from the pins' places, to a hundredth of a pixel, and nowhere else."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Window centroids: against a plain NumPy fit, against truth, against the Cramer-Rao bound."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

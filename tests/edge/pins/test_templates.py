@@ -1,7 +1,5 @@
 """Templates of a pin: what is kept of them, and that a table with wrong spans is refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

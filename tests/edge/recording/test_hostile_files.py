@@ -1,7 +1,5 @@
 """Malicious and randomly damaged recordings: faults are counted, memory is bounded, no traceback."""
 
-from __future__ import annotations
-
 import random
 import struct
 import tracemalloc

@@ -1,7 +1,5 @@
 """Recordings are read back exactly, and damage loses only the damaged chunk."""
 
-from __future__ import annotations
-
 import io
 import signal
 import subprocess

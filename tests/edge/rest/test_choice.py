@@ -1,7 +1,5 @@
 """The least deformed image of a recording, with and without untouched images in it."""
 
-from __future__ import annotations
-
 import warnings
 from contextlib import closing
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A touch that is seen without knowing the tip, and what must not be taken for one."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

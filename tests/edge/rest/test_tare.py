@@ -1,7 +1,5 @@
 """A rest frame is taken only of an untouched tip, and each request gets its outcome."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import threading

@@ -1,7 +1,5 @@
 """The loop and its faults: each row of the table seen, announced, cleared; values only while valid."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

@@ -1,7 +1,5 @@
 """A recording of a running loop: the bus's samples, valid for other readers, complete up to a cut."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

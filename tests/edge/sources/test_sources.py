@@ -1,7 +1,5 @@
 """Sources: specifications, errors of bad ones, and the timing of a replay."""
 
-from __future__ import annotations
-
 import re
 import threading
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The motion that neighbours predict: exact where it is affine; wrong sizes and neighbours are refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Assignment: as cheap as SciPy's, and what is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment

@@ -1,7 +1,5 @@
 """The kernel of `follow`: the same compiled and uncompiled, and wrong sizes are refused."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Which pins of a match are certain, and what is assigned anew: slips, missing pins, false blobs."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

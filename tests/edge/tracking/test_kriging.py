@@ -1,7 +1,5 @@
 """Kriging from the known pins near: against the equations solved as a whole, and what is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

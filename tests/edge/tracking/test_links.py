@@ -1,7 +1,5 @@
 """Pieces of pins that move alike; wrong sizes and indices are refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

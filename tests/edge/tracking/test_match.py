@@ -1,7 +1,5 @@
 """The arithmetic of the search: no blob twice; wrong sizes and indices are refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A pin with anomalous brightness or sigma must move with its neighbours; another may be off them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Identity of pins: after a jump, from frame to frame, and when it cannot be determined."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Pictures: the right colour in the right place, marks in the right place, files that open."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The live page's protocol: permissions, contents of packets, cost of viewers."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 from collections.abc import Awaitable, Callable, Iterator

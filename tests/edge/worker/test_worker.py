@@ -1,7 +1,5 @@
 """The second process: no message to it is lost, it may die or hang, and it ends with the loop."""
 
-from __future__ import annotations
-
 import os
 import pickle
 import re
