@@ -55,7 +55,7 @@ async def _watch(url: str, viewers_n: int, seconds: float) -> int:
     """Act as so many viewers; returns the packets received. Negative: they come and go, one never reads."""
     until_s = time.monotonic() + seconds
     if viewers_n > 0:
-        return sum(await asyncio.gather(*(look(url, until_s=until_s) for _ in range(viewers_n))))
+        return sum(await asyncio.gather(*(look(url, 0, until_s) for _ in range(viewers_n))))
     async with aiohttp.ClientSession() as session, session.ws_connect(url, autoping=False) as silent:
         await silent.send_json({"want": ["image"]})
         tasks = []

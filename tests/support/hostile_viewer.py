@@ -40,8 +40,8 @@ def message_frame(text: str, opcode: int = 1) -> bytes:
     return bytes([0x80 | opcode]) + length + bytes(4) + data
 
 
-async def look(url: str, packets_n: int = 0, until_s: float = math.inf) -> int:
-    """An honest viewer: connects, reads some packets or for some time, leaves; returns their number."""
+async def look(url: str, packets_n: int = 2, until_s: float = math.inf) -> int:
+    """An honest viewer: connects, reads some packets (0: any number) or for some time; returns how many."""
     async with aiohttp.ClientSession() as session, session.ws_connect(url, max_msg_size=0) as connection:
         await connection.send_json({"want": ["image"]})
         got_n = 0
