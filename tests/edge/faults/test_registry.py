@@ -12,6 +12,7 @@ from edge.params import PARAMS
 from edge.runtime.board_monitor import BoardMonitor, BoardParams, Thermometer, free_space_problem
 from edge.runtime.systemd import Notifier
 from hostlink.wire import FAULTS, FaultCode, Status
+from tests.support.fault_injection import BOARD, CAMERA, EXPECTED, LINK
 from tests.support.waiting import SOON_S
 
 
@@ -45,6 +46,18 @@ def test_each_fault_sets_its_bit_until_the_last_of_the_bit_is_gone(fault: object
         assert len(registry.active) == len(others) - i
         registry.report(other.code, False)
     assert registry.status == Status(0)
+
+
+def test_the_soak_makes_every_camera_link_and_board_fault_of_the_table() -> None:
+    made = frozenset().union(*EXPECTED.values())
+    not_made_here = {
+        FaultCode.CALIBRATION_MISSING,  # a matter of files
+        FaultCode.CALIBRATION_FOREIGN,
+        FaultCode.TARE_IMPLAUSIBLE,
+        FaultCode.OVERLOAD,  # a matter of the skin
+    }
+    assert made == set(FaultCode) - not_made_here
+    assert set(EXPECTED) == {*CAMERA, *LINK, *BOARD}
 
 
 def test_each_fault_is_logged_when_it_appears_and_clears(caplog: pytest.LogCaptureFixture) -> None:

@@ -11,7 +11,6 @@ from edge.features.params import PARAMS, RING_NOISE, largest_noise
 from edge.geometry.lattice import slope_stencil
 from edge.types import Array, Rest
 from tests.support.fields import areas, push, tip
-from tests.support.refusals import refused
 
 pytestmark = pytest.mark.kernels
 
@@ -96,7 +95,6 @@ def test_a_contact_holds_by_its_pins_motion_while_that_alone_would_begin_one() -
     assert not detector.holds(rest.xy_img)
     xy[0] = np.nan
     assert not detector.holds(xy)
-    refused("wanted", detector.holds, xy[1:])
 
 
 def test_without_areas_pins_that_move_against_each_other_decide() -> None:
@@ -107,15 +105,6 @@ def test_without_areas_pins_that_move_against_each_other_decide() -> None:
     assert ContactDetector(rest).by_motion(xy, 0.05)
     xy[:124] = np.nan
     assert not ContactDetector(rest).by_motion(xy, 0.05)  # three pins are not enough
-
-
-def test_sizes_that_do_not_fit_are_refused() -> None:
-    rest = tip(127)
-    detector, xy = ContactDetector(rest), rest.xy_img
-    for change, places in ((np.zeros(126), xy), (np.zeros(127), xy[1:]), (np.zeros(127), np.zeros((127, 3)))):
-        refused("wanted", detector.by_area, change, places, 0.05)
-    refused("wanted", detector.by_motion, xy[1:], 0.05)
-    refused("wanted", detector.by_motion, np.zeros((127, 1)), 0.05)
 
 
 def test_skin_that_creeps_is_learnt_as_noise_of_rings_and_a_touch_still_begins() -> None:

@@ -79,7 +79,6 @@ def test_no_contact_makes_no_surface() -> None:
     tracks, cells = frame(rest, rest.xy_img)
     got = made.extract(tracks, cells, ALL)
     assert not got.in_contact
-    assert made._surface is None
     assert got.surface is None
     assert got.contacts == ()
     assert got.volume_px2 == 0.0

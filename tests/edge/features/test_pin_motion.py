@@ -1,14 +1,11 @@
-"""Mean motion, contact pins, torsion and planes of motion fields with known truth."""
-
-from dataclasses import replace
+"""Mean motion, noise, contact pins, torsion and planes of motion fields with known truth."""
 
 import numpy as np
 import pytest
 
-from edge.features.pin_motion import PinMotion
+from edge.features.pin_motion import PinMotion, PinNoise
 from edge.types import Array
-from tests.support.fields import CENTRE, make_rest, tip
-from tests.support.refusals import refused
+from tests.support.fields import CENTRE, make_rest, push, tip
 
 
 def turned(xy: Array, angle: float, about: Array) -> Array:
@@ -118,38 +115,14 @@ def test_a_contact_is_pressed_where_its_cells_grow_together() -> None:
     assert not made.is_pressing(np.full(127, np.nan), before, pins, 0.9)
 
 
-def test_a_rest_frame_without_two_coordinates_a_pin_is_refused() -> None:
-    rest = tip(127)
-    pins = replace(rest.pins, xy_img=rest.xy_img[:, :1])
-    refused("wanted", PinMotion, replace(rest, pins=pins))
-
-
-def test_a_tip_without_a_radius_is_refused() -> None:
-    rest = tip(127)
-    flat = replace(rest, pattern=replace(rest.pattern, tip_radius_px=0.0))
-    refused("radius", PinMotion, flat)
-
-
-def test_arrays_that_do_not_fit_are_refused() -> None:
-    rest = tip(127)
-    made, xy = PinMotion(rest), rest.xy_img
-    sigma = np.zeros(127)
-    pins = np.arange(5, dtype=np.int32)
-    for bad in (xy[:-1], np.zeros((127, 3)), np.zeros((128, 2))):
-        refused("wanted", made.since_rest, bad, sigma, np.empty((127, 2)))
-        refused("wanted", made.since_rest, xy, sigma, bad)
-        refused("wanted", made.torsion, bad, pins)
-        refused("wanted", made.fit_step, bad, xy, pins)
-        refused("wanted", made.fit_step, xy, bad, pins)
-    refused("wanted", made.since_rest, xy, sigma[:-1], np.empty((127, 2)))
-    refused("wanted", made.in_contact, sigma[:-1], 0.0)
-    for now, before, rows in (
-        (sigma[:-1], sigma, pins),
-        (sigma, sigma[:-1], pins),
-        (sigma, sigma, pins + 123),
-    ):
-        refused("wanted", made.is_pressing, now, before, rows, 0.5)
-    for row in (-1, 127, 2**31 - 1):
-        pins[3] = row
-        refused("pins", made.torsion, xy, pins)
-        refused("pins", made.fit_step, xy, xy, pins)
+def test_pin_noise_is_measured_under_load_and_with_bad_pins() -> None:
+    rest = tip(331)
+    noise, rng = PinNoise(rest.xy_img, rest.pattern.pitch_px), np.random.default_rng(4)
+    seen = np.ones(331, dtype=np.bool_)
+    load = push(rest, (5.0, -9.0), 40.0, 0.2) + (rest.xy_img - CENTRE) @ [[0.1, 0.2], [-0.1, 0.0]] + 7.0
+    for sigma in (0.05, 0.4):
+        xy = rest.xy_img + load + rng.normal(0.0, sigma, (331, 2))
+        assert noise.sigma_px(xy, seen) == pytest.approx(sigma, rel=0.2)
+        xy[rng.choice(331, 4, replace=False)] += 6.0
+        assert noise.sigma_px(xy, seen) < 2.0 * sigma
+    assert noise.sigma_px(rest.xy_img, np.zeros(331, dtype=np.bool_)) == 0.0

@@ -4,13 +4,11 @@ import numpy as np
 import pytest
 from scipy.interpolate import CloughTocher2DInterpolator
 
-from edge.features.contact_field import ContactField
 from edge.features.params import PARAMS
 from edge.features.surface import Surface
 from edge.geometry.thin_plate import thin_plate_operators
 from edge.types import Array
 from tests.support.fields import CENTRE, push, tip
-from tests.support.refusals import refused
 
 pytestmark = pytest.mark.kernels
 
@@ -111,35 +109,3 @@ def test_the_field_is_a_blend_near_increased_areas() -> None:
     np.testing.assert_allclose(field.blend, 0.7 * divergences + 0.3 * heights, atol=1e-7)
     left_out = (0.7 * whole[1] + 0.3 * whole[0])[~near]
     assert left_out.max() < 0.1 * np.max(field.blend)
-
-
-def test_a_picture_beside_the_fields_changes_nothing() -> None:
-    rest = tip(331)
-    surface, field = Surface(rest), Surface(rest).field
-    xy = rest.xy_img + push(rest, (20.0, -30.0), 30.0, 0.1)
-    change = 0.3 * bump(rest.xy_img, CENTRE + np.array([20.0, -30.0]), 30.0)
-    for each in (surface.field, field):
-        each.set_area_change(change)
-    picture = surface.picture()[surface.inside]
-    for each in (surface.field, field):
-        each.find(xy)
-    active = np.asarray(field.active)[: field.n_active]
-    np.testing.assert_array_equal(surface.field.heights, field.heights)
-    np.testing.assert_array_equal(surface.field.blend, field.blend)
-    np.testing.assert_array_equal(np.asarray(field.heights)[active], picture[active].astype(np.float32))
-
-
-def test_sizes_that_do_not_fit_are_refused() -> None:
-    rest = tip(127)
-    field = Surface(rest).field
-    k = len(field.points)
-    for n in (0, 126, 128):
-        refused("wanted", field.set_area_change, np.zeros(n))
-    for shape in ((126, 2), (127, 3)):
-        refused("wanted", field.find, np.zeros(shape))
-    refused("wanted", field.write_surface, np.zeros(k - 1, np.int32), np.zeros(9))
-    for place in (-1, 9):
-        refused("places", field.write_surface, np.full(k, place, np.int32), np.zeros(9))
-    for heights, divergences in (((9, 126), (9, 254)), ((9, 127), (9, 253)), ((9, 127), (8, 254))):
-        with pytest.raises(ValueError, match="wanted"):
-            ContactField(rest.xy_img, 32.0, np.ones((9, 2)), np.ones(heights), np.ones(divergences))

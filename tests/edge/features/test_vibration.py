@@ -103,12 +103,3 @@ def test_a_simulated_contact_that_vibrates(rate_hz: float) -> None:
     result = pipeline.process(simulator.frame()).features
     assert result is not None
     assert result.vibration_px is None
-
-
-def test_pins_that_are_not_there_are_refused() -> None:
-    vibration = Vibration(np.zeros((N, 2)))
-    for wrong in (-1, N):
-        with pytest.raises(ValueError, match=f"pins 0 to {N - 1} are there, not {wrong}"):
-            vibration.update(np.array([wrong], np.int32), 0.0, 0)
-    with pytest.raises(ValueError, match=r"motion \(n, 2\) is wanted"):
-        Vibration(np.zeros((N, 3)))

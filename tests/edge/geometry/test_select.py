@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from edge.geometry.select import kth_smallest
-from tests.support.refusals import refused
 
 pytestmark = pytest.mark.kernels
 
@@ -40,8 +39,3 @@ def test_zeros_of_either_sign_are_no_less_than_each_other() -> None:
     ):
         for k in range(len(order)):
             assert kth_smallest(np.array(order), k) == np.sort(order)[k]
-
-
-@pytest.mark.parametrize(("n", "k"), [(0, 0), (3, 3), (3, -1)])
-def test_a_rank_out_of_range_is_refused(n: int, k: int) -> None:
-    refused("values", kth_smallest, np.zeros(n), k)

@@ -19,13 +19,12 @@ from calib.sim.tip import Tip
 from edge.calibration import Calibration
 from edge.errors import CalibrationError, RequestRefused
 from edge.pins import take_rest
-from edge.pins.detect import learn as really_learn
 from edge.rest.tare import RestFrame, TareRefused, take_rest_frame
 from edge.runtime import measurement
 from edge.runtime.calibration_store import CalibrationStore
 from edge.runtime.device import LoopDevice
 from edge.sources import Paced, open_source
-from edge.types import Frame, Image, Polarity
+from edge.types import Frame, Image
 from hostlink.wire import FaultCode, RestFrameReason, RestFrameState, Status
 from tests.support.finger import Finger
 from tests.support.images import grey
@@ -77,27 +76,6 @@ def test_an_untouched_tip_is_a_rest_frame(frames: list[Frame], calibration: Cali
     for k in (3, 7):
         assert take_rest_frame(images(frames, k), calibration=calibration).reason is RestFrameReason.NONE
         assert take_rest_frame(images(frames, k), reference=reference).reason is RestFrameReason.NONE
-
-
-def test_of_a_still_tip_the_mean_alone_is_searched_without_prior_knowledge(
-    frames: list[Frame], calibration: Calibration, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    searched: list[Polarity] = []
-
-    def learn(image: Image, polarity: Polarity) -> Any:
-        searched.append(polarity)
-        return really_learn(image, polarity)
-
-    monkeypatch.setattr("edge.pins.rest_frame.learn", learn)
-    take_rest_frame(images(frames, 3), calibration=calibration)
-    assert searched == [Polarity.BRIGHT]
-    searched.clear()
-    take_rest_frame(images(frames, 3))
-    assert searched == [Polarity.FOUND]
-    searched.clear()
-    found = take_rest([*images(frames, 25)[:3], *images(frames, 3)[:5]])  # the first ones show a touch
-    assert len(searched) == 3
-    assert np.abs(found.xy_img - take_rest(images(frames, 3)[:5]).xy_img).max() < 1e-9
 
 
 def test_pins_unlike_the_calibrations_are_found_all_the_same(

@@ -23,8 +23,6 @@ from edge.calibration import Calibration
 from edge.drift import DriftParams
 from edge.faults.detector import FaultParams
 from edge.faults.registry import FaultRegistry
-from edge.features import extract
-from edge.features.contacts import ContactFinder
 from edge.link.sinks import MemorySink
 from edge.runtime.board_monitor import BoardMonitor
 from edge.runtime.loop import PARAMS, Loop
@@ -275,24 +273,6 @@ def test_brightness_of_a_waiting_image_is_reported_during_a_search(finger: Finge
 
 # ---- the loop stays alive
 # ------------------------------------------------------------------------------------
-
-
-def test_contacts_are_prepared_while_nothing_touches_yet(
-    finger: Finger, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    made = threading.Event()
-
-    def finder(*arguments: Any) -> ContactFinder:
-        made.set()
-        return ContactFinder(*arguments)
-
-    monkeypatch.setattr(extract, "ContactFinder", finder)
-    finger.loop.measurement.tare.in_thread = True
-    before_n = finger.loop.tares_n
-    finger.loop.request_tare()
-    until(lambda: finger.see(finger.frames[0].image) and finger.loop.tares_n > before_n)
-    assert made.wait(SOON_S)
-    finger.loop.measurement.tare.close()
 
 
 @contextmanager

@@ -258,15 +258,6 @@ def test_published_videos_play_to_their_end(real_dir: Path, name: str, n: int, r
     assert not source.faults
 
 
-@pytest.mark.real
-def test_published_stills_open(real_dir: Path) -> None:
-    source = open_source(str(real_dir / "tactip331_binary" / "frames"))
-    assert isinstance(source, FolderSource)
-    assert len(source.paths) == 600
-    numbers = [int(p.stem.split("_")[1]) for p in source.paths]
-    assert numbers == sorted(numbers)
-
-
 # -- live ------------------------------------------------------------------------------------------
 
 

@@ -1,11 +1,10 @@
-"""Assignment: as cheap as SciPy's, and what is refused."""
+"""Assignment: as cheap as SciPy's."""
 
 import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
 
 from edge.tracking.match import assign
-from tests.support.refusals import refused
 
 RNG = np.random.default_rng(3)
 
@@ -19,11 +18,3 @@ def test_no_other_assignment_costs_less(shape: tuple[int, int], whole: bool) -> 
     assert len(set(column.tolist())) == shape[0]
     least = cost[linear_sum_assignment(cost)].sum()
     assert cost[np.arange(shape[0]), column].sum() == pytest.approx(least, abs=1e-12)
-
-
-@pytest.mark.parametrize(
-    "cost", [np.zeros((3, 2)), np.zeros(3), np.full((2, 3), np.inf), np.full((2, 3), np.nan)]
-)
-@pytest.mark.kernels
-def test_costs_without_an_assignment_are_refused(cost: np.ndarray) -> None:
-    refused("are wanted", assign, cost)

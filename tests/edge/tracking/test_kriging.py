@@ -1,10 +1,9 @@
-"""Kriging from the known pins near: against the equations solved as a whole, and what is refused."""
+"""Kriging from the known pins near: against the equations solved as a whole."""
 
 import numpy as np
 import pytest
 
 from edge.tracking.kriging import Kriging
-from tests.support.refusals import refused
 
 N, K = 30, 8
 RNG = np.random.default_rng(7)
@@ -45,37 +44,3 @@ def test_weights_solve_the_equations_of_the_known() -> None:
         scale = np.abs(want).max()
         np.testing.assert_allclose(got[has], want[:-3], atol=1e-6 * scale)
         assert left == pytest.approx(2.0 - want @ RIGHT[row, used], abs=1e-6 * scale)
-
-
-@pytest.mark.kernels
-def test_squares_around_are_as_with_the_pin_where_it_is_predicted() -> None:
-    weight, error, variance = RNG.normal(size=(N, K)), RNG.normal(size=(N, 2)), RNG.random(N) + 0.1
-    known = RNG.random(N) < 0.7
-    motion = RNG.normal(size=(N, 2))
-    one = kriging()
-    np.testing.assert_allclose(one.predict(weight, motion), (weight[..., None] * motion[NEAR]).sum(1))
-    square, counts = one.square_around(error, variance, weight, known)
-    for i in range(N):
-        moved = error.copy()
-        if known[i]:  # the errors of the others if the error of this one were none
-            has = i == NEAR
-            moved += (weight * has).sum(1)[:, None] * error[i]
-        near = NEAR[i][known[NEAR[i]]]
-        part = AROUND[i][known[NEAR[i]]]
-        want = (part * (moved[near] ** 2).sum(1) / variance[near]).sum() / 2
-        assert square[i] == pytest.approx(want)
-        assert counts[i] == pytest.approx(part.sum())
-
-
-@pytest.mark.kernels
-def test_sizes_that_do_not_fit_are_refused() -> None:
-    one = kriging()
-    refused("are wanted", Kriging, NEAR, AROUND[1:], np.linalg.inv(SYSTEM), RIGHT, 2.0)
-    refused("pins of 0 to", Kriging, NEAR + np.int32(1), AROUND, np.linalg.inv(SYSTEM), RIGHT, 2.0)
-    refused("pins of 0 to", one.weights, np.array([N], np.int32), np.ones((1, K), bool))
-    refused("are wanted", one.weights, np.array([0], np.int32), np.ones((1, K + 1), bool))
-    refused("are wanted", one.predict, np.ones((N, K)), np.ones((N + 1, 2)))
-    with pytest.raises(ValueError, match="are wanted"):
-        one.square_around(np.ones((N, 2)), np.ones(N), np.ones((N, K)), np.ones(N + 1, bool))
-    with pytest.raises(ValueError, match="is wanted"):
-        one.square_around(np.ones((N, 2)), np.ones(N), np.ones((N, K + 1)), np.ones(N, bool))

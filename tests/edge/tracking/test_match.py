@@ -1,4 +1,4 @@
-"""The arithmetic of the search: no blob twice; wrong sizes and indices are refused."""
+"""The arithmetic of the search: no blob twice."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,6 @@ from edge.tracking.affine import LocalAffine
 from edge.tracking.match import NearestBlob, RegionGrower
 from edge.types import Array, Index
 from tests.support.fields import hexagon
-from tests.support.refusals import refused
 
 PITCH = 18.0
 SIDE = 200
@@ -82,34 +81,3 @@ def test_a_grown_match_uses_no_blob_twice_and_moves_to_its_blobs() -> None:
     assert len(np.unique(blob[matched])) == matched.sum()
     np.testing.assert_array_equal(moved[matched], blobs[blob[matched]] - xy[matched])
     np.testing.assert_array_equal(motion, before)
-
-
-@pytest.mark.parametrize("blob", [-1, 7, 2**31 - 1])
-def test_a_table_that_names_no_blob_is_refused(blob: int) -> None:
-    blobs = pins(1)
-    table = table_of(blobs)
-    table[3, 4] = blob
-    refused("blobs of 0 to 6", NearestBlob, blobs, table, (0.0, 0.0), 1.0)
-
-
-def test_no_blobs_or_no_table_are_refused() -> None:
-    table = np.zeros((2, 2), np.int32)
-    for blobs, cells in ((np.empty((0, 2)), table), (np.zeros((3, 3)), table), (np.zeros((3, 2)), table[:0])):
-        refused("1 or more blobs", NearestBlob, blobs, cells, (0.0, 0.0), 1.0)
-    refused("finite", NearestBlob, np.zeros((3, 2)), table, (0.0, np.nan), 1.0)
-
-
-def test_places_and_gates_of_other_sizes_are_refused() -> None:
-    nearest = raster(pins(1))
-    for at, gate in (((2, 5, 2), 4), ((2, 5, 2), 6), ((2, 5, 3), 5)):
-        refused(r"at \(h, n, 2\)", nearest.match, np.zeros(at), np.ones(gate))
-
-
-def test_a_seed_of_another_tip_is_refused() -> None:
-    xy = pins()
-    for motion, seed in (((36, 2), 37), ((37, 2), 36), ((38, 2), 38), ((37, 3), 37)):
-        with pytest.raises(ValueError, match=r"motion \(37, 2\)"):
-            grower(xy).grow(raster(xy), np.zeros(motion), np.ones(seed, bool))
-    affine = LocalAffine(Lattice(xy, PITCH), 0.05)
-    for rest, gate in ((xy[1:], 37), (xy, 36), (np.zeros((37, 3)), 37)):
-        refused(r"rest_xy \(37, 2\)", RegionGrower, affine, rest, np.ones(gate), 1.2, 24)
