@@ -5,7 +5,7 @@ import pytest
 
 from edge.rest.tare import tare
 from edge.types import Array
-from tests.bench.contacts import SCENES, Measures, SecondTip, measure
+from tests.bench.contacts import SCENES, SecondTip, measure
 from tests.bench.flat_gel import FlatGel
 from tests.bench.half_space import FRICTION, POISSON, Ball, Bar, displace, own_depths_mm
 
@@ -50,21 +50,11 @@ def test_outside_of_a_ball_the_surface_moves_as_under_its_point_forces(place: tu
     assert found.w_mm[0] == pytest.approx(w, rel=1e-3)
 
 
-def test_skin_that_sticks_goes_with_the_ball() -> None:
-    middle = displace(np.array([[BALL.x_mm, BALL.y_mm]]), [BALL])
-    assert middle.along_mm[0] == pytest.approx(BALL.shear_mm)
-    assert middle.w_mm[0] == pytest.approx(BALL.depth_mm)
-
-
 def test_each_of_several_balls_is_as_deep_as_it_is_pressed() -> None:
     balls = [Ball(0.0, 0.0, 3.0), Ball(5.1, 0.0, 1.0), Ball(-1.0, 6.0, 0.8)]
     places = np.array([(ball.x_mm, ball.y_mm) for ball in balls])
     assert displace(places, balls).w_mm == pytest.approx([3.0, 1.0, 0.8], abs=1e-6)
     assert own_depths_mm(balls)[1] < 0.5  # the deep one has pushed the surface down there
-
-
-def test_a_ball_over_anothers_dent_does_not_touch() -> None:
-    assert own_depths_mm([Ball(0.0, 0.0, 3.0), Ball(3.0, 0.0, 0.5)])[1] == 0.0
 
 
 @pytest.mark.parametrize("tool", [BALL, Bar(0.3, 0.2, 0.7, 1.0)])
@@ -93,13 +83,6 @@ def test_caps_are_found_where_they_were_drawn() -> None:
     assert off.max() < 0.15
 
 
-def test_a_press_moves_caps_outwards() -> None:
-    gel = FlatGel(127, SEED)
-    ball = Ball(0.0, 0.0, 1.5, radius_mm=4.0)
-    radii = [np.hypot(*gel.caps_mm(tools)[1:7, :2].T) for tools in ((), (ball,))]
-    assert (radii[1] > radii[0]).all()
-
-
 @pytest.mark.parametrize("name", ["two, 6 pitches apart", "sheared by 2 mm", "bar", "untouched"])
 def test_scenes_are_compared_with_their_tools(tip: SecondTip, name: str) -> None:
     scene = next(scene for scene in SCENES if scene.name == name)
@@ -109,11 +92,3 @@ def test_scenes_are_compared_with_their_tools(tip: SecondTip, name: str) -> None
     assert np.isfinite(getattr(found, compared[name.split()[0].rstrip(",")]))
     if name.startswith("two"):
         assert found.place_mm < 1.0  # half a pitch would be 1.4
-
-
-def test_a_bound_is_kept_by_a_value_and_not_by_its_absence() -> None:
-    bounds = Measures(right=0.95, depth_mm=0.1)
-    assert Measures(right=0.95, depth_mm=0.1, place_mm=9.0).keeps(bounds)
-    assert not Measures(right=0.9, depth_mm=0.1).keeps(bounds)
-    assert not Measures(right=1.0, depth_mm=0.2).keeps(bounds)
-    assert not Measures(right=1.0).keeps(bounds)

@@ -32,14 +32,6 @@ def cells_of(rest: Points, now: Points) -> Cells:
     return Tessellator(rest_of(rest)).cells(tracks_of(now))
 
 
-@pytest.mark.parametrize("tip", TIPS)
-def test_at_rest_areas_are_the_rest_areas(tip: str) -> None:
-    rest = TIPS[tip]()
-    cells = cells_of(rest, rest)
-    assert np.isfinite(cells.area_px2).all()
-    assert worst_relative(cells.area_px2, cells.rest_area_px2) <= 1e-14
-
-
 @pytest.mark.parametrize(("tip", "inner"), [("hexagonal", np.sqrt(3) / 2), ("square", 1.0)])
 def test_inner_cells_are_those_of_the_lattice(tip: str, inner: float) -> None:
     rest = TIPS[tip]()
@@ -141,9 +133,6 @@ def test_random_walks_agree_with_fresh_triangulations_without_jumps() -> None:
     assert large.builds <= 40  # of 600 frames; 78 where triangles that turned over were not repaired
 
 
-# ---- lost pins
-
-
 def test_blinking_pins_add_no_more_than_the_noise_that_is_there() -> None:
     """Sensor noise, a tenth of the pins lost anew each frame: areas scatter hardly more than unlost ones."""
     rest, rng = hexagonal(), np.random.default_rng(4)
@@ -200,7 +189,7 @@ def test_lost_pins_are_where_a_press_pushes_them() -> None:
     assert np.sqrt(np.mean(off**2)) < 0.3 * np.sqrt(np.mean(enlarged**2))
 
 
-def blinked(left: float, forgotten: bool = False) -> tuple[Cells, Points]:
+def blinked(left: float) -> tuple[Cells, Points]:
     """Cells of a pressed tip whose pins are off a smooth motion, as some of them are lost and all move on
     together; and where they are. Of the residuals `left` is said to be left.
     """
@@ -208,8 +197,6 @@ def blinked(left: float, forgotten: bool = False) -> tuple[Cells, Points]:
     now = pressed(rest, 4.0) + np.random.default_rng(5).normal(0.0, 1.0, rest.shape)
     tessellator = Tessellator(rest_of(rest))
     tessellator.cells(tracks_of(now))
-    if forgotten:
-        tessellator.forget()
     there = now + np.array([2.0, -1.0])
     found = there.copy()
     found[::9] = np.nan
@@ -223,23 +210,6 @@ def test_a_lost_pin_keeps_its_place_among_those_that_move_on_together() -> None:
     half, _ = blinked(0.5)
     errors = [np.abs(c.xy_img - there).max() for c in (half, from_frame)]
     assert 0.2 < errors[0] == pytest.approx(errors[1] / 2, rel=1e-6)
-
-
-def test_a_frame_that_was_only_kept_tells_of_lost_pins_all_the_same() -> None:
-    rest = TIPS["hexagonal"]()
-    now = pressed(rest, 4.0) + np.random.default_rng(5).normal(0.0, 1.0, rest.shape)
-    tessellator = Tessellator(rest_of(rest))
-    tessellator.keep(tracks_of(now))
-    found = now.copy()
-    found[::9] = np.nan
-    cells = tessellator.cells(replace(tracks_of(found), autocorrelation=1.0))
-    assert np.abs(cells.xy_img - now).max() < 1e-9
-
-
-def test_a_forgotten_frame_tells_nothing_of_lost_pins() -> None:
-    cells, _ = blinked(1.0, forgotten=True)
-    from_frame, _ = blinked(0.0)
-    np.testing.assert_array_equal(cells.xy_img, from_frame.xy_img)
 
 
 def test_a_lost_pin_follows_an_affine_motion_exactly() -> None:
@@ -262,9 +232,6 @@ def test_rows_of_lost_pins_are_not_read() -> None:
     a = tessellator.cells(tracks)
     b = tessellator.cells(type(tracks)(stale, tracks.sigma_px, tracks.seen, 1.0))
     assert np.array_equal(a.area_px2, b.area_px2, equal_nan=True)
-
-
-# ---- degenerate
 
 
 @pytest.mark.parametrize(
@@ -327,9 +294,6 @@ def test_a_pin_beyond_the_boundary_has_no_area() -> None:
     cells = cells_of(rest, now)
     assert np.isnan(cells.area_px2[60])
     assert np.isfinite(cells.area_px2).sum() > 80
-
-
-# ---- drawings
 
 
 def test_a_lost_pin_has_no_polygon() -> None:

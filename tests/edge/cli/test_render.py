@@ -53,14 +53,6 @@ def test_every_frame_is_in_the_video(data_dir: Path, tmp_path: Path) -> None:
     assert cv2.VideoCapture(str(tmp_path / "a.mkv")).get(cv2.CAP_PROP_FPS) == pytest.approx(25)
 
 
-def test_the_safe_palette_has_no_red(data_dir: Path, tmp_path: Path) -> None:
-    render_recording(str(data_dir / "press.mcap"), tmp_path / "a.mkv", style=Style("safe", height=240))
-    last = frames_of(tmp_path / "a.mkv")[-1][:240, :240]
-    assert red_n(last) == 0
-    b, g, r = (last[..., k].astype(int) for k in range(3))
-    assert ((r > 200) & (g > 110) & (g < 190) & (b < 80)).sum() > 50
-
-
 def test_the_command(command: Command, data_dir: Path, tmp_path: Path) -> None:
     render = ("render", data_dir / "nothing.mcap", "--height", "120", "-o")
     done = command(*render, tmp_path / "a.mp4", "--json")

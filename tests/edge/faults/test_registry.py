@@ -109,9 +109,6 @@ def test_many_threads_leave_a_consistent_set() -> None:
     assert {code for code, n in balance.items() if n} == set(registry.active)
 
 
-# ---- the board ----------------------------------------------------------------------------------------
-
-
 def zone(root: Path, number: int, text: str) -> None:
     folder = root / f"thermal_zone{number}"
     folder.mkdir(parents=True)
@@ -167,9 +164,6 @@ def test_the_board_monitor_checks_until_closed() -> None:
     monitor.close()
     assert monitor.temperature_degc == 20.0
     assert not monitor._thread.is_alive()
-
-
-# ---- the service manager --------------------------------------------------------------------------------
 
 
 @pytest.fixture

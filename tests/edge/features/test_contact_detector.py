@@ -67,36 +67,6 @@ def test_the_highest_of_many_passes_its_level_as_rarely_as_one_passes_its_own(n:
     assert many == pytest.approx(one, rel=0.2)
 
 
-def test_a_mean_over_few_cells_is_scaled_down_and_over_three_ignored() -> None:
-    rest = tip(127)
-    ring, _ = slope_stencil(rest.xy_img, rest.pattern.pitch_px)
-    xy = rest.xy_img + push(rest, (0.0, 0.0), 60.0, 0.1)
-    limit = BEGINS * RING_NOISE * 0.05 / rest.pattern.pitch_px
-    for known, factor, expected in ((4, 1.01, True), (4, 0.99, False), (3, 100.0, False)):
-        change = np.full(127, np.nan)
-        change[ring[0, :known]] = factor * limit / np.sqrt(known / 7)
-        assert ContactDetector(rest).by_area(change, xy, 0.05) == expected
-    assert not ContactDetector(rest).by_area(np.full(127, np.nan), xy, 0.05)
-
-
-def test_a_contact_holds_by_its_pins_motion_while_that_alone_would_begin_one() -> None:
-    rest = tip(127)
-    rest_area = areas(rest.xy_img, rest)
-    detector = ContactDetector(rest)
-    answers = []
-    for height in (0.0, 0.1, 0.08, 0.001, 0.05):  # the last without areas in between: it is where it was
-        xy = rest.xy_img + push(rest, (20.0, -15.0), 50.0, height)
-        if height != 0.05:
-            detector.by_area(areas(xy, rest) / rest_area - 1.0, xy, 0.05)
-        answers.append(detector.holds(xy))
-    assert answers == [False, True, True, False, False]
-    detector.by_area(areas(xy, rest) / rest_area - 1.0, xy, 0.05)
-    assert detector.holds(xy)
-    assert not detector.holds(rest.xy_img)
-    xy[0] = np.nan
-    assert not detector.holds(xy)
-
-
 def test_without_areas_pins_that_move_against_each_other_decide() -> None:
     rest = tip(127)
     xy = rest.xy_img + np.array([9.0, -4.0])

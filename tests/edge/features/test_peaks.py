@@ -1,20 +1,16 @@
-"""Regional maxima against scikit-image; valleys between peaks against connected components."""
+"""Regional maxima against scikit-image, and searches that stay within the grid."""
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
-from scipy.ndimage import label
 from skimage.morphology import local_maxima
 
 from edge.features.contacts import maxima
-from edge.features.peaks import PEAKS_MAX, PeakFinder
-from edge.types import Array, Mask
+from edge.features.peaks import PeakFinder
 
 pytestmark = pytest.mark.kernels
-
-EVERYWHERE = np.ones((3, 3))
 
 
 @settings(max_examples=300)
@@ -27,53 +23,6 @@ EVERYWHERE = np.ones((3, 3))
 )
 def test_maxima_equal_scikit_image(grid: np.ndarray) -> None:
     np.testing.assert_array_equal(maxima(grid), local_maxima(grid))
-
-
-def disc(size: int) -> Mask:
-    line = np.linspace(-1.0, 1.0, size)
-    return np.asarray(line[:, None] ** 2 + line**2 <= 1.0)
-
-
-def places(finder: PeakFinder) -> Array:
-    """(m, 2) row and column of each peak, without the padding."""
-    return np.column_stack(np.divmod(np.asarray(finder.at)[: finder.n_peaks], finder.width)) - 1
-
-
-def test_the_highest_peaks_above_the_noise_come_in_order() -> None:
-    rng = np.random.default_rng(2)
-    inside = disc(40)
-    field = rng.normal(size=np.count_nonzero(inside)).astype(np.float32)
-    noise = rng.uniform(0.1, 0.4, len(field)).astype(np.float32)
-    finder = PeakFinder(inside)
-    finder.set_field(field)
-    grid = np.full(inside.shape, -np.inf, np.float32)
-    grid[inside] = field
-    least = np.full(inside.shape, np.inf)
-    least[inside] = np.maximum(noise * np.float32(3.0), 0.5)
-    high = np.argwhere(local_maxima(grid) & (grid > least))
-    high = high[np.argsort(-grid[tuple(high.T)], kind="stable")]
-    assert len(high) > PEAKS_MAX
-    assert finder.find(noise, 3.0, 0.5) == PEAKS_MAX
-    np.testing.assert_array_equal(places(finder), high[:PEAKS_MAX])
-    np.testing.assert_array_equal(np.asarray(finder.height), grid[tuple(high[:PEAKS_MAX].T)])
-    np.testing.assert_array_equal(field[np.asarray(finder.point)], np.asarray(finder.height))
-
-
-def test_peaks_are_connected_where_no_valley_goes_below_the_level() -> None:
-    rng = np.random.default_rng(3)
-    inside = disc(24)
-    finder = PeakFinder(inside)
-    for _ in range(10):
-        field = rng.normal(size=np.count_nonzero(inside)).astype(np.float32)
-        finder.set_field(field)
-        n = finder.find(np.zeros(len(field), np.float32), 0.0, -10.0)
-        grid = np.full(inside.shape, -np.inf, np.float32)
-        grid[inside] = field
-        at = tuple(places(finder).T)
-        for j in range(n):
-            level = float(grid[at][j]) - float(rng.uniform(0.0, 2.0))
-            component = label(grid >= level, EVERYWHERE)[0][at]
-            assert finder.first_connected(j, level) == int(np.argmax(component == component[j]))
 
 
 def test_no_level_lets_a_search_leave_the_grid() -> None:

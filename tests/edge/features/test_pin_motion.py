@@ -78,43 +78,6 @@ def test_contact_pins_are_those_of_the_plain_ellipse() -> None:
     np.testing.assert_array_equal(PinMotion(rest).in_contact(np.zeros(331), 0.0), np.arange(331))
 
 
-def test_a_plane_removes_the_motion_that_a_load_explains() -> None:
-    rest = tip(331)
-    unit = (rest.xy_img - CENTRE) / rest.pattern.tip_radius_px
-    rng = np.random.default_rng(1)
-    before, now = rng.normal(0.0, 1.0, (2, 331, 2))
-    now[5], before[9] = np.nan, np.nan
-    pins = np.arange(0, 331, 3, dtype=np.int32)
-    used, square, left = PinMotion(rest).fit_step(now, before, pins)
-    step = (now - before)[pins]
-    known = np.isfinite(step[:, 0])
-    basis = np.column_stack([np.ones(len(pins)), unit[pins]])[known]
-    residual = step[known] - basis @ np.linalg.lstsq(basis, step[known], rcond=None)[0]
-    assert used == known.sum()
-    assert square == pytest.approx((step[known] ** 2).sum(), rel=1e-12)
-    assert left == pytest.approx((residual**2).sum(), rel=1e-9)
-    assert PinMotion(rest).fit_step(now, before, pins[:0]) == (0, 0.0, 0.0)
-
-
-def test_a_contact_is_pressed_where_its_cells_grow_together() -> None:
-    made = PinMotion(tip(127))
-    pins = np.arange(40, 60, dtype=np.int32)
-    before = np.random.default_rng(2).normal(0.0, 0.02, 127)
-    sizes = np.linspace(0.01, 0.2, 127)
-    mixed = sizes * np.where(np.arange(127) % 2, 1.0, -1.0)
-    for sign in (1.0, -1.0):
-        assert made.is_pressing(before + sign * sizes, before, pins, 0.9)
-        assert not made.is_pressing(before + sign * mixed, before, pins, 0.9)
-    change = mixed[pins]
-    share = abs(change.sum()) / np.abs(change).sum()
-    assert made.is_pressing(before + mixed, before, pins, share - 1e-9)
-    assert not made.is_pressing(before + mixed, before, pins, share + 1e-9)
-    lost = before + sizes
-    lost[45], before[46] = np.nan, np.nan
-    assert made.is_pressing(lost, before, pins, 0.9)
-    assert not made.is_pressing(np.full(127, np.nan), before, pins, 0.9)
-
-
 def test_pin_noise_is_measured_under_load_and_with_bad_pins() -> None:
     rest = tip(331)
     noise, rng = PinNoise(rest.xy_img, rest.pattern.pitch_px), np.random.default_rng(4)

@@ -145,26 +145,6 @@ def test_two_pins_never_share_one_blob() -> None:
     assert np.abs(pins.xy_img[11] - truth[11]).max() < 0.1
 
 
-def test_blobs_that_merge_slowly_are_given_to_one_pin_as_by_a_fresh_start() -> None:
-    """Pins are compared only when they may have come near: what was found before must not matter."""
-    truth = hexagon(2, 22.0, (150.0, 150.0))
-    rest = known_rest(truth, 6.0, 0.9, 120, 1.0, 22.0, SIZE)
-    seasoned, lost_n = CentroidRefiner(rest), []
-    for share in np.linspace(0.0, 0.9, 25):
-        now = truth.copy()
-        now[1] += share * (truth[0] - truth[1])
-        now[5:7] = np.nan if 0.2 < share < 0.5 else now[5:7]
-        image = expose(draw(SIZE, truth[2:], 6.0, 0.9, 120, 30), 1.0, np.random.default_rng(0))
-        image = np.maximum(
-            image, expose(draw(SIZE, now[:2], 6.0, 0.9, 120, 30), 0.0, np.random.default_rng(0))
-        )
-        found = seasoned.refine(image, now)
-        np.testing.assert_array_equal(found.xy_img, CentroidRefiner(rest).refine(image, now).xy_img)
-        lost_n.append(np.isnan(found.xy_img[:2, 0]).sum())
-    assert lost_n[0] == 0
-    assert lost_n[-1] == 1
-
-
 def test_pins_that_the_border_cuts_keep_their_place() -> None:
     truth = np.array(
         [[3.2, 60.0], [60.0, 2.1], [60.0, 60.0], [116.3, 60.0], [60.0, 116.6], [25.0, 25.0], [90.0, 90.0]]

@@ -101,8 +101,6 @@ def test_same_frames_make_the_same_file_where_the_offset_is_given(tmp_path: Path
     assert np.array_equal(np.diff(times), np.diff([f.capture_ns for f in frames]))
 
 
-# -- stages' results ---------------------------------------------------------------------------
-
 N = 7
 
 
@@ -220,9 +218,6 @@ def test_a_truth_that_cannot_be_written_is_counted_and_named(tmp_path: Path) -> 
     first, second = RecordingSource(tmp_path / "a.mcap")
     assert first.truth == {"pins": [[1.5, 2.5]], "depth_mm": 0.25, "force_n": None}
     assert second.truth is None
-
-
-# -- damage ------------------------------------------------------------------------------------
 
 
 def chunk_ends(path: Path) -> list[int]:
@@ -344,9 +339,6 @@ def test_an_idle_recording_is_on_disk_without_being_closed(tmp_path: Path) -> No
     assert len(list(RecordingSource(copy))) == 1
 
 
-# -- speed and limits ---------------------------------------------------------------------------
-
-
 def test_a_second_at_240_frames_a_second_loses_nothing(tmp_path: Path) -> None:
     """Raw 640x480 frames, all at once: they fit the queue, with any disk."""
     image = frames_of(1, size=(640, 480))[0].image
@@ -405,9 +397,6 @@ def test_a_disk_that_fills_up_while_recording(tmp_path: Path, monkeypatch: pytes
     assert "No space left" in recorder.fault
     assert not recorder.frame(frames_of(1)[0])
     assert recorder.dropped_n > 0
-
-
-# -- bad input ----------------------------------------------------------------------------------
 
 
 def test_a_recording_is_never_overwritten_unasked(tmp_path: Path) -> None:

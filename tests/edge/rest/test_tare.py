@@ -55,9 +55,6 @@ def images(frames: list[Frame], k: int) -> list[Image]:
     return [np.clip(np.rint(image), 0, 255).astype(np.uint8) for image in noisy]
 
 
-# ---- checks ----------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("k", [10, 25])
 def test_a_steady_touch_is_no_rest_frame(frames: list[Frame], calibration: Calibration, k: int) -> None:
     reference = take_rest(images(frames, 0))
@@ -128,10 +125,6 @@ def test_half_of_the_pins_covered_are_too_few_and_none_are_no_pattern(
     with pytest.raises(TareRefused) as refused:
         take_rest_frame([np.zeros((320, 320), np.uint8)] * 8, calibration=calibration, force=True)
     assert refused.value.reason is RestFrameReason.NO_PIN_PATTERN
-
-
-# ---- requests
-# -----------------------------------------------------------------------------------------------
 
 
 def test_an_accepted_rest_frame_is_used(finger: Finger) -> None:
@@ -236,9 +229,6 @@ def test_a_first_rest_frame_under_load_is_refused_without_knowing_the_tip() -> N
     assert FaultCode.TARE_IMPLAUSIBLE not in finger.faults
 
 
-# ---- a calibration from a host ----------------------------------------------------------------------------
-
-
 def test_an_upload_while_something_touches_changes_nothing(
     finger: Finger, calibration: Calibration, tmp_path: Path
 ) -> None:
@@ -331,9 +321,6 @@ def test_a_calibration_with_few_of_the_pins_is_another_tips_and_reported_once(
         assert FaultCode.CALIBRATION_FOREIGN in finger.faults
         assert Status.UNCALIBRATED in states[-1].status
     assert finger.registry.appeared[FaultCode.CALIBRATION_FOREIGN] == 1
-
-
-# ---- a loop that goes on meanwhile ------------------------------------------------------------------------
 
 
 def test_on_a_mostly_touched_recording_no_wrong_tare_is_accepted(finger: Finger) -> None:

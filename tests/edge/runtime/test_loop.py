@@ -271,10 +271,6 @@ def test_brightness_of_a_waiting_image_is_reported_during_a_search(finger: Finge
     assert finger.faults == set()
 
 
-# ---- the loop stays alive
-# ------------------------------------------------------------------------------------
-
-
 @contextmanager
 def running(loop: Loop) -> Iterator[None]:
     """The loop in a thread of its own, which has ended afterwards."""
@@ -394,9 +390,6 @@ def test_drift_is_learnt_at_rest_and_can_be_forgotten(frames: list[Frame], calib
     assert 0.005 < finger.loop.statistics().drift_px <= 0.3
     finger.loop.forget_drift()
     assert finger.loop.statistics().drift_px == 0.0
-
-
-# ---- as a process ---------------------------------------------------------------------------------------
 
 
 def test_the_service_manager_gets_ready_watchdog_and_stopping(data_dir: Path, tmp_path: Path) -> None:

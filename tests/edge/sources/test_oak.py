@@ -104,9 +104,6 @@ def lock_step(dai: Any, steps: list[int], **options: Any) -> tuple[list[Frame], 
     return got, source
 
 
-# -- shared code on real depthai ---------------------------------------------------------------------
-
-
 def test_pixels_times_and_gaps_come_through(dai: Any) -> None:
     steps = [0, 1, 2, 5, 6, 9]
     frames, source = lock_step(dai, steps)
@@ -139,9 +136,6 @@ def test_replay_is_exact_and_ends(dai: Any, tmp_path: Path) -> None:
     bad.write_bytes(b"not a video")
     with closing(oak.OakSource(replay_output(bad, 0.0), HOST)) as source:
         assert list(source) == []
-
-
-# -- hardware lines -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -49,9 +49,6 @@ def video_of(
     return path
 
 
-# -- specifications ------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("text", "scheme", "where", "exposure_us", "extra"),
     [
@@ -147,9 +144,6 @@ def open_mine(where: str, options: Options) -> Any:
     return SimpleNamespace(name=f"mine {where} {options.extra['seed']} {options.rate_hz}")
 
 
-# -- folders ---------------------------------------------------------------------------------------
-
-
 def test_folder_in_natural_order(tmp_path: Path) -> None:
     source = FolderSource(folder_of(tmp_path / "f", 12), rate_hz=10.0)
     (tmp_path / "f" / "notes.txt").write_text("not an image, and not named like one")
@@ -213,9 +207,6 @@ def test_missing_and_odd_images_of_a_folder_are_named(tmp_path: Path) -> None:
         list(FolderSource(folder))
 
 
-# -- videos ----------------------------------------------------------------------------------------
-
-
 def test_lossless_video_is_exact(tmp_path: Path) -> None:
     source = VideoSource(video_of(tmp_path / "a.mkv", 10))
     frames = list(source)
@@ -256,9 +247,6 @@ def test_published_videos_play_to_their_end(real_dir: Path, name: str, n: int, r
     assert source.rate_hz == rate_hz
     assert isinstance(source, VideoSource)
     assert not source.faults
-
-
-# -- live ------------------------------------------------------------------------------------------
 
 
 class Scripted(ThreadedSource):
@@ -356,9 +344,6 @@ def test_watch_sees_frozen_and_black() -> None:
     deep = noise(2).astype(np.uint16)  # up to 255 of 4095: one sixteenth
     assert watch.check(Frame(deep, 0, 0, bits=12)) == ""
     assert watch.check(Frame(deep // 4, 0, 0, bits=12)) == "black"
-
-
-# -- replay ----------------------------------------------------------------------------------------
 
 
 class Clocked:

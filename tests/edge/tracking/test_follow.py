@@ -1,7 +1,5 @@
 """The kernel of `follow`: pins that are lost, and what is left of the residuals."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -20,50 +18,6 @@ def small_tip(rings: int = 2) -> Rest:
 def follower(rest: Rest) -> Follower:
     tip = TrackedTip.of(rest)
     return Follower(tip.lattice, tip.photometric, tip.params)
-
-
-def test_arrays_of_another_layout_are_looked_at_in_each_frame() -> None:
-    rest = small_tip()
-    found = np.asfortranarray(rest.xy_img)
-    brightness: Any = rest.pins.brightness.astype(np.float32)
-    kernel = follower(rest)
-    kernel.settle(rest.xy_img, np.zeros((len(rest), 2)), np.ones(len(rest), bool))
-    for _ in range(2):
-        found += 0.3
-        xy, _, seen, *_ = kernel.follow(found, rest.pins.sigma_px, brightness)
-        assert seen.all()
-        np.testing.assert_array_equal(xy, found)
-        kernel.accept(0.7)
-        np.testing.assert_allclose(kernel.last_xy(), found)
-
-
-def test_no_pin_is_seen_where_nothing_was_found_or_two_are_on_one_blob() -> None:
-    rest = small_tip()
-    n = len(rest)
-    kernel = follower(rest)
-    kernel.settle(rest.xy_img, np.zeros((n, 2)), np.ones(n, bool))
-    found = rest.xy_img.copy()
-    found[3], found[8] = np.nan, found[9]
-    _, _, seen, seen_n, leapt, *_ = kernel.follow(found, rest.pins.sigma_px, rest.pins.brightness)
-    np.testing.assert_array_equal(np.flatnonzero(~seen), [3, 8])
-    assert seen_n == n - 2
-    assert not leapt
-
-
-def test_of_two_pins_that_approach_slowly_one_is_lost_when_they_are_too_near() -> None:
-    rest = small_tip(3)
-    n = len(rest)
-    kernel = follower(rest)
-    kernel.settle(rest.xy_img, np.zeros((n, 2)), np.ones(n, bool))
-    towards = 0.5 * (rest.xy_img[1] - rest.xy_img[0])
-    for share in np.linspace(0.0, 0.7, 30):
-        found = rest.xy_img + 0.3
-        found[0] += share * towards
-        found[1] -= share * towards
-        _, _, seen, *_ = kernel.follow(found, rest.pins.sigma_px, rest.pins.brightness)
-        kernel.accept(0.7)
-        assert seen[2:].all()
-        assert np.count_nonzero(seen[:2]) == (2 if share < 0.5 else 1), share
 
 
 def off_by(pitches: float, step: float) -> int:
