@@ -7,7 +7,7 @@ from edge.rest.tare import tare
 from edge.types import Array
 from tests.bench.contacts import SCENES, SecondTip, measure
 from tests.bench.flat_gel import FlatGel
-from tests.bench.half_space import FRICTION, POISSON, Ball, Bar, displace, own_depths_mm
+from tests.bench.half_space import FRICTION, POISSON, Ball, displace
 
 SEED = 3
 BALL = Ball(0.3, -0.2, 1.2, (0.5, 0.8))
@@ -48,30 +48,6 @@ def test_outside_of_a_ball_the_surface_moves_as_under_its_point_forces(place: tu
     along, w = by_point_forces(*place, BALL)
     assert found.along_mm[0] == pytest.approx(along, rel=1e-3)
     assert found.w_mm[0] == pytest.approx(w, rel=1e-3)
-
-
-def test_each_of_several_balls_is_as_deep_as_it_is_pressed() -> None:
-    balls = [Ball(0.0, 0.0, 3.0), Ball(5.1, 0.0, 1.0), Ball(-1.0, 6.0, 0.8)]
-    places = np.array([(ball.x_mm, ball.y_mm) for ball in balls])
-    assert displace(places, balls).w_mm == pytest.approx([3.0, 1.0, 0.8], abs=1e-6)
-    assert own_depths_mm(balls)[1] < 0.5  # the deep one has pushed the surface down there
-
-
-@pytest.mark.parametrize("tool", [BALL, Bar(0.3, 0.2, 0.7, 1.0)])
-def test_slope_is_the_gradient_of_the_indentation(tool: Ball | Bar) -> None:
-    places, step = np.array([[2.5, 1.0], [-3.0, 0.4], [0.5, 0.9]]), 1e-5
-    for axis in np.eye(2):
-        there, back = (displace(places + way * step * axis, [tool]).w_mm for way in (1.0, -1.0))
-        assert displace(places, [tool]).slope @ axis == pytest.approx((there - back) / (2.0 * step), abs=1e-4)
-
-
-def test_a_bar_is_deepest_in_its_middle_and_longer_than_wide() -> None:
-    bar = Bar(1.0, -2.0, 0.5, 1.5)
-    along = np.array([np.cos(0.5), np.sin(0.5)])
-    middle = np.array([1.0, -2.0])
-    w = displace(np.array([middle, middle + 4 * along, middle + 4 * along[::-1] * (-1, 1)]), [bar]).w_mm
-    assert w[0] == pytest.approx(1.5)
-    assert w[0] > w[1] > 1.5 * w[2]
 
 
 def test_caps_are_found_where_they_were_drawn() -> None:

@@ -5,9 +5,6 @@ import random
 import signal
 import subprocess
 import sys
-import tracemalloc
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, cast
 
@@ -28,6 +25,7 @@ from tests.support.calibrations import (
     parsed,
     touched_features,
 )
+from tests.support.memory import bounded_memory
 from tests.support.refusals import one_line
 from tests.support.seeds import SEED
 
@@ -92,17 +90,6 @@ def refusal(raw: bytes) -> str:
     assert message.startswith("cal.json: ")
     assert len(message) < 400
     return message
-
-
-@contextmanager
-def bounded_memory(most_bytes: int) -> Iterator[None]:
-    tracemalloc.start()
-    try:
-        yield
-        peak_bytes = tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
-    assert peak_bytes < most_bytes
 
 
 LINE_OF_PINS = {

@@ -19,10 +19,7 @@ import cv2
 import numpy as np
 import pytest
 
-from calib.sim.camera import Camera
-from calib.sim.mechanics import ToolPose
-from calib.sim.simulator import Simulator
-from calib.sim.tip import Tip
+from calib.sim import Camera, Simulator, Tip, ToolPose
 from edge.recording.reader import read_messages
 from edge.recording.writer import Recorder
 from edge.runtime.loop import Loop

@@ -10,10 +10,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from calib.sim.camera import Camera as SimulatedCamera
-from calib.sim.mechanics import ToolPose
-from calib.sim.simulator import Simulator
-from calib.sim.tip import Tip
+from calib.sim import Camera as SimulatedCamera
+from calib.sim import Simulator, Tip, ToolPose
 from edge.calibration import Calibration
 from edge.cli.checks import LIMITS, Line
 from edge.cli.doctor import examine

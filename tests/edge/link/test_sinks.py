@@ -271,21 +271,6 @@ def test_answers_overtake_samples_and_detail_waits(channel: str, slow: tuple[Fla
     assert sink.counters.detail_skipped == 2
 
 
-def test_a_message_that_breaks_its_handler_does_not_stop_reading(channel: str, fd_sink: CanFdSink) -> None:
-    received: list[int] = []
-
-    def handler(frame: CanFrame) -> None:
-        if not frame.data:
-            raise KeyError("broken")
-        received.append(frame.data[0])
-
-    fd_sink.on_message = handler
-    with can.Bus(interface="virtual", channel=channel) as host:
-        host.send(can.Message(arbitration_id=1, is_extended_id=False))
-        host.send(can.Message(arbitration_id=1, data=b"\7", is_extended_id=False))
-        until(lambda: received == [7], "the second message")
-
-
 class Pty:
     """The other end of a serial line, at a path that stays the same."""
 

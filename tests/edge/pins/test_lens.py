@@ -6,11 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.sim.camera import Camera
-from calib.sim.mechanics import ToolPose
-from calib.sim.render import Appearance
-from calib.sim.simulator import Simulator
-from calib.sim.tip import Tip
+from calib.sim import Appearance, Camera, Simulator, Tip, ToolPose
 from edge.calibration.file import rest_of, sensor_of
 from edge.errors import CalibrationError, NoPins, SourceError
 from edge.frame import Pipeline

@@ -6,10 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.sim.camera import Camera
-from calib.sim.mechanics import ToolPose
-from calib.sim.simulator import Simulator
-from calib.sim.tip import Tip
+from calib.sim import Camera, Simulator, Tip, ToolPose
 from edge.pins import take_rest
 from edge.rest.symmetry import RestSymmetry, symmetry_of
 from edge.sources import open_source, read_image

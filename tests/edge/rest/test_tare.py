@@ -12,10 +12,7 @@ import cv2
 import numpy as np
 import pytest
 
-from calib.sim.camera import Camera
-from calib.sim.mechanics import ToolPose
-from calib.sim.simulator import Simulator
-from calib.sim.tip import Tip
+from calib.sim import Camera, Simulator, Tip, ToolPose
 from edge.calibration import Calibration
 from edge.errors import CalibrationError, RequestRefused
 from edge.pins import take_rest
