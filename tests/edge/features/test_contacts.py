@@ -68,7 +68,7 @@ def test_four_pushes_strongest_first() -> None:
 
 def test_there_are_no_more_contacts_than_the_table_holds() -> None:
     rest, across = tip(331), (-120.0, -40.0, 40.0, 120.0)
-    motion = sum(push(rest, (x, y), 14.0, 0.3) for x in across for y in across)
+    motion = sum(push(rest, (x, y), 16.0, 0.3) for x in across for y in across)
     assert len(contacts(rest, np.asarray(motion))) == CONTACTS_MAX
 
 
