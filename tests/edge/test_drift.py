@@ -1,7 +1,5 @@
 """Slow drift: learnt only while certainly untouched, bounded, reported, reversible."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.random import default_rng

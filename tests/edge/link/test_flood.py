@@ -1,7 +1,5 @@
 """A flooded bus loses no sample: reading is throttled, and the medium is not reopened."""
 
-from __future__ import annotations
-
 import can
 import pytest
 
