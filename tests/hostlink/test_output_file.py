@@ -9,12 +9,16 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from itertools import count
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import pytest
 
+import hostlink.output_file
 from edge.calibration import Calibration
 from edge.link.settings import SettingsFile
 from edge.runtime.calibration_store import CalibrationStore
@@ -277,6 +281,51 @@ def test_a_signal_leaves_a_whole_file_or_none(tmp_path: Path, number: signal.Sig
     kept = [] if when == "while it is written" else [path]
     assert list(tmp_path.iterdir()) == kept
     assert all(one.read_text() == "content" for one in kept)
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+def test_ctrl_c_at_any_instruction_leaves_a_whole_file_or_none(tmp_path: Path, overwrite: bool) -> None:
+    """A recording that is kept half-way replaces an earlier one by something, never by nothing."""
+    path, content = tmp_path / "x.json", {"old" if overwrite else None, "content"}
+    for number in count():
+        if overwrite:
+            path.write_text("old")
+        with interrupted_at(number) as came, suppress(KeyboardInterrupt):
+            check_output(path, (".json",), overwrite=overwrite)
+            with writing(path, overwrite, keep_partial=overwrite) as unfinished:
+                unfinished.write_text("content")
+        if not came:
+            break
+        assert {one.name for one in tmp_path.iterdir()} <= {path.name}
+        assert (path.read_text() if path.exists() else None) in content
+        path.unlink(missing_ok=True)
+    assert number > 300
+    assert path.read_text() == "content"
+
+
+@contextmanager
+def interrupted_at(number: int) -> Iterator[list[int]]:
+    """Ctrl-C before this instruction of the module's, counted from the block's begin.
+
+    The list stays empty if the block ends before.
+    """
+    numbers, came = count(), list[int]()
+
+    def trace(frame: FrameType, event: str, argument: object) -> Any:
+        if frame.f_code.co_filename != hostlink.output_file.__file__:
+            return None
+        frame.f_trace_opcodes = True
+        if event == "opcode" and next(numbers) == number:
+            came.append(number)
+            signal.raise_signal(signal.SIGINT)
+        return trace
+
+    before = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        yield came
+    finally:
+        sys.settrace(before)
 
 
 def test_a_program_under_nohup_goes_on(tmp_path: Path) -> None:
