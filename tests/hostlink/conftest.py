@@ -1,7 +1,5 @@
 """What the tests of the host side share."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 
