@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -33,6 +34,7 @@ __all__ = [
 ]
 
 _SHELL = 128  # a shell adds the number of the signal
+_AGAIN_S = 0.01  # a callback is over by then; if another one has begun, the signal is sent once more
 #: `timeout` and service managers send SIGTERM; SIGHUP: the terminal has gone; SIGQUIT: Ctrl-\\.
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 
@@ -82,9 +84,31 @@ def exit_on_interrupt() -> Iterator[None]:
 
 @contextmanager
 def interrupting() -> Iterator[None]:
-    """All ending signals raise KeyboardInterrupt, until the block ends."""
-    with _handling([n for n in ENDING if signal.getsignal(n) == signal.SIG_DFL], _interrupt):
-        yield
+    """All ending signals raise KeyboardInterrupt, until the block ends.
+
+    Python ignores what is raised in a finalizer or in a weak reference's callback, such as those of imports.
+    A signal that comes there comes again when it is over.
+    """
+    report = sys.unraisablehook
+    sys.unraisablehook = lambda ignored: _send_again(ignored) or report(ignored)
+    try:
+        with _handling([n for n in ENDING if signal.getsignal(n) == signal.SIG_DFL], _interrupt):
+            yield
+    finally:
+        sys.unraisablehook = report
+
+
+def _send_again(ignored: sys.UnraisableHookArgs) -> bool:
+    """Whether it was a signal that was ignored; then it is on its way again."""
+    if not isinstance(ignored.exc_value, KeyboardInterrupt):
+        return False
+    number = exit_code(ignored.exc_value) - _SHELL
+    if signal.getsignal(number) == signal.SIG_IGN:
+        signal.signal(number, _interrupt)
+    again = threading.Timer(_AGAIN_S, os.kill, (os.getpid(), number))
+    again.daemon = True
+    again.start()
+    return True
 
 
 @contextmanager

@@ -1,7 +1,5 @@
 """Chosen numbers are few, and each has its evidence in docs/tuning.md."""
 
-from __future__ import annotations
-
 import re
 
 from tests.support.tuned_numbers import NOT_TUNED, ROOT, tuned_numbers

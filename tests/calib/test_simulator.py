@@ -1,7 +1,5 @@
 """The simulator against physics, the paper's observations, and its own statement of truth."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import replace

@@ -6,8 +6,6 @@ is on the list of those that nobody chose.
     python -m tests.support.tuned_numbers          # the table; with a stage's name its numbers
 """
 
-from __future__ import annotations
-
 import ast
 import sys
 from collections.abc import Iterator
