@@ -221,7 +221,7 @@ class LinkSink(ABC):
         except MediumFull:
             self._stall.refused(began_s)
             return False
-        except Exception as error:  # noqa: BLE001 - of a driver: whatever it is, the medium has failed
+        except (Exception, SystemExit) as error:  # noqa: BLE001 - of a driver: whatever it is, the medium has failed
             self._lose(medium, error)
             return False
         finally:
@@ -233,7 +233,7 @@ class LinkSink(ABC):
         self._stall.left(began_s, recovered=reconnected or bus_off)
         return True
 
-    def _lose(self, medium: Medium, error: Exception) -> None:
+    def _lose(self, medium: Medium, error: BaseException) -> None:
         if not isinstance(error, MediumError):
             self.guard.note(error)
         with self._changed:
@@ -332,7 +332,7 @@ class LinkSink(ABC):
             try:
                 if medium is self._medium.current:
                     message = medium.read(self._params.read_s)
-            except Exception as error:  # noqa: BLE001 - the same
+            except (Exception, SystemExit) as error:  # noqa: BLE001 - the same
                 self._lose(medium, error)
         if medium.bus_off != bus_off:
             self._stall.wake()
