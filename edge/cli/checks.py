@@ -100,7 +100,7 @@ def _brightness(frames: Sequence[Frame]) -> Line:
         return Line("light", "fail", finding, "dark: is the LED lit? raise [source] exposure_us or gain")
     if full > 1.0 - IMAGE.half_rel:
         return Line("light", "fail", finding, "overexposed: lower [source] exposure_us, keep stray light out")
-    if level < LIVE.black_share:
+    if level**2 * (1 << frames[0].bits) < 1.0:  # by ratios, nearer to one level than to white
         return Line("light", "warn", finding, "dim: raise [source] exposure_us, then gain")
     if full > ASTRAY_REL:
         return Line("light", "warn", finding, "glare: lower [source] exposure_us")
