@@ -15,7 +15,7 @@ AT_MOST = {
     "faults": 4,
     "features": 24,
     "geometry": 7,
-    "link": 6,
+    "link": 5,
     "pins": 27,
     "recording": 2,
     "rest": 3,
@@ -24,7 +24,7 @@ AT_MOST = {
     "sources": 7,
     "tracking": 23,
     "view": 6,
-    "worker": 8,
+    "worker": 6,
 }
 WORDS_MAX = 3000
 
