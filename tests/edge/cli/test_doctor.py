@@ -17,12 +17,13 @@ from calib.sim.mechanics import ToolPose
 from calib.sim.simulator import Simulator
 from calib.sim.tip import Tip
 from edge.calibration import Calibration
-from edge.cli.checks import LIMITS, Line, worst
+from edge.cli.checks import Line, worst
 from edge.cli.doctor import examine
 from edge.cli.machine import Machine
 from edge.cli.program import cli
 from edge.config import Config, LinkTable, SourceTable, StateTable
 from edge.errors import SourceError
+from edge.runtime.board_monitor import STORED_BYTES
 from edge.sources import open_source
 from edge.sources.live import PARAMS as LIVE
 from edge.types import Clock, Frame, Image
@@ -250,7 +251,7 @@ def test_can(
     [
         ("write_mb_s", 5.0, "disk", "warn"),
         ("write_s", refuse, "disk", "fail"),
-        ("free", LIMITS.write_bytes, "disk", "fail"),
+        ("free", STORED_BYTES, "disk", "fail"),
         ("governor", "powersave", "processor", "warn"),
         ("degc", 85.0, "temperature", "warn"),
         ("synchronised", False, "clock", "warn"),
