@@ -10,8 +10,8 @@ from tests.support.tuned_numbers import NOT_TUNED, ROOT, tuned_numbers
 AT_MOST = {
     "calibration": 4,
     "cells": 2,
-    "cli": 3,
-    "edge": 10,
+    "cli": 1,
+    "edge": 7,
     "faults": 4,
     "features": 24,
     "geometry": 7,
