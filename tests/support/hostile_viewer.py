@@ -7,8 +7,6 @@ attack.counts
 python -m tests.support.hostile_viewer URL N SECONDS    N honest ones
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import math
@@ -22,6 +20,8 @@ from types import TracebackType
 from typing import Self
 
 import aiohttp
+
+from tests.support.waiting import SOON_S
 
 HALF_OPEN_N = 100  # more than there are places for
 PATIENCE_S = 2.0  # longest duration of an attack
@@ -46,7 +46,11 @@ def message_frame(text: str, opcode: int = 1) -> bytes:
 
 async def look(url: str, packets_n: int = 2, until_s: float = math.inf) -> int:
     """An honest viewer: connects, reads some packets (0: any number) or for some time; returns how many."""
-    async with aiohttp.ClientSession() as session, session.ws_connect(url, max_msg_size=0) as connection:
+    async with (
+        asyncio.timeout(SOON_S if math.isinf(until_s) else None),
+        aiohttp.ClientSession() as session,
+        session.ws_connect(url, max_msg_size=0) as connection,
+    ):
         await connection.send_json({"want": ["image"]})
         got_n = 0
         async for message in connection:
@@ -78,7 +82,7 @@ class HostileViewers:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._over.set()
-        self._thread.join()
+        self._thread.join(SOON_S)
 
     def _run(self) -> None:
         attacks = (self._never_reads, self._asks_without_end, self._half_open, self._talks_nonsense)

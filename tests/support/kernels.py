@@ -5,8 +5,6 @@ checked      build/checked, sanitized build/sanitized: made by `python setup.py 
 python       uncompiled
 """
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import sys

@@ -121,7 +121,7 @@ def test_rim_cells_hold_when_the_rim_moves_far() -> None:
 
 def test_random_walks_agree_with_fresh_triangulations_without_jumps() -> None:
     """A share of the walks of `python -m tests.bench stability`."""
-    walks = random_walks(40, 10, 0.5, seed=1)
+    walks = random_walks(50, 10, 0.5, seed=1)
     assert walks.worst_difference <= 1e-12
     assert walks.worst_share <= 1.0
     assert walks.flips > 500

@@ -13,12 +13,13 @@ from click.testing import CliRunner
 from calib.sim import Camera as SimulatedCamera
 from calib.sim import Simulator, Tip, ToolPose
 from edge.calibration import Calibration
-from edge.cli.checks import LIMITS, Line
+from edge.cli.checks import Line
 from edge.cli.doctor import examine
 from edge.cli.machine import Machine
 from edge.cli.program import cli
 from edge.config import Config, LinkTable, SourceTable, StateTable
 from edge.errors import SourceError
+from edge.runtime.board_monitor import STORED_BYTES
 from edge.sources import open_source
 from edge.sources.live import PARAMS as LIVE
 from edge.types import Clock, Frame, Image
@@ -246,7 +247,7 @@ def test_can(
     [
         ("write_mb_s", 5.0, "disk", "warn"),
         ("write_s", refuse, "disk", "fail"),
-        ("free", LIMITS.write_bytes, "disk", "fail"),
+        ("free", STORED_BYTES, "disk", "fail"),
         ("governor", "powersave", "processor", "warn"),
         ("degc", 85.0, "temperature", "warn"),
         ("synchronised", False, "clock", "warn"),

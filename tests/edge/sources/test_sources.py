@@ -94,7 +94,7 @@ def test_keys_win_over_settings() -> None:
         ("/dev/video99", "no such camera"),
         ("v4l2:SERIAL-4711", "no such camera"),
         ("v4l2:0?exposure_us=long", "us=long: give a whole number from 0 to 2147483647, e.g. exposure_us=1"),
-        ("sim:press?rate_hz=nan", "rate_hz=nan: give a number from 0 to 100000, e.g. rate_hz=1"),
+        ("sim:press?rate_hz=nan", "rate_hz=nan: give a number from 0 to 1000000, e.g. rate_hz=1"),
         ("v4l2:0?width=-1", "width=-1: give a whole number from 0 to 8192, e.g. width=1"),
         ("v4l2:0?pins=white", "pins=white: give dark or bright, e.g. pins=dark"),
         ("v4l2:0?exposre_us=3", "unknown key 'exposre_us'|no such camera"),
