@@ -269,21 +269,6 @@ def test_a_leap_that_loses_pins_is_searched_even_if_most_are_found() -> None:
     np.testing.assert_array_equal(tracks.xy_img, now)
 
 
-def test_after_dark_frames_the_same_identities_return() -> None:
-    rng = np.random.default_rng(6)
-    xy = LAYOUTS["rings331"]
-    tracker = held(xy)
-    dark = np.full_like(xy, np.nan)
-    assert tracker.follow(pins_at(dark)).confidence < Tracks.LOW_CONFIDENCE
-    for _ in range(5):
-        assert tracker.predict() is None
-        assert tracker.identify(pins_at(np.empty((0, 2)))).confidence < Tracks.LOW_CONFIDENCE
-    now = pressed(xy, rng)
-    tracks = tracker.identify(pins_at(rng.permutation(now)))
-    np.testing.assert_array_equal(tracks.xy_img, now)
-    assert tracker.follow(pins_at(now)).n_seen == 331
-
-
 def test_after_a_failed_search_the_followed_pins_are_kept() -> None:
     xy = LAYOUTS["rings331"]
     tracker = held(xy)
