@@ -1,7 +1,7 @@
 """Signals that end a program: Ctrl-C, the end of a session or of a service, a lost terminal.
 
 All of them do what Ctrl-C does: they raise KeyboardInterrupt in the main thread, so that files are completed
-or removed. Its argument is the signal's number, if it was not Ctrl-C.
+or removed. Its argument is the signal's number; Python's own for Ctrl-C has none.
 
     while a program starts      it ends at once, without a traceback: `exit_on_interrupt`
     while a command runs        KeyboardInterrupt: `interrupting`, in `hostlink.cli_exit`
@@ -70,6 +70,10 @@ def _send_again(number: int) -> None:
     again.start()
 
 
+def _end(number: int, _frame: FrameType | None) -> None:
+    os._exit(_SHELL + number)
+
+
 def exit_code(interrupt: BaseException | None) -> int:
     """Of a program that ends by this KeyboardInterrupt."""
     number = interrupt.args[0] if interrupt is not None and interrupt.args else signal.SIGINT
@@ -95,12 +99,13 @@ def _of_ours() -> list[signal.Signals]:
 
 @contextmanager
 def exit_on_interrupt() -> Iterator[None]:
-    """Until the block ends, these signals end the process. For imports: no file is open that must be closed.
+    """Until the block ends, or `interrupting` begins, these signals end the process. For imports: no file is
+    open that must be closed.
 
     In the middle of an import, KeyboardInterrupt is a traceback, or another error: compiled modules turn it
     into an ImportError.
     """
-    with _handling(_of_ours(), lambda number, _: os._exit(_SHELL + number)):
+    with _handling(_of_ours(), _end):
         yield
 
 
@@ -115,7 +120,7 @@ def interrupting() -> Iterator[None]:
     _came.clear()
     report = sys.unraisablehook
     sys.unraisablehook = partial(_report_ignored, report)
-    ours = (signal.SIG_DFL, signal.default_int_handler)
+    ours = (signal.SIG_DFL, signal.default_int_handler, _end)
     try:
         with _handling([n for n in ENDING if signal.getsignal(n) in ours], _interrupt):
             yield

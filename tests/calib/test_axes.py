@@ -202,6 +202,23 @@ def test_a_depth_or_a_force_that_is_all_pressed_is_taken_either_way(pressed: Pre
             along_press(table, extract, captured=False, rest_given=False)
 
 
+@pytest.mark.parametrize("at_touch", [0.4123, -0.01, 12.0])
+def test_a_position_in_metres_is_refused(pressed: Pressed, at_touch: float) -> None:
+    table, extract = pressed.table(pressed.every, displacement_mm=at_touch - pressed.depth / 1000.0)
+    for rest_given in (True, False):
+        with pytest.raises(TableError, match=r"column pose_z changes by 0\.004 mm .*; its unit is mm"):
+            along_press(table, extract, captured=False, rest_given=rest_given)
+
+
+@pytest.mark.parametrize(("idle", "noted"), [(0.0, False), (0.2, False), (-2.5, True), (20.0, True)])
+def test_a_gauge_that_is_not_tared_is_named(pressed: Pressed, idle: float, noted: bool) -> None:
+    table, extract = pressed.table(pressed.every, force_n=-pressed.force + idle)
+    _, (line,) = along_press(table, extract, captured=False, rest_given=True)
+    assert line == "force_n = -force_z" + (
+        f" ({idle:g} N where nothing touches: is the gauge tared?)" * noted
+    )
+
+
 def test_a_depth_that_the_frames_do_not_follow_stays_as_it_is(pressed: Pressed) -> None:
     shuffled = np.random.default_rng(1).permutation(pressed.depth)
     table, extract = pressed.table(pressed.every, displacement_mm=shuffled)

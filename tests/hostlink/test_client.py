@@ -330,7 +330,7 @@ def test_stop_and_sync_from_the_host(pair: Pair) -> None:
 
 @pytest.mark.parametrize("kind", ["virtual", "udp"])
 def test_five_fingers_on_one_bus(request: pytest.FixtureRequest, kind: str) -> None:
-    """A second of five fingers at 250 Hz, as fast as it goes; at its own pace: tests/bench/link.py."""
+    """A second of five fingers at 250 Hz, as fast as it goes."""
     if kind == "udp":
         need_multicast()
     port = 41_000 + os.getpid() % 20_000

@@ -47,6 +47,16 @@ def test_an_interrupted_import_is_no_traceback(arguments: str, tmp_path: Path) -
     assert (ended.returncode, ended.stderr) == (130, "")
 
 
+@pytest.mark.parametrize("program", ["edge", "hostlink", "calib"])
+def test_nothing_lies_between_the_imports_and_the_command(program: str) -> None:
+    code = (
+        f"import os, signal; from hostlink import cli_exit; from {program}.__main__ import main; "
+        "cli_exit._replace_closed_streams = lambda: os.kill(os.getpid(), signal.SIGINT); main()"
+    )
+    ended = python("-c", code, "--help")
+    assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "")
+
+
 def test_a_background_job_stays_deaf() -> None:
     """A shell starts it with SIGINT ignored: Ctrl-C is for what runs in front."""
     deaf = 'trap "" INT; exec "$0" -c "$1" click hostlink --help'

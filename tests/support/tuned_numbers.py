@@ -24,7 +24,7 @@ NOT_TUNED: dict[str, frozenset[str]] = {
         "edge/sources/options.py:_RANGES", "edge/view/palette.py:COLOUR_STEPS",
         "edge/link/medium.py:CAN_ERR_BUSOFF",
         "edge/link/medium.py:CAN_ERR_RESTARTED", "edge/link/socketcan.py", "edge/link/nmt.py",
-        "edge/link/object_server.py:FORCE",
+        "edge/limits.py:TICK_HZ", "edge/limits.py:RATE_MIN_HZ", "edge/link/object_server.py:FORCE",
         "edge/link/sinks.py:NODE_DEFAULT", "edge/link/sinks.py:BITRATE", "edge/link/sinks.py:DBITRATE",
         "edge/recording/messages.py:_PIXEL_CENTRE", "edge/recording/messages.py:_POINT",
         "edge/recording/messages.py:_FILL_COLOR", "edge/sources/image_header.py",
