@@ -1,7 +1,7 @@
 """Signals that end a program: Ctrl-C, the end of a session or of a service, a lost terminal.
 
 All of them do what Ctrl-C does: they raise KeyboardInterrupt in the main thread, so that files are completed
-or removed. Its argument is the signal's number, if it was not Ctrl-C.
+or removed. Its argument is the signal's number; Python's own for Ctrl-C has none.
 
     while a program starts      it ends at once, without a traceback: `exit_on_interrupt`
     while a command runs        KeyboardInterrupt: `interrupting`, in `hostlink.cli_exit`
@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -33,6 +34,7 @@ __all__ = [
 ]
 
 _SHELL = 128  # a shell adds the number of the signal
+_AGAIN_S = 0.01  # a callback is over by then; if another one has begun, the signal is sent once more
 #: `timeout` and service managers send SIGTERM; SIGHUP: the terminal has gone; SIGQUIT: Ctrl-\\.
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 
@@ -44,6 +46,10 @@ def _interrupt(number: int, _frame: FrameType | None) -> None:
     ):  # the shell and the kernel both report a lost terminal
         signal.signal(number, signal.SIG_IGN)
     raise KeyboardInterrupt(number)
+
+
+def _end(number: int, _frame: FrameType | None) -> None:
+    os._exit(_SHELL + number)
 
 
 def exit_code(interrupt: BaseException | None) -> int:
@@ -71,20 +77,43 @@ def _of_ours() -> list[signal.Signals]:
 
 @contextmanager
 def exit_on_interrupt() -> Iterator[None]:
-    """Until the block ends, these signals end the process. For imports: no file is open that must be closed.
+    """Until the block ends, or `interrupting` begins, these signals end the process. For imports: no file is
+    open that must be closed.
 
     In the middle of an import, KeyboardInterrupt is a traceback, or another error: compiled modules turn it
     into an ImportError.
     """
-    with _handling(_of_ours(), lambda number, _: os._exit(_SHELL + number)):
+    with _handling(_of_ours(), _end):
         yield
 
 
 @contextmanager
 def interrupting() -> Iterator[None]:
-    """All ending signals raise KeyboardInterrupt, until the block ends."""
-    with _handling([n for n in ENDING if signal.getsignal(n) == signal.SIG_DFL], _interrupt):
-        yield
+    """All ending signals raise KeyboardInterrupt, until the block ends.
+
+    Python ignores what is raised in a finalizer or in a weak reference's callback, such as those of imports.
+    A signal that comes there comes again when it is over.
+    """
+    report = sys.unraisablehook
+    sys.unraisablehook = lambda ignored: _send_again(ignored) or report(ignored)
+    try:
+        with _handling([n for n in ENDING if signal.getsignal(n) in (signal.SIG_DFL, _end)], _interrupt):
+            yield
+    finally:
+        sys.unraisablehook = report
+
+
+def _send_again(ignored: sys.UnraisableHookArgs) -> bool:
+    """Whether it was a signal that was ignored; then it is on its way again."""
+    if not isinstance(ignored.exc_value, KeyboardInterrupt):
+        return False
+    number = exit_code(ignored.exc_value) - _SHELL
+    if signal.getsignal(number) == signal.SIG_IGN:
+        signal.signal(number, _interrupt)
+    again = threading.Timer(_AGAIN_S, os.kill, (os.getpid(), number))
+    again.daemon = True
+    again.start()
+    return True
 
 
 @contextmanager

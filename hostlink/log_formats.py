@@ -40,7 +40,7 @@ _RELATIVE_MAX_S: Final = 1e8  # three years; a larger time counts from 1970
 _TEXT: Final = re.ASCII | re.IGNORECASE | re.VERBOSE
 _CANDUMP: Final = re.compile(
     r"""
-    \s*(?:\((?P<time>\d{1,12}(?:\.\d{1,9})?)\)\s*|\((?P<date>\d{4}-\d\d-\d\d\ \d\d:\d\d:\d\d\.\d{6})\)\s*)?
+    \s*(?:\((?P<time>\d{1,12}(?:\.\d{1,9})?)\)\s*|\((?P<date>\d{4}-\d\d-\d\d\ \d\d:\d\d:\d\d\.\d{6,9})\)\s*)?
     (?P<channel>[^\s()\#]{1,64})\s+
     (?:(?P<way>[RT])X\s+(?P<switch>[-B])\s+(?P<passive>[-E])\s+)?
     (?P<id>[\dA-F]{8}|[\dA-F]{3})
@@ -52,6 +52,7 @@ _CANDUMP: Final = re.compile(
     )\s*""",
     _TEXT,
 )
+_CANDUMP_TIME: Final = re.compile(r"\s*\((\d{1,12}(?:\.\d{1,9})?)\)", re.ASCII)
 _ERROR_FLAG: Final = 1 << 29  # linux/can.h
 _ID_MASK: Final = _ERROR_FLAG - 1
 _BRS, _ESI = 1, 2
@@ -98,7 +99,7 @@ class Skipped:
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
     """The lines with something on them and their numbers; a longer one than LINE_MAX is cut off there."""
-    with path.open(encoding="utf-8", errors="replace") as file:
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
         number = 0
         while line := file.readline(LINE_MAX):
             number += 1
@@ -111,25 +112,27 @@ def _lines(path: Path) -> Iterator[tuple[int, str]]:
 
 def read_candump(path: Path, skipped: Skipped) -> Iterator[can.Message]:
     """The messages in a log of `candump`."""
-    messages = _candump_messages(path, skipped)
-    head = list(islice(messages, HEAD_N))
-    adding = _are_differences([m.timestamp for m in head if m.timestamp == m.timestamp])
-    time_s = 0.0
-    for message in chain(head, messages):
-        if adding:
-            time_s += message.timestamp
-            message.timestamp = time_s
-        yield message
+    lines = _candump_lines(path, skipped)
+    head = list(islice(lines, HEAD_N))
+    adding, sum_s = _are_differences([stated_s for stated_s, _ in head if stated_s == stated_s]), 0.0
+    for stated_s, message in chain(head, lines):
+        sum_s += stated_s if stated_s == stated_s else 0.0
+        if message is not None:
+            message.timestamp = sum_s if adding else stated_s
+            yield message
 
 
-def _candump_messages(path: Path, skipped: Skipped) -> Iterator[can.Message]:
+def _candump_lines(path: Path, skipped: Skipped) -> Iterator[tuple[float, can.Message | None]]:
+    """Of each line the time that it states, for a difference counts whatever it is of; and its message."""
     for number, line in _lines(path):
         found = _CANDUMP.fullmatch(line)
         message = None if found is None else _candump_message(found)
         if message is None:
             skipped.add(number, line)
+            stamp = _CANDUMP_TIME.match(line)
+            yield float(stamp[1]) if stamp else nan, None
         else:
-            yield message
+            yield message.timestamp, message
 
 
 def _candump_message(found: re.Match[str]) -> can.Message | None:
@@ -274,7 +277,7 @@ def read_blf(path: Path, _: Skipped) -> Iterator[can.Message]:
         if len(head) < _FILE.size:
             raise ValueError("it is shorter than a BLF header")
         signature, at, *begin = _FILE.unpack(head)
-        if signature != b"LOGG" or not _FILE.size <= at <= _FILE_HEADER_MAX:
+        if signature != b"LOGG" or not _FILE.size <= at <= min(_FILE_HEADER_MAX, size):
             raise ValueError("it does not begin as a BLF file")
         begin_s, rest = _system_time(begin), b""
         while at < size:

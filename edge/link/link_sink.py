@@ -57,16 +57,15 @@ class ReadBudget:
 
     def __init__(self, cpu_s: float, now_s: float, params: LinkParams = PARAMS) -> None:
         self._params = params
-        self._cpu_s, self._since_s = cpu_s, now_s
+        self._cpu_s, self._now_s, self._paid_s = cpu_s, now_s, now_s
 
     def pause_s(self, cpu_s: float, now_s: float) -> float:
-        """How long to pause reading; 0.0: go on."""
-        p = self._params
-        used_s, passed_s = cpu_s - self._cpu_s, now_s - self._since_s
-        pause_s = used_s / p.read_rel - passed_s
-        if passed_s > p.read_window_s:
-            self._cpu_s, self._since_s = cpu_s, now_s
-        return pause_s if pause_s > p.read_pause_s else 0.0
+        """How long to pause reading; 0.0: go on. Time that was not used is no credit for later."""
+        used_s = cpu_s - self._cpu_s
+        self._paid_s = max(self._paid_s, self._now_s) + used_s / self._params.read_rel
+        self._cpu_s, self._now_s = cpu_s, now_s
+        pause_s = self._paid_s - now_s
+        return pause_s if pause_s > self._params.read_pause_s else 0.0
 
 
 class LinkSink(ABC):
@@ -231,7 +230,7 @@ class LinkSink(ABC):
         except MediumFull:
             stall.refused(began_s)
             return False
-        except Exception as error:  # noqa: BLE001 - of a driver: whatever it is, the medium has failed
+        except (Exception, SystemExit) as error:  # noqa: BLE001 - of a driver: whatever it is, the medium has failed
             self._lose(medium, error)
             return False
         finally:
@@ -243,7 +242,7 @@ class LinkSink(ABC):
         stall.left(began_s, recovered=reconnected or bus_off)
         return True
 
-    def _lose(self, medium: Medium, error: Exception) -> None:
+    def _lose(self, medium: Medium, error: BaseException) -> None:
         if not isinstance(error, MediumError):
             self.guard.note(error)
         with self._changed:
@@ -343,7 +342,7 @@ class LinkSink(ABC):
             try:
                 if medium is self._medium.current:
                     message = medium.read(self._params.read_s)
-            except Exception as error:  # noqa: BLE001 - the same
+            except (Exception, SystemExit) as error:  # noqa: BLE001 - the same
                 self._lose(medium, error)
         if medium.bus_off != bus_off:
             self._stall.wake()

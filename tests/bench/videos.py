@@ -12,8 +12,6 @@ ends; amid quiet ones it is untouched, and a contact in it is false.
 direction needs the untouched tip: the pose of most frames, found in a first pass.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The stages together: what is computed, what is refused, how a rest frame is taken."""
 
-from __future__ import annotations
-
 from contextlib import closing
 from dataclasses import replace
 from itertools import islice
@@ -17,7 +15,7 @@ from edge.calibration.checks import outputs_of
 from edge.calibration.file import Polynomial
 from edge.drift import Drift, DriftParams
 from edge.errors import CalibrationError, NoPins
-from edge.frame import ALL, Pipeline
+from edge.frame import Pipeline
 from edge.pins import take_rest
 from edge.rest.tare import tare
 from edge.rest.tip_match import in_order_of
@@ -177,32 +175,6 @@ def test_a_jump_gives_the_same_as_following(frames: list[Frame], rest: Rest) -> 
     jumped = jumping.process(frames[-1])
     assert jumped.searched
     np.testing.assert_allclose(jumped.tracks.xy_img, followed.tracks.xy_img, atol=0.05)
-
-
-@pytest.mark.parametrize(
-    ("demand", "computed"),
-    [
-        ({Feature.SHEAR}, {"modes_px"}),
-        ({Feature.CONTACTS}, {"cells", "contacts"}),
-        ({Feature.SURFACE}, {"cells", "surface"}),
-        (set(ALL), {"cells", "surface", "contacts", "modes_px"}),
-    ],
-    ids=["shear", "contacts", "surface", "all"],
-)
-def test_only_the_demand_is_computed(
-    frames: list[Frame], rest: Rest, demand: set[Feature], computed: set[str]
-) -> None:
-    pipeline = Pipeline(rest, demand=frozenset(demand))
-    results = [pipeline.process(frame) for frame in frames]
-    features, cells = results[-1].features, results[-1].cells
-    assert features is not None
-    found = {name for name in ("surface", "contacts", "modes_px") if getattr(features, name) is not None}
-    assert found | ({"cells"} if cells is not None else set()) == computed
-    untouched = results[TARE - 1].features
-    assert untouched is not None
-    assert not untouched.in_contact
-    assert untouched.surface is None
-    assert not untouched.contacts
 
 
 @pytest.mark.parametrize("several", [True, False])

@@ -1,7 +1,5 @@
 """Frames as fingertips send them, for tests that need no node."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 

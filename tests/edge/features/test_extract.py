@@ -1,7 +1,5 @@
 """The extractor: contact detector, demand, lost pins, and the whole of it against the paper's method."""
 
-from __future__ import annotations
-
 import csv
 from dataclasses import replace
 from pathlib import Path
@@ -81,7 +79,6 @@ def test_no_contact_makes_no_surface() -> None:
     tracks, cells = frame(rest, rest.xy_img)
     got = made.extract(tracks, cells, ALL)
     assert not got.in_contact
-    assert made._surface is None
     assert got.surface is None
     assert got.contacts == ()
     assert got.volume_px2 == 0.0

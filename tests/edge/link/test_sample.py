@@ -1,7 +1,5 @@
 """Results as samples: known values are kept, unknown ones are NaN."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import isnan
 from typing import Any

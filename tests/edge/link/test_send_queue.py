@@ -1,11 +1,8 @@
 """Order of the items in a link's queue, where no sink's test sees it."""
 
-from __future__ import annotations
-
 import pytest
 
 from edge.link.send_queue import SendQueue
-from edge.link.stall_watch import StallWatch
 
 
 @pytest.fixture
@@ -65,13 +62,3 @@ def test_no_sample_overtakes_one_that_is_being_written(queue: SendQueue) -> None
     assert queue.sample_ahead
     assert queue.done(True) == "sent"
     assert not queue.sample_ahead
-
-
-def test_a_watcher_is_woken_when_something_may_have_changed() -> None:
-    watch = StallWatch(3600.0)
-    watch.wake()
-    watch.wait()  # returns at once
-    watch.write_begins(may_block=True)
-    watch.wait()
-    watch.dropped()
-    assert not watch.stalled  # not for so long

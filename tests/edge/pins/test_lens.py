@@ -1,24 +1,17 @@
 """Distortion is removed from the pins' places, to a hundredth of a pixel, and nowhere else."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from calib.sim.camera import Camera
-from calib.sim.mechanics import ToolPose
-from calib.sim.render import Appearance
-from calib.sim.simulator import Simulator
-from calib.sim.tip import Tip
+from calib.sim import Appearance, Camera, Simulator, Tip, ToolPose
 from edge.calibration.file import rest_of, sensor_of
 from edge.errors import CalibrationError, NoPins, SourceError
 from edge.frame import Pipeline
 from edge.geometry.lens import corrected, magnification, seen
 from edge.pins import take_rest
-from edge.pins.lens import pattern_as_seen, rest_as_seen
 from edge.rest.tip_match import match_rest
 from edge.sources import open_source
 from edge.sources.lens_file import load_lens, text_of
@@ -110,18 +103,6 @@ def test_a_pressed_tip_is_followed_and_searched_for_in_corrected_places() -> Non
     searched = pipeline.process(frame(pose))
     assert searched.searched
     assert np.nanmax(np.abs(searched.tracks.xy_img - result.tracks.xy_img)) < 0.1
-
-
-def test_the_way_back_is_exact() -> None:
-    rest, raw = take_rest([frame().image], lens=LENS), take_rest([frame().image])
-    again = rest_as_seen(rest)
-    assert again.xy_img == pytest.approx(raw.xy_img, abs=1e-6)
-    assert again.pins.sigma_px == pytest.approx(raw.pins.sigma_px, rel=1e-3)
-    for pattern in (again.pattern, pattern_as_seen(rest.pattern)):
-        assert pattern.lens is None
-        assert pattern.centre_img == pytest.approx(raw.pattern.centre_img, abs=0.5)
-        assert pattern.tip_radius_px == pytest.approx(raw.pattern.tip_radius_px, rel=0.01)
-        assert pattern.pitch_px == pytest.approx(raw.pattern.pitch_px, rel=0.05)
 
 
 def test_a_calibration_remembers_its_lens() -> None:

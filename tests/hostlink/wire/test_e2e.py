@@ -1,7 +1,5 @@
 """E2E protection against published vectors, and the errors that it can and cannot find."""
 
-from __future__ import annotations
-
 from itertools import combinations
 
 import pytest

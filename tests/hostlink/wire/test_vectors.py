@@ -1,7 +1,5 @@
 """Golden frames, both ways: they detect a change of a single bit on the wire."""
 
-from __future__ import annotations
-
 import json
 from functools import partial
 from typing import Any
