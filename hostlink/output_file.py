@@ -161,12 +161,13 @@ def _is_same(path: Path, other: Path) -> bool:
 def _try_folder(path: Path) -> None:
     """Write and remove one block: permissions are not enough (read-only or full disk)."""
     probe = _unfinished_name(path)
-    try:
-        probe.write_bytes(_PROBE)
-    except OSError as error:
-        raise _cannot(path, error) from None
-    finally:
-        _remove(probe)
+    with interrupts_held():
+        try:
+            probe.write_bytes(_PROBE)
+        except OSError as error:
+            raise _cannot(path, error) from None
+        finally:
+            _remove(probe)
 
 
 def _force_to_disk(path: Path) -> None:
