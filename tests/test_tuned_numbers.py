@@ -13,7 +13,7 @@ AT_MOST = {
     "cli": 1,
     "edge": 7,
     "faults": 4,
-    "features": 24,
+    "features": 21,
     "geometry": 7,
     "link": 5,
     "pins": 27,
