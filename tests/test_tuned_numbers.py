@@ -14,7 +14,7 @@ AT_MOST = {
     "edge": 7,
     "faults": 4,
     "features": 21,
-    "geometry": 7,
+    "geometry": 5,
     "link": 5,
     "pins": 27,
     "recording": 2,
@@ -22,7 +22,7 @@ AT_MOST = {
     "runtime": 1,
     "shared": 14,
     "sources": 7,
-    "tracking": 23,
+    "tracking": 22,
     "view": 6,
     "worker": 6,
 }
