@@ -161,16 +161,6 @@ def _moved(image: Image) -> Image:
     return np.asarray(cv2.warpAffine(image, by, (width, height), flags=cv2.INTER_CUBIC), np.uint8)
 
 
-def test_a_jump_gives_the_same_as_following(frames: list[Frame], rest: Rest) -> None:
-    following, jumping = Pipeline(rest), Pipeline(rest)
-    for frame in frames:
-        followed = following.process(frame)
-    jumping.forget()
-    jumped = jumping.process(frames[-1])
-    assert jumped.searched
-    np.testing.assert_allclose(jumped.tracks.xy_img, followed.tracks.xy_img, atol=0.05)
-
-
 @pytest.mark.parametrize("several", [True, False])
 def test_fits_of_several_contacts_can_be_left_out(data_dir: Path, several: bool) -> None:
     seen = list(open_source(str(data_dir / "two_contacts.mcap")))
