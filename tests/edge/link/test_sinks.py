@@ -257,7 +257,7 @@ def test_answers_overtake_samples_and_detail_waits(channel: str, slow: tuple[Fla
     with can.Bus(interface="virtual", channel=channel) as host:
         flaky.hang(True)
         sink.send(state(0))
-        until(lambda: sink._stall.writing, "the worker writes")
+        until(lambda: sink._stall.writing_since_s, "the worker writes")
         assert [detail_taken(), detail_taken()] == [True, False]
         sink.send(state(1))
         sink.post(CanFrame(0x581, b"answer"))
