@@ -87,9 +87,8 @@ def test_motion_alone_gives_the_same_values_without_cells(
         for name in ("displacement_mm", "shear_x_mm", "shear_y_mm"):
             assert result.reading.values[name] == expected.reading.values[name]
         n_cells += result.features.in_contact and result.cells is not None
-    assert (n_cells < 0.2 * len(frames)) == (
-        dark == 0
-    )  # where a pin is lost, its neighbours' cells predict it
+    # Where a pin is lost, its neighbours' cells predict it.
+    assert (n_cells < 0.2 * len(frames)) == (dark == 0)
 
 
 def test_friction_and_slip_margin_come_with_the_forces(
