@@ -1,7 +1,5 @@
 """The node from outside: `canopen`'s RemoteNode on a virtual bus, serial requests, and what persists."""
 
-from __future__ import annotations
-
 import json
 import termios
 import threading
@@ -410,7 +408,7 @@ class Troubled:
             self.armed = False
             raise self._error
 
-    def __call__(self) -> Troubled:
+    def __call__(self) -> "Troubled":
         self._call("open")
         return self
 

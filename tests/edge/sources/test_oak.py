@@ -1,7 +1,5 @@
 """OAK source without a module: depthai's own replay, a host node, and fakes for the hardware lines."""
 
-from __future__ import annotations
-
 import sys
 import threading
 import time
@@ -190,10 +188,10 @@ class Calls:
     def __init__(self, log: dict[str, Any], name: str = "") -> None:
         self._log, self._name = log, name
 
-    def __getattr__(self, name: str) -> Calls:
+    def __getattr__(self, name: str) -> "Calls":
         return Calls(self._log, name)
 
-    def __call__(self, *positional: Any, **named: Any) -> Calls:
+    def __call__(self, *positional: Any, **named: Any) -> "Calls":
         self._log[self._name] = (positional, named)
         return Calls(self._log)
 
