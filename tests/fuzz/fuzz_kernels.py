@@ -153,7 +153,9 @@ def play() -> None:
     from edge.faults import frame_counts
     from edge.frame import Pipeline
     from edge.geometry import select
+    from edge.link.state_packer import StatePacker
     from edge.rest.tare import tare
+    from hostlink.wire import Contact, State
     from tests.bench.frames import calibration_of, scene
     from tests.edge.calibration.test_gaussian_process import INPUTS, MODELS
 
@@ -179,6 +181,7 @@ def play() -> None:
     evaluate_terms(np.ones((2, 3), np.complex128), [[0], [1, 5]])
     processes = ProcessKernel(INPUTS, MODELS)
     z = np.linspace(-1.0, 1.0, 2 * len(INPUTS))
+    StatePacker().pack(vars(State(sample=1, contact_n=1, contacts=(Contact(1.0, -1.0, 0.5),))))
     n_outputs = sum(len(model.outputs) for model in MODELS)
     processes.run(z, np.ones(len(MODELS), np.uint8), np.empty((n_outputs, 3)))
 
