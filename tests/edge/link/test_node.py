@@ -385,8 +385,8 @@ def test_lost_link_is_a_fault_and_a_bit(bench: Bench) -> None:
     assert not bench.node.send(state(1))
     until(lambda: bench.finger.faults == {FaultCode.LINK_DOWN: True}, "the fault to be reported")
     until(lambda: bench.node.send(state(2)), "back")
+    until(lambda: bench.finger.faults == {FaultCode.LINK_DOWN: False}, "its end to be reported")
     assert bench.node.send(state(3))
-    until(lambda: bench.finger.faults == {FaultCode.LINK_DOWN: False}, "the fault to be reported")
     first, second = (unpack_state(d) for d in bench.messages(0x180 + NODE, 2))
     assert (first.sample, second.sample) == (2, 3)
     assert first.status == Status.LINK_FAULT
