@@ -1,7 +1,5 @@
 """The node from outside: `canopen`'s RemoteNode on a virtual bus, serial requests, and what persists."""
 
-from __future__ import annotations
-
 import json
 import termios
 import threading
@@ -387,8 +385,8 @@ def test_lost_link_is_a_fault_and_a_bit(bench: Bench) -> None:
     assert not bench.node.send(state(1))
     until(lambda: bench.finger.faults == {FaultCode.LINK_DOWN: True}, "the fault to be reported")
     until(lambda: bench.node.send(state(2)), "back")
+    until(lambda: bench.finger.faults == {FaultCode.LINK_DOWN: False}, "its end to be reported")
     assert bench.node.send(state(3))
-    until(lambda: bench.finger.faults == {FaultCode.LINK_DOWN: False}, "the fault to be reported")
     first, second = (unpack_state(d) for d in bench.messages(0x180 + NODE, 2))
     assert (first.sample, second.sample) == (2, 3)
     assert first.status == Status.LINK_FAULT
@@ -410,7 +408,7 @@ class Troubled:
             self.armed = False
             raise self._error
 
-    def __call__(self) -> Troubled:
+    def __call__(self) -> "Troubled":
         self._call("open")
         return self
 
