@@ -199,13 +199,12 @@ def _rename(unfinished: Path, target: Path, overwrite: bool) -> None:
 
 
 def _give_up(unfinished: Path, target: Path, overwrite: bool, keep: bool) -> None:
-    """After an error, remove the partial file or give it its name."""
-    with interrupts_held():
-        if not keep:
-            _remove(unfinished)
-        elif unfinished.exists():
-            with suppress(OSError, WriteError):  # it stays beside the target
-                _rename(unfinished, target, overwrite)
+    """After an error, remove the partial file or give it its name, if there is anything in it."""
+    with interrupts_held(), suppress(OSError, WriteError):  # then it stays beside the target
+        if keep and unfinished.stat().st_size:
+            _rename(unfinished, target, overwrite)
+        else:
+            unfinished.unlink()
 
 
 def _remove(path: Path) -> None:

@@ -1,7 +1,5 @@
 """Recordings: exact round trips, refused formats, damage, and decoding from file."""
 
-from __future__ import annotations
-
 import struct
 import tracemalloc
 import zlib

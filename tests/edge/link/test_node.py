@@ -281,15 +281,6 @@ def test_the_node_gives_the_reason_of_a_refusal(bench: Bench) -> None:
         bench.read("refusal")
 
 
-def test_block_transfer_is_refused_and_a_plain_one_does(bench: Bench) -> None:
-    """`canopen`'s client asks for blocks and allows nothing else (pst 0)."""
-    row = object_named("serial_number")
-    for mode, size in (("rb", None), ("wb", 100)):
-        with refused(Abort.COMMAND):
-            bench.remote.sdo.open(row.index, row.sub, mode, block_transfer=True, size=size)
-    assert bench.read("serial_number") == "VT-0042"
-
-
 def test_calibration_goes_up_and_comes_back(bench: Bench) -> None:
     with refused(Abort.NO_DATA):
         bench.read("calibration")
