@@ -78,16 +78,14 @@ class Judge:
         self._below_n = sum(check.below for check in checks)
         self._measured = attrgetter(*[check.measure for check in self._checks])
         self._codes = list(dict.fromkeys(check.code for check in checks))
-        self._limits: list[float] = []
+        self._limits: tuple[int, list[float]] = (-1, [])  # at so many changes of the registry
         self._reached: list[bool] = []
-        self._changes_n = -1  # of the registry when the limits were set
+        self._changes_n = -1  # of the registry when it was last reported to
 
     def __call__(self, facts: Facts) -> None:
         """Judge a frame: one walk, and where nothing has changed one comparison."""
         changes_n = self._registry.changes_n
-        if changes_n != self._changes_n:
-            self._limits = [check.limit(self._registry.holds(check.code)) for check in self._checks]
-        reached = self._compare(facts, self._limits)
+        reached = self._compare(facts)
         if reached == self._reached and changes_n == self._changes_n:
             return
         self._reached, self._changes_n = reached, changes_n
@@ -102,10 +100,13 @@ class Judge:
 
         May be called from any thread.
         """
-        limits = [check.limit(self._registry.holds(check.code)) for check in self._checks]
-        return self._first(self._compare(facts, limits))
+        return self._first(self._compare(facts))
 
-    def _compare(self, facts: Facts, limits: Sequence[float]) -> list[bool]:
+    def _compare(self, facts: Facts) -> list[bool]:
+        changes_n, (limits_n, limits) = self._registry.changes_n, self._limits
+        if changes_n != limits_n:
+            limits = [check.limit(self._registry.holds(check.code)) for check in self._checks]
+            self._limits = changes_n, limits
         values, n = self._measured(facts), self._below_n
         return [*map(le, values[:n], limits[:n]), *map(ge, values[n:], limits[n:])]
 

@@ -65,6 +65,7 @@ class LoopParams:
 
 
 PARAMS = LoopParams()
+_OUR_CLOCKS = Clock.HOST, Clock.DRIVER
 
 #: Called with each result and its sample: viewer, detail stream, summary. Must return at once.
 ResultCallback = Callable[[Result, State], None]
@@ -262,7 +263,7 @@ class Loop:
         self._detector.frozen = False
         self._detector.camera()
         now_ns = self._clock_ns()
-        if Status.CAMERA_FAULT not in self.faults.status:
+        if not self.faults.status & Status.CAMERA_FAULT:
             return  # a slow camera: not late yet
         if self.faults.status == status_before and now_ns < self._keepalive_due_ns:
             return
@@ -290,11 +291,12 @@ class Loop:
         self._frame_begun_ns = None
         computed_ns = self._clock_ns()
         # A recorded or foreign clock cannot be subtracted from ours: latency then counts from the hand-over.
-        ours = frame.clock in (Clock.HOST, Clock.DRIVER) and frame.capture_ns <= begun_ns
+        ours = frame.clock in _OUR_CLOCKS and frame.capture_ns <= begun_ns
         since_ns = frame.capture_ns if ours else begun_ns
         state = self._send(result, frame.capture_ns, (computed_ns - since_ns) / 1e3)
         latency_us, compute_us = (self._clock_ns() - since_ns) / 1e3, (computed_ns - begun_ns) / 1e3
-        self._counters.add(compute_us, latency_us, nan if result is None else result.tracks.n_seen)
+        pins_n = nan if result is None else state.pins_tracked * len(result.tracks.seen)
+        self._counters.add(compute_us, latency_us, pins_n)
         self._notifier.frame()
         if self.session.recorder is not None:
             self.session.take(frame, result, state)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from edge.faults.frame_counts import PinCounts
 from edge.faults.image_quality import ImageQuality, common_step_px, image_checks, level_of
 from edge.faults.judge import Facts, Judge
 from edge.faults.registry import FaultRegistry
@@ -29,6 +30,26 @@ def test_level_is_the_mean_of_the_samples(image: Image, bits: int) -> None:
     samples = image[::step, ::step]
     wanted = (samples.mean() / top, np.mean(samples >= top)) if samples.size else (0.0, 0.0)
     assert level_of(image, bits) == pytest.approx(wanted, rel=1e-12)
+
+
+@pytest.mark.parametrize("n", [1, 8, 9])
+def test_the_median_motion_is_given_where_half_of_the_pins_move(n: int) -> None:
+    random = np.random.default_rng(n)
+    counts = PinCounts(np.zeros((n + 1, 2)), np.zeros((n + 1, 1), np.int32))
+    before = np.zeros((n + 1, 2))
+    for least_px in (0.0, 0.5, 1.0, 2.0, 1e9):
+        motion = random.normal(0.0, 1.0, (n + 1, 2))
+        motion[0] = np.nan  # a lost pin
+        for since_last in (False, True):
+            step = np.hypot(*(motion - before * since_last).T)[1:]
+            median = np.median(step) if 2 * np.sum(step >= least_px) >= n else 0.0
+            far_n, middle_px = counts.moved(motion, 1.5, least_px, since_last)
+            assert far_n == np.sum(np.hypot(*motion.T) > 1.5)
+            assert middle_px == pytest.approx(median, rel=1e-12)
+            before = motion
+            motion = motion + random.normal(0.0, 0.5, (n + 1, 2))
+    with pytest.raises(ValueError, match="vectors"):
+        counts.moved(before[1:], 1.0, 1.0, True)
 
 
 def test_a_step_that_all_pins_make_is_common() -> None:
