@@ -23,6 +23,8 @@ else:
 
     from edge.geometry.select import select_kth
 
+_LEVELS = np.dtype(np.uint8), np.dtype(np.uint16)
+
 
 def sample_levels(image: Image, step: int, top: int) -> tuple[int, int, int]:
     """Of every step-th pixel of every step-th row: the sum, how many reach `top`, how many were sampled.
@@ -33,7 +35,7 @@ def sample_levels(image: Image, step: int, top: int) -> tuple[int, int, int]:
     _check_image(image)
     if step < 1:
         raise ValueError(f"a step of {step}: 1 or more is wanted")
-    if image.dtype == np.uint8:
+    if image.itemsize == 1:
         return _sum_bytes(image, step, top)
     return _sum_levels(np.array(image[::step, ::step], np.int32, order="C"), top)
 
@@ -246,7 +248,7 @@ class FocusWindows:
                 raise ValueError("a window that is not within the image")
         if self.corners.shape[0] == 0:
             return 0.0
-        wide: cython.bint = image.dtype != np.uint8
+        wide: cython.bint = image.itemsize != 1
         if wide:
             self.image16 = image
         else:
@@ -317,5 +319,5 @@ class FocusWindows:
 
 
 def _check_image(image: Image) -> None:
-    if image.ndim != 2 or image.dtype not in (np.uint8, np.uint16):
+    if image.ndim != 2 or image.dtype not in _LEVELS:
         raise ValueError(f"an image (h, w) of uint8 or uint16 is wanted, not {image.shape} of {image.dtype}")
