@@ -20,6 +20,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from types import FrameType
 from typing import Any
 
@@ -34,18 +35,39 @@ __all__ = [
 ]
 
 _SHELL = 128  # a shell adds the number of the signal
-_AGAIN_S = 0.01  # a callback is over by then; if another one has begun, the signal is sent once more
+_AGAIN_S = 0.01  # a callback is over by then, or the signal comes once more
 #: `timeout` and service managers send SIGTERM; SIGHUP: the terminal has gone; SIGQUIT: Ctrl-\\.
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 
+_came: list[int] = []  # those of the command that runs
 
-def _interrupt(number: int, _frame: FrameType | None) -> None:
-    if number in (
-        signal.SIGHUP,
-        signal.SIGTERM,
-    ):  # the shell and the kernel both report a lost terminal
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    _came.append(number)
+    while frame is not None:
+        if frame.f_code is _report_ignored.__code__:  # what is raised here is ignored, too
+            _send_again(number)
+            return
+        frame = frame.f_back
+    if number in (signal.SIGHUP, signal.SIGTERM):  # the shell and the kernel both report a lost terminal
         signal.signal(number, signal.SIG_IGN)
     raise KeyboardInterrupt(number)
+
+
+def _report_ignored(otherwise: Callable[[Any], Any], ignored: sys.UnraisableHookArgs) -> None:
+    """Called for an exception that Python ignores: a signal comes again, all else is reported as usual."""
+    if isinstance(ignored.exc_value, KeyboardInterrupt):
+        number = exit_code(ignored.exc_value) - _SHELL
+        signal.signal(number, _interrupt)
+        _send_again(number)
+    else:
+        otherwise(ignored)
+
+
+def _send_again(number: int) -> None:
+    again = threading.Timer(_AGAIN_S, os.kill, (os.getpid(), number))
+    again.daemon = True
+    again.start()
 
 
 def _end(number: int, _frame: FrameType | None) -> None:
@@ -92,28 +114,22 @@ def interrupting() -> Iterator[None]:
     """All ending signals raise KeyboardInterrupt, until the block ends.
 
     Python ignores what is raised in a finalizer or in a weak reference's callback, such as those of imports.
-    A signal that comes there comes again when it is over.
+    A signal that comes there comes again when it is over. Libraries make another error of it, as NumPy does
+    where it reads a format: that is KeyboardInterrupt, too.
     """
+    _came.clear()
     report = sys.unraisablehook
-    sys.unraisablehook = lambda ignored: _send_again(ignored) or report(ignored)
+    sys.unraisablehook = partial(_report_ignored, report)
+    ours = (signal.SIG_DFL, signal.default_int_handler, _end)
     try:
-        with _handling([n for n in ENDING if signal.getsignal(n) in (signal.SIG_DFL, _end)], _interrupt):
+        with _handling([n for n in ENDING if signal.getsignal(n) in ours], _interrupt):
             yield
+    except Exception as error:
+        if _came:
+            raise KeyboardInterrupt(_came[0]) from error
+        raise
     finally:
         sys.unraisablehook = report
-
-
-def _send_again(ignored: sys.UnraisableHookArgs) -> bool:
-    """Whether it was a signal that was ignored; then it is on its way again."""
-    if not isinstance(ignored.exc_value, KeyboardInterrupt):
-        return False
-    number = exit_code(ignored.exc_value) - _SHELL
-    if signal.getsignal(number) == signal.SIG_IGN:
-        signal.signal(number, _interrupt)
-    again = threading.Timer(_AGAIN_S, os.kill, (os.getpid(), number))
-    again.daemon = True
-    again.start()
-    return True
 
 
 @contextmanager

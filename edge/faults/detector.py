@@ -44,21 +44,19 @@ _MOVED = "the pins stand {off_px:.1f} px off the rest frame, all alike; tare"
 def fault_checks(p: FaultParams = PARAMS) -> tuple[Check, ...]:
     """All that is judged once a frame."""
     return (
-        Check(F.CAMERA_LOST, "camera_lost", 1.0, "yes or no", "{camera}"),
-        Check(F.CAMERA_STALLED, "camera_stalled", 1.0, "yes or no", "{camera}"),
+        Check(F.CAMERA_LOST, "camera_lost", "{camera}"),
+        Check(F.CAMERA_STALLED, "camera_stalled", "{camera}"),
         *image_checks(),
+        Check(F.CLOCK_STEP, "clock_stepped", "images' clock jumped by {clock_jump_s:+.3f} s"),
+        Check(F.TRACKER_LOST, "failed", "image cannot be measured: {failure}"),
+        Check(F.TRACKER_LOST, "unidentified", "pins cannot be identified"),
+        Check(F.PINS_LOST, "pins_missing", "{why_missing}"),
         Check(
-            F.CLOCK_STEP, "clock_stepped", 1.0, "yes or no", "images' clock jumped by {clock_jump_s:+.3f} s"
+            F.OVERLOAD, "far_share", "{far_n} pins moved by more than {limit_px:.0f} px",
+            p.astray_rel, "of the pins",
         ),
-        Check(F.TRACKER_LOST, "failed", 1.0, "yes or no", "image cannot be measured: {failure}"),
-        Check(F.TRACKER_LOST, "unidentified", 1.0, "yes or no", "pins cannot be identified"),
-        Check(F.PINS_LOST, "pins_missing", 1.0, "yes or no", "{why_missing}"),
-        Check(
-            F.OVERLOAD, "far_share", p.astray_rel, "of the pins",
-            "{far_n} pins moved by more than {limit_px:.0f} px",
-        ),
-        Check(F.CAMERA_MOVED, "off_pitches", p.moved_pitches, "pitches", _MOVED),
-        Check(F.CAMERA_MOVED, "drifted_share", p.astray_rel, "of the pins", _MOVED),
+        Check(F.CAMERA_MOVED, "off_pitches", _MOVED, p.moved_pitches, "pitches"),
+        Check(F.CAMERA_MOVED, "drifted_share", _MOVED, p.astray_rel, "of the pins"),
     )  # fmt: skip
 
 

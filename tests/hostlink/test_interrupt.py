@@ -65,24 +65,31 @@ def test_a_background_job_stays_deaf() -> None:
     assert ended.stdout.startswith("interrupted\nUsage: ")
 
 
-IGNORED = """
+COMMAND = """
 import os, signal, sys, weakref, click
 from hostlink.cli_exit import run_command
 
 @click.command()
+@click.argument("where")
 @click.argument("number", type=int)
-def command(number):
-    for _ in range(2):
-        thing = type("Thing", (), {})()
-        callback = weakref.ref(thing, lambda _: os.kill(os.getpid(), number))
-        del thing
-    signal.pause()
+def command(where, number):
+    if where == "in a callback":  # Python ignores what is raised there
+        for _ in range(2):
+            thing = type("Thing", (), {})()
+            callback = weakref.ref(thing, lambda _: os.kill(os.getpid(), number))
+            del thing
+        signal.pause()
+    try:
+        os.kill(os.getpid(), number)
+    except KeyboardInterrupt:
+        raise ValueError("no valid format") from None
 
 sys.exit(run_command(command, "command", ()))
 """
 
 
 @pytest.mark.parametrize("number", ENDING)
-def test_a_signal_that_comes_where_python_ignores_exceptions_ends_the_command(number: signal.Signals) -> None:
-    ended = python("-c", IGNORED, str(int(number)), env=uncounted())
+@pytest.mark.parametrize("where", ["in a callback", "where a library makes another error of it"])
+def test_a_signal_that_somebody_swallows_ends_the_command(where: str, number: signal.Signals) -> None:
+    ended = python("-c", COMMAND, where, str(int(number)), env=uncounted())
     assert (ended.returncode, ended.stderr.strip()) == (128 + number, "")

@@ -17,14 +17,7 @@ from edge.calibration import Calibration
 from edge.calibration.file import FACTORS_MAX, TERMS_MAX
 from edge.calibration.inputs import FRAME_INPUTS
 from edge.errors import CalibrationError
-from tests.support.calibrations import (
-    PATTERN,
-    PINS,
-    calibration_content,
-    damaged,
-    parsed,
-    touched_features,
-)
+from tests.support.calibrations import PATTERN, PINS, calibration_content, damaged, parsed, touched_features
 from tests.support.memory import bounded_memory
 from tests.support.refusals import one_line
 from tests.support.seeds import SEED

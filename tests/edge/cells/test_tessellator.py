@@ -9,12 +9,7 @@ from edge.cells import Tessellator, cell_polygons
 from edge.errors import DegenerateLayout
 from edge.types import Cells
 from tests.bench import stability
-from tests.support.cell_checks import (
-    Points,
-    bounded_polygon_area,
-    random_walks,
-    worst_relative,
-)
+from tests.support.cell_checks import Points, bounded_polygon_area, random_walks, worst_relative
 from tests.support.layouts import (
     CENTRE,
     PITCH_PX,

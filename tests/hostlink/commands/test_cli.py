@@ -73,15 +73,15 @@ def until_enough(command: Callable[[str], bool]) -> None:
 
 def record(address: str, file: Path, samples_n: int = 11) -> str:
     """Record so many samples, or more; returns what the command says at its end."""
-    said = []
+    outputs = []
 
     def enough(seconds: str) -> bool:
         done = run("record", address, file, "--overwrite", "--seconds", seconds)
-        said.append(done.err)
+        outputs.append(done.err)
         return done.code == 0 and sum(isinstance(e, Sample) for e in decode_recording(file)) >= samples_n
 
     until_enough(enough)
-    return said[-1]
+    return outputs[-1]
 
 
 @pytest.fixture
