@@ -174,7 +174,7 @@ def play() -> None:
     frame_counts.sample_levels(image, 8, 255)
     counts = frame_counts.PinCounts(rest.xy_img, np.arange(len(rest), dtype=np.int32)[:, None])
     counts.seen(result.tracks.xy_img, result.tracks.sigma_px, 0.05, 1.0)
-    counts.moved(motion, 1.0)
+    counts.moved(motion, 1.0, 0.0, True)
     corners = np.rint(rest.xy_img[20:24]).astype(np.int32)
     frame_counts.FocusWindows(corners, 7, 20).measure(image, np.empty((4, 2)))
     select.kth_smallest(motion[:, 0].copy(), 3)
