@@ -72,7 +72,6 @@ def test_volume_of_noise_is_zero_and_noise_adds_none_to_a_bump() -> None:
 def test_sizes_that_do_not_fit_are_refused() -> None:
     rest = tip(127)
     changes = made(rest)
-    for change, xy in ((np.zeros(126), rest.xy_img), (np.zeros(127), rest.xy_img[1:])):
-        refused("wanted", changes.fill, change, xy)
+    refused("wanted", changes.since_rest, np.zeros(126), np.zeros(127))
     for area in (np.ones(126), np.ones((127, 1))):
         refused("wanted", AreaChange, rest.xy_img, 32.0, area)

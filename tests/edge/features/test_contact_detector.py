@@ -111,15 +111,6 @@ def test_without_areas_pins_that_move_against_each_other_decide() -> None:
     assert not ContactDetector(rest).by_motion(xy, 0.05)  # three pins are not enough
 
 
-def test_sizes_that_do_not_fit_are_refused() -> None:
-    rest = tip(127)
-    detector, xy = ContactDetector(rest), rest.xy_img
-    for change, places in ((np.zeros(126), xy), (np.zeros(127), xy[1:]), (np.zeros(127), np.zeros((127, 3)))):
-        refused("wanted", detector.by_area, change, places, 0.05)
-    refused("wanted", detector.by_motion, xy[1:], 0.05)
-    refused("wanted", detector.by_motion, np.zeros((127, 1)), 0.05)
-
-
 def test_skin_that_creeps_is_learnt_as_noise_of_rings_and_a_touch_still_begins() -> None:
     """Neighbours move alike: cells' noise is hardly more, and a ring's mean keeps all of it."""
     rest = tip(127)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from edge.cells import Tessellator
 from edge.features import FeatureExtractor, FeaturePlan
-from edge.features.extract import NEEDS
+from edge.features.plan import NEEDS
 from edge.pins import detect, take_rest
 from edge.tracking import Tracker
 from edge.types import Array, Cells, Feature, Features, Rest, Tracks
@@ -81,7 +81,6 @@ def test_no_contact_makes_no_surface() -> None:
     tracks, cells = frame(rest, rest.xy_img)
     got = made.extract(tracks, cells, ALL)
     assert not got.in_contact
-    assert made._surface is None
     assert got.surface is None
     assert got.contacts == ()
     assert got.volume_px2 == 0.0
@@ -142,7 +141,7 @@ def test_detector_learns_the_noise(actual: float) -> None:
     for k in range(200):
         xy = rest.xy_img + rng.normal(0.0, min(actual, 0.06 + 0.001 * k), rest.xy_img.shape)
         assert not made.extract(*frame(rest, xy), ALL).in_contact
-    learnt = made._detector.cell_noise(0.05)
+    learnt = made.cell_noise(0.05)
     assert learnt == pytest.approx(0.83 * actual / rest.pattern.pitch_px, rel=0.25)
     xy = rest.xy_img + push(rest, (10.0, 10.0), 60.0, 0.04) + rng.normal(0.0, actual, rest.xy_img.shape)
     assert made.extract(*frame(rest, xy), ALL).in_contact

@@ -7,7 +7,6 @@ import pytest
 
 from edge.features.modes import INDEPENDENT_REL, MODE_NAMES, MODE_POWERS, Modes, mode_basis
 from tests.support.fields import CENTRE, make_rest, push, tip
-from tests.support.refusals import refused
 
 pytestmark = pytest.mark.kernels
 
@@ -57,13 +56,3 @@ def test_nothing_seen_gives_zeros() -> None:
     np.testing.assert_array_equal(
         Modes(tip(127)).fit(np.full((127, 2), np.nan), np.zeros(127, np.bool_)), 0.0
     )
-
-
-def test_sizes_that_do_not_fit_are_refused() -> None:
-    made, seen = Modes(tip(127)), np.ones(127, np.bool_)
-    for motion, mask in (
-        (np.zeros((126, 2)), seen),
-        (np.zeros((127, 3)), seen),
-        (np.zeros((127, 2)), seen[1:]),
-    ):
-        refused("wanted", made.fit, motion, mask)

@@ -7,7 +7,6 @@ import pytest
 
 from edge.features.pin_motion import PinNoise
 from tests.support.fields import CENTRE, push, tip
-from tests.support.refusals import refused
 
 pytestmark = pytest.mark.kernels
 
@@ -23,10 +22,3 @@ def test_pin_noise_is_measured_under_load_and_with_bad_pins() -> None:
         xy[rng.choice(331, 4, replace=False)] += 6.0
         assert noise.sigma_px(xy, seen) < 2.0 * sigma
     assert noise.sigma_px(rest.xy_img, np.zeros(331, dtype=np.bool_)) == 0.0
-
-
-def test_sizes_that_do_not_fit_are_refused() -> None:
-    rest = tip(127)
-    noise, seen = PinNoise(rest.xy_img, rest.pattern.pitch_px), np.ones(127, np.bool_)
-    for xy, mask in ((rest.xy_img[1:], seen), (np.zeros((127, 3)), seen), (rest.xy_img, seen[1:])):
-        refused("wanted", noise.sigma_px, xy, mask)
