@@ -37,7 +37,7 @@ KERNELS = {
     "edge.features.contact_detector": FAST,
     "edge.features.contact_field": FAST,
     "edge.features.several.contact_fit": FAST,
-    "edge.features.contact_place": FAST,
+    "edge.features.contacts": FAST,
     "edge.features.modes": FAST,
     "edge.features.extract": SMALL,
     "edge.features.peaks": FAST,

@@ -9,10 +9,9 @@
     modes                 the motion as polynomial coefficients that turn with the tip
     surface               the grid over the tip, and the constant matrices onto it (`quantized_operator`)
     contact_field         a frame's fields on that grid; their volume
-    contacts              the order of the steps from the field to the contacts:
+    contacts              from the field to the contacts, and where each is, by the pins round it:
       peaks               regional maxima, and the valleys between them
       regions             peaks that make one contact; its area and axes
-      contact_place       where a contact is, by the pins round it
       several             what fits of a few contacts decide; can be left out
     params                every chosen number
 

@@ -30,7 +30,6 @@ from __future__ import annotations
 import cython
 import numpy as np
 
-from edge.features.contacts import ContactFinder
 from edge.features.params import PARAMS, FeatureParams, largest_noise
 from edge.features.plan import FeaturePlan, Quantity
 from edge.features.surface import Surface
@@ -39,6 +38,7 @@ from edge.types import Array, Cells, Complex, ContactRegion, Features, Mask, Res
 if cython.compiled:
     from cython.cimports.edge.features.area_change import AreaChange
     from cython.cimports.edge.features.contact_detector import ContactDetector
+    from cython.cimports.edge.features.contacts import ContactFinder
     from cython.cimports.edge.features.modes import Modes
     from cython.cimports.edge.features.pin_motion import PinMotion
     from cython.cimports.edge.features.slip import Slip
@@ -50,6 +50,7 @@ else:
 
     from edge.features.area_change import AreaChange
     from edge.features.contact_detector import ContactDetector
+    from edge.features.contacts import ContactFinder
     from edge.features.modes import Modes
     from edge.features.pin_motion import PinMotion
     from edge.features.slip import Slip
@@ -78,8 +79,7 @@ class FeatureExtractor:
     _rest: Rest
     _grid: int | None
     _params: FeatureParams
-    _surface: Surface | None  # made for the first contact
-    _finder: ContactFinder | None
+    _finder: ContactFinder
     _plan: FeaturePlan  # of the last frame; what follows is what it says
     _volume: cython.bint
     _picture: cython.bint
@@ -90,6 +90,8 @@ class FeatureExtractor:
     _torsion: cython.bint
     _slip_wanted: cython.bint
     _vibration_wanted: cython.bint
+    _moments: cython.bint
+    _fits: cython.int
     _untouched_areas: _OfAreas
     _untouched_pins: _OfPins
     _motion: PinMotion
@@ -102,12 +104,10 @@ class FeatureExtractor:
     _filled_px: cython.double[:, ::1]  # motion since rest, with lost pins predicted
     _change: cython.double[::1]
     _filled_change: cython.double[::1]
-    # Those of which each frame's features have a copy, and those that the contacts are made of.
+    # Those of which each frame's features have a copy.
     _motion_array: Array
     _change_array: Array
     _mean_array: Array
-    _xy_array: Array
-    _changes_array: Array
     _largest_noise: cython.double
     _rest_variance: cython.double
     _contact_sigma: cython.double
@@ -132,32 +132,24 @@ class FeatureExtractor:
         self._filled_px, self._filled_change = np.empty((n, 2)), np.empty(n)
         self._change = self._change_array = np.empty(n)
         self._motion_array, self._mean_array = np.asarray(self._motion.motion), np.asarray(self._motion.mean)
-        self._xy_array = np.asarray(self._motion.xy)
-        self._changes_array = np.asarray(self._area_change.values)
         self._largest_noise = largest_noise(n)
         self._rest_variance = float(np.median(rest.pins.sigma_px)) ** 2
         self._contact_sigma, self._min_area_change = params.contact_sigma, params.min_area_change
-        self._surface = self._finder = None
+        self._finder = None
         self._take_plan(FeaturePlan(frozenset()))
-
-    @property
-    def surface(self) -> Surface:
-        """The grid and its operators."""
-        if self._surface is None:
-            self._surface = Surface(self._rest, self._grid, self._params)
-        return self._surface
-
-    @property
-    def finder(self) -> ContactFinder:
-        """Finds contacts on that grid."""
-        if self._finder is None:
-            self._finder = ContactFinder(self.surface, self._params)
-        return self._finder
 
     def prepare(self, plan: FeaturePlan) -> None:
         """Make now what otherwise the first contact would wait for (70 ms)."""
         if Quantity.CONTACTS in plan.needs:
-            self.finder  # noqa: B018
+            self._made()
+
+    @cython.cfunc
+    def _made(self) -> ContactFinder:
+        """The grid of the surface, and what finds contacts on it; made for the first contact."""
+        if self._finder is None:
+            surface = Surface(self._rest, self._grid, self._params)
+            self._finder = ContactFinder(surface, np.asarray(self._motion.xy), self._params)
+        return self._finder
 
     def forget_contacts(self) -> None:
         """The next frame's contacts do not follow from the last one's."""
@@ -235,6 +227,7 @@ class FeatureExtractor:
     def _take_plan(self, plan: FeaturePlan) -> object:
         needs = plan.needs
         self._plan, self._modes_at_rest = plan, plan.modes_at_rest
+        self._moments, self._fits = plan.moments, plan.fits
         self._shear, self._modes_wanted = Quantity.SHEAR in needs, Quantity.MODES in needs
         self._volume, self._picture = Quantity.VOLUME in needs, Quantity.SURFACE in needs
         self._contacts, self._torsion = Quantity.CONTACTS in needs, Quantity.TORSION in needs
@@ -310,16 +303,12 @@ class FeatureExtractor:
         if self._volume:
             volume = self._area_change.volume(self._largest_noise * noise)
         if self._picture or self._contacts:
-            surface = self.surface
-            surface.field.set_area_change(self._changes_array)
+            finder: ContactFinder = self._made()
+            finder.field.set_area_change(self._area_change.values)
             if self._picture:
-                picture, grid = surface.picture(), surface.grid_img
+                picture, grid = finder.surface.picture(), finder.surface.grid_img
             if self._contacts:
-                surface.field.find(self._xy_array)
-                plan = self._plan
-                contacts = self.finder.find(
-                    self._xy_array, seen, sigma_px, moments=plan.moments, fits=plan.fits
-                )
+                contacts = finder.find(seen, sigma_px, self._moments, self._fits)
         return volume, picture, grid, contacts
 
     @cython.cfunc

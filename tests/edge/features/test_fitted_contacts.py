@@ -32,9 +32,17 @@ class Counted:
         return getattr(self._fit, name)
 
 
+class Touch:
+    """The frames of one tip."""
+
+    def __init__(self) -> None:
+        self.xy = np.empty_like(REST.xy_img)
+        self.finder = ContactFinder(Surface(REST), self.xy)
+
+
 def count_fits(finder: ContactFinder) -> Counted:
-    counted = Counted(finder._fitted._fit)
-    setattr(finder._fitted, "_fit", counted)  # noqa: B010
+    counted = Counted(finder.fitted._fit)
+    setattr(finder.fitted, "_fit", counted)  # noqa: B010
     return counted
 
 
@@ -43,22 +51,21 @@ def contacts(
     lost: Mask | None = None,
     fits: Fits = Fits.ALL,
     seed: int = 0,
-    finder: ContactFinder | None = None,
+    touch: Touch | None = None,
 ) -> tuple[ContactRegion, ...]:
     """Of pins that are levers under the skin, with a centroid's noise.
 
-    finder  one that saw the frame before; None: a new one
+    touch  that saw the frame before; None: a new one
     """
     skin = displace((REST.xy_img - CENTRE) / SCALE, tools)
     noise = np.random.default_rng(seed).normal(0.0, 0.04, REST.xy_img.shape)
     xy = REST.xy_img + SCALE * (skin.along_mm - LEVER_MM * skin.slope) + noise
     tracks, cells = frame(REST, xy)
-    finder = finder or ContactFinder(Surface(REST))
-    surface = finder._surface
-    surface.field.set_area_change(cells.area_px2 / cells.rest_area_px2 - 1.0)
-    surface.field.find(xy)
+    touch = touch or Touch()
+    touch.xy[:] = xy
+    touch.finder.field.set_area_change(cells.area_px2 / cells.rest_area_px2 - 1.0)
     seen = tracks.seen if lost is None else tracks.seen & ~lost
-    return finder.find(xy, seen, 0.04, fits=fits)
+    return touch.finder.find(seen, 0.04, fits=fits)
 
 
 @pytest.mark.compiled
@@ -96,15 +103,15 @@ def test_two_balls_are_two_and_each_in_its_place() -> None:
     ],
 )
 def test_a_decision_that_stands_is_what_a_new_one_would_be(tools: list[Ball | Bar]) -> None:
-    finder = ContactFinder(Surface(REST))
-    counted = count_fits(finder)
+    touch = Touch()
+    counted = count_fits(touch.finder)
     wanted_n, depths = 0, [*np.linspace(0.6, 1.2, 12), *np.full(12, 1.2), *np.linspace(1.2, 0.6, 12)]
     for seed, depth in enumerate(depths):
         pressed = [replace(tool, depth_mm=depth * tool.depth_mm) for tool in tools]
-        follows = contacts(pressed, fits=Fits.NONE, seed=seed, finder=finder)
-        other = ContactFinder(Surface(REST))
-        anew = count_fits(other)
-        fresh = contacts(pressed, fits=Fits.NONE, seed=seed, finder=other)
+        follows = contacts(pressed, fits=Fits.NONE, seed=seed, touch=touch)
+        other = Touch()
+        anew = count_fits(other.finder)
+        fresh = contacts(pressed, fits=Fits.NONE, seed=seed, touch=other)
         wanted_n += anew.n
         assert len(follows) == len(fresh) == len(tools)
         for one, two in zip(follows, fresh, strict=True):

@@ -81,8 +81,3 @@ def test_a_row_keeps_one_block_at_least() -> None:
 def test_arrays_that_do_not_fit_are_refused() -> None:
     for bad in (np.zeros(3), np.zeros((0, 3)), np.zeros((3, 0)), np.array([[np.nan]]), np.array([[np.inf]])):
         refused("finite", QuantizedOperator, bad)
-    operator, which = QuantizedOperator(np.ones((2, 2))), np.array([0, 1, 0], np.int32)
-    for n in (-1, 3, 4):
-        refused("rows", operator.apply_rows, which, n)
-    for row in (-1, 2):
-        refused("which", operator.apply_rows, np.array([row], np.int32), 1)

@@ -116,13 +116,9 @@ def test_nothing_above_the_noise_is_no_contact() -> None:
     assert regions.n_contacts == 0
 
 
-def test_arrays_that_do_not_fit_are_refused() -> None:
+def test_what_cannot_be_split_is_refused() -> None:
     _, regions = regions_of(hill(20.0, 20.0, 1.0, 3.0))
-    refused("noise", regions.merge, NOISE[1:], 0.0)
-    refused("kept", regions.keep, np.ones(0, np.uint8))
     for i in (-1, 1, 8):
-        for ask in (regions.area_px2, regions.peak_height, regions.ridge):
-            refused("contact", ask, i)
         refused("contact", regions.split, i, 50, 60)
     for at in (-1, (SIZE + 2) ** 2):
         refused("places", regions.split, 0, 50, at)

@@ -26,7 +26,7 @@ from edge.drift import DriftParams
 from edge.faults.detector import FaultParams
 from edge.faults.registry import FaultRegistry
 from edge.features import extract
-from edge.features.contacts import ContactFinder
+from edge.features.surface import Surface
 from edge.link.sinks import MemorySink
 from edge.runtime.board_monitor import BoardMonitor
 from edge.runtime.loop import PARAMS, Loop
@@ -284,11 +284,11 @@ def test_contacts_are_prepared_while_nothing_touches_yet(
 ) -> None:
     made = threading.Event()
 
-    def finder(*arguments: Any) -> ContactFinder:
+    def surface(*arguments: Any) -> Surface:
         made.set()
-        return ContactFinder(*arguments)
+        return Surface(*arguments)
 
-    monkeypatch.setattr(extract, "ContactFinder", finder)
+    monkeypatch.setattr(extract, "Surface", surface)
     finger.loop.measurement.tare.in_thread = True
     before_n = finger.loop.tares_n
     finger.loop.request_tare()
