@@ -116,7 +116,7 @@ def test_nothing_above_the_noise_is_no_contact() -> None:
     assert regions.n_contacts == 0
 
 
-def test_what_cannot_be_split_is_refused() -> None:
+def test_splits_of_no_contact_or_place_are_refused() -> None:
     _, regions = regions_of(hill(20.0, 20.0, 1.0, 3.0))
     for i in (-1, 1, 8):
         refused("contact", regions.split, i, 50, 60)
