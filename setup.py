@@ -29,7 +29,7 @@ EXACT = ["-O3", "-ffp-contract=off"]
 KERNELS = {
     "edge.calibration.polynomial": FAST,
     "edge.calibration.gaussian_process": FAST,
-    "edge.calibration.inputs": SMALL,
+    "edge.calibration.model": SMALL,
     "edge.cells.mesh": EXACT,
     "edge.cells.points": EXACT,
     "edge.cells.predicates": EXACT,

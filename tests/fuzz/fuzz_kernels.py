@@ -152,7 +152,7 @@ def play() -> None:
     from calib.sim.script import REST_FRAMES
     from edge.calibration import Calibration
     from edge.calibration.gaussian_process import ProcessKernel
-    from edge.calibration.inputs import contact_inputs, evaluate_terms, frame_inputs
+    from edge.calibration.model import contact_inputs, frame_inputs
     from edge.faults import frame_counts
     from edge.frame import Pipeline
     from edge.geometry import select
@@ -179,11 +179,7 @@ def play() -> None:
     corners = np.rint(rest.xy_img[20:24]).astype(np.int32)
     frame_counts.FocusWindows(corners, 7, 20).measure(image, np.empty((4, 2)))
     select.kth_smallest(motion[:, 0].copy(), 3)
-    evaluate_terms(np.ones((2, 3), np.complex128), [[0], [1, 5]])
-    processes = ProcessKernel(INPUTS, MODELS)
-    z = np.linspace(-1.0, 1.0, 2 * len(INPUTS))
-    n_outputs = sum(len(model.outputs) for model in MODELS)
-    processes.run(z, np.ones(len(MODELS), np.uint8), np.empty((n_outputs, 3)))
+    ProcessKernel(INPUTS, MODELS)
 
 
 def wrong_array(rng: random.Random, array: NDArray[Any]) -> Any:

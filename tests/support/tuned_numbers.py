@@ -39,7 +39,7 @@ NOT_TUNED: dict[str, frozenset[str]] = {
     }),
     "names of states and of places in an array": frozenset({
         "edge/cells/mesh.py:DONE", "edge/cells/mesh.py:NOT_FINITE", "edge/cells/mesh.py:NO_EXTENT",
-        "edge/cells/mesh.py:NOT_BUILT", "edge/cells/predicates.py", "edge/calibration/polynomial.py:FIELDS",
+        "edge/cells/mesh.py:NOT_BUILT", "edge/cells/predicates.py", "edge/calibration/model.py:FIELDS",
         "edge/calibration/polynomial.py:ROWS",
         "edge/features/peaks.py:_UNKNOWN", "edge/features/peaks.py:_SLOPE", "edge/features/peaks.py:_TOP",
         "edge/features/peaks.py:_PLATEAU", "edge/features/peaks.py:_REACHED",
