@@ -126,7 +126,7 @@ class FeatureExtractor:
         self._motion = PinMotion(rest)
         self._area_change = AreaChange(rest.xy_img, rest.pattern.pitch_px, rest_area_px2)
         self._detector = ContactDetector(rest, params)
-        self._modes, self._vibration = Modes(rest), Vibration(n, params)
+        self._modes, self._vibration = Modes(rest), Vibration(rest.xy_img, params)
         self._slip = Slip(rest, self._motion, params)
         self._rest_xy = np.ascontiguousarray(rest.xy_img)
         self._filled_px, self._filled_change = np.empty((n, 2)), np.empty(n)

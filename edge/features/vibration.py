@@ -41,9 +41,10 @@ Rms = tuple[float | None, float | None]
 @cython.final
 @cython.cclass
 class Vibration:
-    """Follows the high-passed motion of the contact's pins, of n."""
+    """Follows the high-passed motion of the contact's pins, of those at rest_xy (n, 2)."""
 
-    def __init__(self, n: cython.Py_ssize_t, params: FeatureParams = PARAMS) -> None:
+    def __init__(self, rest_xy: Array, params: FeatureParams = PARAMS) -> None:
+        n = len(rest_xy)
         self._from_hz = params.vibration_from_hz
         self._before, self._once, self._twice = np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 2))
         self._frame_of = np.zeros(n, np.int64)

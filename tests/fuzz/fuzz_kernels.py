@@ -9,8 +9,6 @@ Invariant: a kernel answers, or raises one of `REFUSALS`. It never crashes, hang
 A kernel that the scene does not reach is an error, too: add to `play`.
 """
 
-from __future__ import annotations
-
 import argparse
 import copy
 import dataclasses

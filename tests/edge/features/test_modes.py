@@ -1,7 +1,5 @@
 """Modes against NumPy's least squares, and their behaviour under rotation."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -50,9 +48,3 @@ def test_terms_that_the_layout_cannot_resolve_are_zero() -> None:
     assert empty.any()
     assert not empty[MODE_NAMES.index("c00")]
     assert (fitted[empty] == 0.0).all()
-
-
-def test_nothing_seen_gives_zeros() -> None:
-    np.testing.assert_array_equal(
-        Modes(tip(127)).fit(np.full((127, 2), np.nan), np.zeros(127, np.bool_)), 0.0
-    )
