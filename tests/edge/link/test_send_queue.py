@@ -20,11 +20,11 @@ def taken(queue: SendQueue, now_s: float = 0.0) -> list[object]:
 
 
 def test_detail_keeps_its_distance_and_an_incomplete_group_is_dropped(queue: SendQueue) -> None:
-    queue.put_detail(["d1", "d2"], 0.5)
+    queue.put_spaced("detail", ["d1", "d2"], 0.5)
     assert taken(queue, 10.0) == ["d1"]
     assert queue.wait_s(10.2) == pytest.approx(0.3)
     assert [taken(queue, now_s) for now_s in (10.4, 10.5)] == [[], ["d2"]]
-    queue.put_detail(["d1", "d2", "d3"], 0.0)
+    queue.put_spaced("detail", ["d1", "d2", "d3"], 0.0)
     queue.take(11.0)
     assert queue.done(False) == "detail_skipped"
     assert queue.empty
