@@ -30,6 +30,21 @@ def test_detail_keeps_its_distance_and_an_incomplete_group_is_dropped(queue: Sen
     assert queue.empty
 
 
+def test_a_block_keeps_its_distance_lets_samples_pass_and_gives_way_to_the_next(queue: SendQueue) -> None:
+    queue.put_spaced("block", ["b1", "b2", "b3"], 0.5)
+    queue.put_spaced("detail", ["d1"], 0.5)
+    assert taken(queue, 10.0) == ["b1", "d1"]
+    queue.put_sample(["s"])
+    assert taken(queue, 10.5) == ["s", "b2"]
+    queue.put_spaced("block", ["b2", "b3"], 0.5)
+    queue.take(11.0)
+    assert queue.done(False) == ""  # the client asks for it again
+    assert taken(queue, 11.5) == ["b3"]
+    queue.put_spaced("block", ["b4"], 0.5)
+    assert queue.clear() == 0
+    assert queue.empty
+
+
 @pytest.mark.parametrize("begun_s", [100.0, 100.013, 100.0999, 7.21])
 def test_series_of_other_phases_never_come_together(begun_s: float) -> None:
     due = []
