@@ -32,6 +32,7 @@ __all__ = ["HEAD_N", "Skipped", "read_asc", "read_blf", "read_candump"]
 
 HEAD_N: Final = 256  # messages at the beginning of a log that show what its times are
 LINE_MAX: Final = 1024  # characters; the longest line, CAN FD with 64 bytes in an .asc, has some 350
+FOREIGN_MAX: Final = 64 << 20  # characters; a foreign line as long as that is no text
 DATA_MAX: Final = 64  # bytes
 CONTAINER_MAX: Final = 32 << 20  # bytes; Vector's tools and python-can write containers of 128 KiB
 _PIECE: Final = 1024  # bytes unpacked at once: what comes before damage is kept
@@ -98,28 +99,40 @@ class Skipped:
 
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
-    """The lines with something on them and their numbers; a longer one than LINE_MAX is cut off there."""
+    """The lines with something on them and their numbers; a longer one than LINE_MAX is cut off there.
+
+    Raises  ValueError: a line without an end
+    """
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         number = 0
         while line := file.readline(LINE_MAX):
             number += 1
-            rest = line
+            rest, read_n = line, 0
             while rest and not rest.endswith("\n"):
-                rest = file.readline(LINE_MAX)
+                rest = file.readline(1 << 16)
+                read_n += len(rest)
+                if read_n > FOREIGN_MAX:
+                    raise ValueError(f"line {number} has no end")
             if line.strip():
                 yield number, line
 
 
 def read_candump(path: Path, skipped: Skipped) -> Iterator[can.Message]:
     """The messages in a log of `candump`."""
-    lines = _candump_lines(path, skipped)
-    head = list(islice(lines, HEAD_N))
+    lines, damage = _candump_lines(path, skipped), None
+    head: list[tuple[float, can.Message | None]] = []
+    try:
+        head.extend(islice(lines, HEAD_N))
+    except (ValueError, OSError) as error:  # what comes before it is read
+        damage = error
     adding, sum_s = _are_differences([stated_s for stated_s, _ in head if stated_s == stated_s]), 0.0
     for stated_s, message in chain(head, lines):
         sum_s += stated_s if stated_s == stated_s else 0.0
         if message is not None:
             message.timestamp = sum_s if adding else stated_s
             yield message
+    if damage is not None:
+        raise damage
 
 
 def _candump_lines(path: Path, skipped: Skipped) -> Iterator[tuple[float, can.Message | None]]:

@@ -27,7 +27,7 @@ from hostlink.decoder import (
 from hostlink.errors import VersionMismatch
 from hostlink.sequence import RESTART_RUN
 from hostlink.wire import CanIds, Message, State, encode_frame, pack_message, pack_state
-from hostlink.wire.e2e import protect_p5, protect_p11
+from hostlink.wire.e2e import protect_p11, protected_p5
 from hostlink.wire.fields import DATA_ID, DATA_ID_CLASSIC, PARTS, STATE_SIZE, VERSION
 from hostlink.wire.parts import unpack_part
 from tests.support.channel import Ledger, flip, spots
@@ -458,10 +458,7 @@ def test_announced_step_begins_the_clock_anew(how: str) -> None:
 
 
 def foreign_state(counter: int, version: int, data_id: int, size: int = STATE_SIZE) -> bytes:
-    frame = bytearray(Random(counter).randbytes(size))
-    frame[3] = version
-    protect_p5(frame, counter, data_id)
-    return bytes(frame)
+    return protected_p5(bytes((version,)) + Random(counter).randbytes(size)[4:], counter, data_id)
 
 
 def mismatches(
@@ -507,14 +504,12 @@ def test_another_version_on_classic_can() -> None:
 
 def test_one_frame_with_a_foreign_version_byte_is_noise_however_often_it_is_repeated() -> None:
     """Right CRC-16, foreign version byte: two bytes of noise do that once in 65536 times."""
-    frame = bytearray(pack_state(State(sample=5), 1))
-    frame[3] = VERSION + 1
-    protect_p5(frame, 1, DATA_ID)
+    frame = protected_p5(bytes((VERSION + 1,)) + pack_state(State(sample=5), 1)[4:], 1, DATA_ID)
     decoder = CanDecoder()
-    assert mismatches(decoder, [(0x187, bytes(frame))] * 100) == []
+    assert mismatches(decoder, [(0x187, frame)] * 100) == []
     assert decoder.statistics[7].corrupt_n == 100
     with pytest.raises(wire.CorruptFrame):
-        wire.unpack_state(bytes(frame))
+        wire.unpack_state(frame)
 
 
 def test_noise_is_not_another_version() -> None:

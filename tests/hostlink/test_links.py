@@ -189,6 +189,19 @@ def test_whatever_a_driver_raises_the_link_comes_back(
     node.close()
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems keep groups apart by themselves")
+@pytest.mark.parametrize("buses", [("239.0.0.1", "239.0.0.2"), ("ff11::7:1", "ff11::7:2")])
+def test_udp_buses_of_one_machine_are_apart(buses: tuple[str, str]) -> None:
+    other, own = (
+        make_node(f"udp:{group}?ttl=0&node={node}&port=43117")[0] for node, group in enumerate(buses, 8)
+    )
+    with hostlink.connect(f"udp:{buses[1]}?port=43117") as hand:
+        until(lambda: other.send(state(1)) and own.send(state(1)) and 9 in hand.fingers, "a sample")
+        assert list(hand.fingers) == [9]
+    other.close()
+    own.close()
+
+
 @pytest.mark.parametrize("kind", ["on_sample", "on_raw", "on_detail"])
 def test_a_callback_may_exit_or_ask_and_the_link_goes_on(request: pytest.FixtureRequest, kind: str) -> None:
     """`sys.exit()` ends nothing; what waits for the finger is refused at once, in one line."""

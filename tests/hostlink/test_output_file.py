@@ -255,6 +255,10 @@ def make(number, when, file):
         os.kill(os.getpid(), number)  # the shell and the kernel both report a terminal's end
     if when == "while it gets its name":
         hostlink.output_file._force_to_disk = end
+    if when == "while its folder is tried":
+        remove = hostlink.output_file._remove
+        hostlink.output_file._remove = lambda path: (end(), remove(path))
+    hostlink.output_file.check_output(file, ())
     with writing(file, keep_partial=when == "a recording") as unfinished:
         unfinished.write_text("content")
         if when != "while it gets its name":
@@ -265,12 +269,14 @@ sys.exit(run_command(make, "make", ()))
 
 
 @pytest.mark.parametrize("number", ENDING)
-@pytest.mark.parametrize("when", ["while it is written", "a recording", "while it gets its name"])
+@pytest.mark.parametrize(
+    "when", ["while its folder is tried", "while it is written", "a recording", "while it gets its name"]
+)
 def test_a_signal_leaves_a_whole_file_or_none(tmp_path: Path, number: signal.Signals, when: str) -> None:
     path = tmp_path / "x.json"
     run = python("-c", ENDED, str(int(number)), when, path, env=uncounted())
     assert (run.returncode, run.stderr.strip()) == (128 + number, "")
-    kept = [] if when == "while it is written" else [path]
+    kept = [path] if when in ("a recording", "while it gets its name") else []
     assert list(tmp_path.iterdir()) == kept
     assert all(one.read_text() == "content" for one in kept)
 

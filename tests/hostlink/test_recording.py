@@ -255,6 +255,18 @@ def test_a_log_of_few_frames_or_equal_times_is_as_written(tmp_path: Path) -> Non
         assert [m.timestamp for m in read_log(path)] == times_s
 
 
+@pytest.mark.parametrize("suffix", [".log", ".asc"])
+def test_a_file_of_nothing_is_no_line(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"a{suffix}"
+    path.write_text("(1.0) can0 181#00\n" if suffix == ".log" else "1.0 1 181 Rx d 1 00\n")
+    with path.open("r+b") as file:
+        file.truncate(30 << 30)
+    messages = read_log(path)
+    assert next(messages).data == b"\0"
+    with pytest.raises(LogError, match="damaged after 1 message: line 2 has no end"):
+        next(messages)
+
+
 def test_a_line_that_is_skipped_costs_no_time(tmp_path: Path) -> None:
     path = tmp_path / "a.log"
     lines = ["(0.5) can0 181 [1] 00", "(0.25) can0 123 [0004] (00|567) 11", "remark", "can0 181 [1] 00"]

@@ -17,14 +17,7 @@ from edge.calibration import Calibration
 from edge.calibration.file import FACTORS_MAX, TERMS_MAX
 from edge.calibration.inputs import FRAME_INPUTS
 from edge.errors import CalibrationError
-from tests.support.calibrations import (
-    PATTERN,
-    PINS,
-    calibration_content,
-    damaged,
-    parsed,
-    touched_features,
-)
+from tests.support.calibrations import PATTERN, PINS, calibration_content, damaged, parsed, touched_features
 from tests.support.memory import bounded_memory
 from tests.support.refusals import one_line
 from tests.support.seeds import SEED
@@ -131,7 +124,7 @@ HOSTILE: list[tuple[str, Any, str]] = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("place", "value", "expected"), HOSTILE)
+@pytest.mark.parametrize(("place", "value", "expected"), HOSTILE, ids=lambda text: str(text)[:40])
 def test_a_hostile_file_is_refused_before_anything_is_built(place: str, value: Any, expected: str) -> None:
     raw = msgspec.json.encode(damaged(*path_of(place), value=value))
     with bounded_memory(2_000_000 + 40 * len(raw)):

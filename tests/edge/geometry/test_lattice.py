@@ -1,13 +1,9 @@
-"""Neighbours, pitch and stencils on lattices whose answers are known."""
+"""Pitch and slopes on lattices whose answers are known."""
 
 import numpy as np
 import pytest
 
-from edge.geometry.lattice import (
-    pitch_of,
-    residual_stencil,
-    slope_stencil,
-)
+from edge.geometry.lattice import pitch_of, slope_stencil
 from edge.types import Array
 from tests.support.fields import hexagon
 
@@ -33,12 +29,3 @@ def test_the_slope_of_an_affine_motion_is_exact() -> None:
     ring, weight = slope_stencil(xy, PITCH)
     slope = np.einsum("nak,nkc->nac", weight, (xy @ gradient + 3.0)[ring])
     np.testing.assert_allclose(slope, np.broadcast_to(gradient, slope.shape), atol=1e-12)
-
-
-def test_a_quadratic_motion_has_no_residual_and_noise_keeps_its_size() -> None:
-    xy = scattered()
-    x, y = xy.T / PITCH
-    near, weight = residual_stencil(xy, PITCH)
-    for motion in (np.ones_like(x), x, y, x * x, x * y, y * y):
-        np.testing.assert_allclose((weight * motion[near]).sum(1), 0.0, atol=1e-9)
-    np.testing.assert_allclose((weight**2).sum(1), 1.0)

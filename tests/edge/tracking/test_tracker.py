@@ -146,7 +146,8 @@ def test_a_search_ends_after_a_bounded_number_of_matches(monkeypatch: pytest.Mon
     for _ in range(4):
         regions.clear()
         Tracker(rest_of(xy)).identify(pins_at(spoiled(pressed(xy, rng), 0.7, 50, rng)))
-        assert 4 < len(regions) <= TrackingParams().regions_max + 1
+        # Every start has one alternative at least; a better one of these, which has its own, is rare.
+        assert 4 < len(regions) <= 3 * (2 * TrackingParams().coarse_n + 1)
 
 
 def test_a_lattice_that_may_have_slipped_by_a_step_has_low_confidence() -> None:
@@ -267,21 +268,6 @@ def test_a_leap_that_loses_pins_is_searched_even_if_most_are_found() -> None:
     tracks = tracker.identify(pins_at(now))
     assert tracks.n_seen == 331
     np.testing.assert_array_equal(tracks.xy_img, now)
-
-
-def test_after_dark_frames_the_same_identities_return() -> None:
-    rng = np.random.default_rng(6)
-    xy = LAYOUTS["rings331"]
-    tracker = held(xy)
-    dark = np.full_like(xy, np.nan)
-    assert tracker.follow(pins_at(dark)).confidence < Tracks.LOW_CONFIDENCE
-    for _ in range(5):
-        assert tracker.predict() is None
-        assert tracker.identify(pins_at(np.empty((0, 2)))).confidence < Tracks.LOW_CONFIDENCE
-    now = pressed(xy, rng)
-    tracks = tracker.identify(pins_at(rng.permutation(now)))
-    np.testing.assert_array_equal(tracks.xy_img, now)
-    assert tracker.follow(pins_at(now)).n_seen == 331
 
 
 def test_after_a_failed_search_the_followed_pins_are_kept() -> None:
