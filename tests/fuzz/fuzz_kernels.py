@@ -154,7 +154,9 @@ def play() -> None:
     from edge.faults import frame_counts
     from edge.frame import Pipeline
     from edge.geometry import select
+    from edge.link.state_packer import StatePacker
     from edge.rest.tare import tare
+    from hostlink.wire import Contact, State
     from tests.bench.frames import calibration_of, scene
     from tests.edge.calibration.test_gaussian_process import INPUTS, MODELS
 
@@ -176,6 +178,7 @@ def play() -> None:
     counts.moved(motion, 1.0, 0.0, True)
     corners = np.rint(rest.xy_img[20:24]).astype(np.int32)
     frame_counts.FocusWindows(corners, 7, 20).measure(image, np.empty((4, 2)))
+    StatePacker().pack(vars(State(displacement_mm=1.0, contacts=(Contact(1.0, -1.0),))))
     select.kth_smallest(motion[:, 0].copy(), 3)
     evaluate_terms(np.ones((2, 3), np.complex128), [[0], [1, 5]])
     processes = ProcessKernel(INPUTS, MODELS)
