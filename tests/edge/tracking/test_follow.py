@@ -199,7 +199,7 @@ def test_more_pins_than_an_index_holds_are_refused(monkeypatch: pytest.MonkeyPat
     refused("19 pins; 18 at most", Follower, tip.lattice, tip.photometric, tip.params)
 
 
-@pytest.mark.parametrize("name", ["near", "pairs"])
+@pytest.mark.parametrize("name", ["near", "edges"])
 @pytest.mark.parametrize("pin", [-1, 19, 2**31 - 1])
 def test_a_lattice_that_names_no_pin_is_refused(name: str, pin: int) -> None:
     tip = TrackedTip.of(small_tip())
