@@ -23,7 +23,7 @@ AT_MOST = {
     "shared": 14,
     "sources": 7,
     "tracking": 22,
-    "view": 6,
+    "view": 5,
     "worker": 6,
 }
 WORDS_MAX = 3000
