@@ -1,7 +1,7 @@
 """Block transfers with `canopen`'s client: values pass whole or not at all, and then others are served."""
 
 from binascii import crc_hqx
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
@@ -14,8 +14,9 @@ from canopen.sdo.client import BlockUploadStream, SdoClient
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from edge.link import sdo_server
 from edge.link.params import PARAMS
-from edge.link.sdo_server import DOWNLOAD_MAX
+from edge.link.sdo_server import DOWNLOAD_MAX, SdoServer
 from hostlink import objects
 from hostlink.errors import ObjectAborted
 from hostlink.objects import SdoObjects
@@ -237,6 +238,36 @@ def test_a_wrong_frame_ends_a_transfer_with_the_code_of_cia_301(
     assert [code(answer) for answer in bench.answers[n:]] == [abort] * (abort > 0)
     assert bench.objects.written == []
     assert serves(bench)
+
+
+def test_a_last_segment_behind_a_lost_one_is_sent_again(bench: Bench) -> None:
+    """`canopen` gives up where the last sub-block of a write needs it."""
+    bench.ask(head(0xC6, LONG, b"\x0f\0\0\0"))
+    assert bench.ask(b"\1{123456") == b""
+    assert bench.ask(b"\x83}") == b"\xa2\1\x1f" + bytes(5)
+    assert bench.ask(b"\x01789abcd") == b""
+    assert bench.ask(b"\x82}") == b"\xa2\2\x1f" + bytes(5)
+    crc = crc_hqx(b"{123456789abcd}", 0).to_bytes(2, "little")
+    assert bench.ask(b"\xd9" + crc) == END + bytes(7)
+    assert bench.objects.written == [(LONG, b"{123456789abcd}")]
+
+
+def test_an_endless_write_is_refused(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sdo_server, "DOWNLOAD_MAX", 700)
+    bench.ask(head(0xC0, LONG))
+    answers = [bench.ask(bytes((1 + k % 31,)) + b"segment") for k in range(101)]
+    assert code(answers[-1]) == Abort.LENGTH
+    assert bench.server.held_bytes == 0
+    assert serves(bench)
+
+
+def test_after_an_abort_no_segment_is_sent(bench: Bench) -> None:
+    groups: list[Sequence[bytes]] = []
+    store: Any = bench.objects
+    server = SdoServer(store, bench.answers.append, groups.append)
+    for frame in (UPLOAD, START, ABORT):
+        server.request(frame.ljust(8, b"\0"))
+    assert [len(group) for group in groups] == [127, 0]
 
 
 def test_a_write_that_the_finger_refuses_ends_with_its_code(bench: Bench) -> None:
