@@ -401,7 +401,7 @@ def _several_hosts() -> list[str]:
         "- a segment with the wrong toggle bit or direction ends the transfer, with 0x05030000;",
         "- a block transfer has the channel to itself: until its end, or until its client has been silent for 1 s, no other",
         "  request is answered, not even by an abort, which its client would take for its own. Uploads have the sub-blocks",
-        "  that the client asks for, 1 to 127 segments, whatever pst is; downloads 31. With the CRC or without. Segments go out",
+        "  that the client asks for, 1 to 127 segments, whatever pst is; downloads 31. The CRC is the client's choice. Segments go out",
         "  behind samples and take 0.3 of the bus. What gets lost is sent again, but for the last segment of a",
         "  sub-block of a download: nothing tells the finger that it was sent. Its client gives up and begins anew.",
         "",

@@ -321,15 +321,17 @@ def test_our_host_waits_for_the_end_of_anothers_blocks(
         sent.append(data)
         host.answer(bench.ask(data))
 
+    monkeypatch.setattr(objects, "TIMEOUT_S", SOON_S)
     host = SdoObjects(5, 0x605, 0x585, send)
-    monkeypatch.setattr(objects, "TIMEOUT_S", 0.001)
 
     def overhear(n: int, data: bytes) -> None:
         host.overhear(data)
         if n == 3:
             for index, sub in (SHORT, OTHER):
-                with pytest.raises(ObjectAborted, match="another host keeps the finger busy"):
-                    host.read(index, sub)
+                with monkeypatch.context() as patched:
+                    patched.setattr(objects, "TIMEOUT_S", 0.001)
+                    with pytest.raises(ObjectAborted, match="another host keeps the finger busy"):
+                        host.read(index, sub)
 
     client = Client(bench, overhear, lambda n, data: host.answer(data))
     if writes:
