@@ -61,7 +61,6 @@ class AreaChange:
         """
         if area_px2.shape[0] != self._n:
             raise ValueError(f"area_px2 ({self._n},) is wanted")
-        i: cython.Py_ssize_t
         for i in range(self._n):
             out[i] = area_px2[i] * self._inverse_area[i] - 1.0
 
@@ -71,7 +70,6 @@ class AreaChange:
         change  (n,) float64, relative; NaN where lost
         xy      (n, 2) float64 px, where the pins are; finite
         """
-        i: cython.Py_ssize_t
         for i in range(self._n):
             self.values[i] = change[i]
             if isnan(change[i]):
@@ -79,8 +77,6 @@ class AreaChange:
 
     def volume(self, threshold: float) -> float:
         """Integral of the compressed part of `values`, px2; changes below the threshold are noise."""
-        i: cython.Py_ssize_t
-        ramp: cython.double
         total: cython.double = 0.0
         for i in range(self._n):
             ramp = self.values[i] - threshold
@@ -91,9 +87,6 @@ class AreaChange:
     def _between(self, xy: Array, i: cython.Py_ssize_t) -> float:
         """Area change at pin i by the motion of its ring: the determinant of the gradient, less 1."""
         j: cython.Py_ssize_t
-        k: cython.Py_ssize_t
-        x: cython.double
-        y: cython.double
         xx: cython.double = 0.0
         xy_: cython.double = 0.0
         yx: cython.double = 0.0

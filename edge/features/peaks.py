@@ -70,7 +70,6 @@ class PeakFinder:
 
         active   (n_active or more,) int32, points, ascending; elsewhere the field is zero. None: nowhere
         """
-        i: cython.Py_ssize_t
         place: cython.int[::1] = self.place
         grid: cython.float[::1] = self.grid
         mine: cython.int[::1] = self.active
@@ -94,9 +93,7 @@ class PeakFinder:
         noise    (k,) float32
         Returns  number of peaks, PEAKS_MAX at most
         """
-        i: cython.Py_ssize_t
         p: cython.Py_ssize_t
-        h: cython.float
         place: cython.int[::1] = self.place
         grid: cython.float[::1] = self.grid
         self.mark[:] = _UNKNOWN
@@ -117,7 +114,6 @@ class PeakFinder:
         """The first, and so highest, peak that peak j is connected with at or above a level; j itself if none
         before it.
         """
-        i: cython.Py_ssize_t
         self._search(j, level, False)
         for i in range(j):
             if self.mark[self.at[i]] == _REACHED + j:
@@ -136,7 +132,6 @@ class PeakFinder:
         is met that was not below this level. Whether one was.
         """
         d: cython.Py_ssize_t
-        to: cython.int
         i: cython.Py_ssize_t = 0
         n: cython.Py_ssize_t = 1
         other: cython.Py_ssize_t
@@ -161,7 +156,6 @@ class PeakFinder:
 
     def _is_peak(self, place: cython.int, n: cython.Py_ssize_t) -> cython.bint:
         """Whether one of the first n peaks lies there."""
-        i: cython.Py_ssize_t
         for i in range(n):  # noqa: SIM110
             if self.at[i] == place:
                 return True
@@ -189,7 +183,6 @@ class PeakFinder:
         """Whether a place is a regional maximum; it, or the plateau it is on, is marked _TOP or _SLOPE."""
         d: cython.Py_ssize_t
         h: cython.float = self.grid[here]
-        other: cython.float
         equal: cython.bint = False
         if self.mark[here] != _UNKNOWN:
             return self.mark[here] == _TOP
@@ -210,7 +203,6 @@ class PeakFinder:
         i: cython.Py_ssize_t = 0
         d: cython.Py_ssize_t
         n: cython.Py_ssize_t = 1
-        to: cython.int
         verdict: cython.schar = _TOP
         self._stack[0] = cython.cast(cython.int, start)
         self.mark[start] = _PLATEAU

@@ -84,7 +84,6 @@ class PinMotion:
         n: cython.Py_ssize_t = self._n
         if xy.shape[0] != n or xy.shape[1] != 2 or sigma_px.shape[0] != n:
             raise ValueError(f"xy ({n}, 2) and sigma_px ({n},) are wanted")
-        i: cython.Py_ssize_t
         n_seen: cython.Py_ssize_t = 0
         x: cython.double = 0.0
         y: cython.double = 0.0
@@ -116,11 +115,7 @@ class PinMotion:
         least        smallest area change that counts as compressed, 0 or more; all pins are in the contact
                      when nothing is compressed
         """
-        i: cython.Py_ssize_t
         n_pins: cython.Py_ssize_t = 0
-        c: cython.double
-        u: cython.double
-        v: cython.double
         total: cython.double = 0.0
         x: cython.double = 0.0
         y: cython.double = 0.0
@@ -167,7 +162,6 @@ class PinMotion:
         rows: cython.int[::1] = self.pins
         motion: cython.double[:, ::1] = self.motion
         i: cython.Py_ssize_t
-        p: cython.Py_ssize_t
         used: cython.Py_ssize_t = 0
         x: cython.double = 0.0
         y: cython.double = 0.0
@@ -183,10 +177,6 @@ class PinMotion:
         y /= used
         re: cython.double = 0.0
         im: cython.double = 0.0
-        bx: cython.double
-        by: cython.double
-        ax: cython.double
-        ay: cython.double
         for p in range(self.n_pins):  # conj(before) after; a common shift of `after` cancels
             i = rows[p]
             if not isnan(motion[i, 0]):
@@ -205,8 +195,6 @@ class PinMotion:
         least_rel    share of the sum of the changes' sizes that the size of their sum exceeds then
         """
         rows: cython.int[::1] = self.pins
-        p: cython.Py_ssize_t
-        change: cython.double
         total: cython.double = 0.0
         size: cython.double = 0.0
         for p in range(self.n_pins):
@@ -226,7 +214,6 @@ class PinMotion:
         now: cython.double[:, ::1] = self.motion
         disc: cython.double[:, ::1] = self._disc
         i: cython.Py_ssize_t
-        p: cython.Py_ssize_t
         used: cython.Py_ssize_t = 0
         dx: cython.double
         dy: cython.double
@@ -274,8 +261,6 @@ class PinMotion:
         r: cython.Py_ssize_t
         c: cython.Py_ssize_t
         row: cython.Py_ssize_t
-        pivot: cython.double
-        factor: cython.double
         g[1, 0], g[2, 0], g[2, 1] = g[0, 1], g[0, 2], g[1, 2]
         for r in range(3):
             pivot = g[r, r]

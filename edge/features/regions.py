@@ -87,10 +87,7 @@ class Regions:
         noise_px  of a pin; not used for a single peak
         Returns   number of contacts
         """
-        j: cython.Py_ssize_t
-        first: cython.Py_ssize_t
         depth: cython.float
-        valley: cython.float
         pins: cython.float = self._min_prominence_sigma * noise_px
         self._n_peaks = self._peaks.n_peaks
         self._peaks.forget_searches()
@@ -124,8 +121,6 @@ class Regions:
         """Drop the contacts that are not kept, (n_contacts or more,) uint8; the others take over their
         points.
         """
-        i: cython.Py_ssize_t
-        j: cython.Py_ssize_t
         n: cython.int = 0
         for i in range(self.n_contacts):
             for j in range(self._n_peaks):
@@ -142,7 +137,6 @@ class Regions:
 
         To be followed by `sort`. Raises ValueError: no such contact or place, or too many contacts
         """
-        j: cython.Py_ssize_t
         found: cython.bint = False
         if not 0 <= i < self.n_contacts < _CONTACTS_MAX:
             raise ValueError(
@@ -174,7 +168,6 @@ class Regions:
             raise ValueError(
                 f"i, k: two contacts of 0 to {self.n_contacts - 1} are wanted, the first one first"
             )
-        j: cython.Py_ssize_t
         for j in range(self._n_peaks):
             if self._contact[j] == k:
                 self._contact[j] = cython.cast(cython.int, i)
@@ -185,11 +178,8 @@ class Regions:
 
     def nearest_point(self, x: cython.double, y: cython.double) -> int:
         """Place in the padded grid of the point nearest to a place, px, of those with a height; -1: none."""
-        p: cython.Py_ssize_t
         at: cython.Py_ssize_t
         nearest: cython.Py_ssize_t = -1
-        dx: cython.double
-        dy: cython.double
         least: cython.double = np.inf
         for p in range(self._place.shape[0]):
             at = self._place[p]
@@ -202,9 +192,7 @@ class Regions:
 
     def sort(self) -> None:
         """Put the contacts in the order of their highest peaks again, and measure their regions."""
-        i: cython.Py_ssize_t
         j: cython.Py_ssize_t
-        k: cython.Py_ssize_t
         for i in range(1, self.n_contacts):
             j = i
             while j > 0 and self._height[self._highest(j)] > self._height[self._highest(j - 1)]:
@@ -229,9 +217,6 @@ class Regions:
         step: cython.Py_ssize_t
         top: cython.double = cython.cast(cython.double, self._grid[at])
         height: cython.double = top
-        low: cython.double
-        high: cython.double
-        curvature: cython.double
         for k in range(2):
             step = self._peaks.width if k == 0 else 1
             low = cython.cast(cython.double, self._grid[at - step])
@@ -245,7 +230,6 @@ class Regions:
 
     def ridge(self, i: cython.Py_ssize_t) -> Array:
         """(m, 2) float64 px, all peaks of contact i."""
-        j: cython.Py_ssize_t
         n: cython.Py_ssize_t = 0
         for j in range(self._n_peaks):
             if self._contact[j] == i:
@@ -264,7 +248,6 @@ class Regions:
 
     def _drop_peaks(self, dropped: cython.int) -> None:
         """Remove the peaks that are marked so instead of with a contact."""
-        j: cython.Py_ssize_t
         left: cython.Py_ssize_t = 0
         for j in range(self._n_peaks):
             if self._contact[j] != dropped:
@@ -276,19 +259,14 @@ class Regions:
 
     def _measure(self) -> None:
         """Collect each contact's region, and find its shape."""
-        i: cython.Py_ssize_t
         self._collect()
         for i in range(self.n_contacts):
             self._find_shape(i)
 
     def _collect(self) -> None:
         """Sums over each region's active points, weighted by the height above its edge."""
-        i: cython.Py_ssize_t
-        k: cython.Py_ssize_t
         p: cython.Py_ssize_t
         at: cython.Py_ssize_t
-        h: cython.float
-        w: cython.double
         x: cython.double
         y: cython.double
         lowest: cython.float = (
@@ -321,7 +299,6 @@ class Regions:
 
     def _nearest(self, at: cython.Py_ssize_t) -> int:
         """Which peak is nearest to a place; of equals the first, and the first where there is one contact."""
-        j: cython.Py_ssize_t
         nearest: cython.Py_ssize_t = 0
         least: cython.int = 2147483647
         dx: cython.int
