@@ -31,17 +31,15 @@ from edge.features.surface import Surface
 from edge.types import Array, ContactRegion, FittedContact, Mask
 
 if cython.compiled:
-    from cython.cimports.edge.features.peaks import PeakFinder
     from cython.cimports.edge.features.pin_motion import PinNoise
-    from cython.cimports.edge.features.regions import Regions
+    from cython.cimports.edge.features.regions import PeakFinder, Regions
     from cython.cimports.libc.math import NAN, hypot, isnan
 else:
     from math import hypot, isnan
     from math import nan as NAN  # noqa: N812
 
-    from edge.features.peaks import PeakFinder
     from edge.features.pin_motion import PinNoise
-    from edge.features.regions import Regions
+    from edge.features.regions import PeakFinder, Regions
 
 __all__ = ["ContactFinder"]
 
