@@ -10,7 +10,7 @@ class LinkParams:
     """Parameters by name. Units: s, seconds; n, items; rel, a share."""
 
     # --- a medium that fails
-    retry_s: float = RUNTIME.retry_s
+    retry_s: float = RUNTIME.announced_s
     stall_s: float = RUNTIME.stall_s  # nothing leaves for this long: the link counts as down
     write_s: float = 0.2  # a medium that accepts nothing for this long is full
     close_s: float = RUNTIME.close_s  # for the queue, and again for the threads
@@ -28,6 +28,11 @@ class LinkParams:
     read_s: float = RUNTIME.wait_s  # how soon a reader leaves a failed medium
     read_rel: float = 0.3  # share of a processor for reading
     read_pause_s: float = RUNTIME.wait_s  # shorter pauses cost more than they save
+
+    @property
+    def repeat_s(self) -> float:
+        """A numbered request within this after an equal one is the same: hosts ask three times, in 1.5 s."""
+        return 2.0 * self.idle_s
 
 
 PARAMS = LinkParams()
