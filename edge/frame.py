@@ -99,7 +99,7 @@ class Pipeline:
         self._refiner = CentroidRefiner(rest)
         self.tracker = Tracker(rest)
         self._tessellator = Tessellator(rest)
-        still = Tracks(rest.xy_img, rest.pins.sigma_px, np.ones(len(rest), dtype=np.bool_), 1.0)
+        still = Tracks.of(rest.xy_img, rest.pins.sigma_px, np.ones(len(rest), dtype=np.bool_))
         self._extractor = FeatureExtractor(rest, self._tessellator.cells(still).rest_area_px2)
         self.demand = demand
 

@@ -29,9 +29,8 @@ class Tracker:
     def __init__(self, rest: Rest, params: TrackingParams | None = None) -> None:
         """Raises DegenerateLayout: fewer than 4 pins at rest, or all on a line."""
         self._tip = TrackedTip.of(rest, params)
-        self._params, self._n = self._tip.params, len(self._tip)
-        self._full_share_min = self._params.full_share_min
-        self._follower = Follower(self._tip.lattice, self._tip.photometric, self._params)
+        self._n = len(self._tip)
+        self._follower = Follower(self._tip.lattice, self._tip.photometric, self._tip.params)
         self._expected = self._follower.predict()  # the follower's memory
         self._identifier = Identifier(self._tip)
         self.forget()
@@ -42,9 +41,6 @@ class Tracker:
         self._held = False
         self._confidence = 0.0  # of the identities that are held, or were
         self._fresh = False  # the last positions are of the frame before: later they are no evidence
-        self._baseline_share = 0.0  # of the pins, seen lately
-        self._found_share = 0.0  # the largest that a search found
-        self._frames_since_search = 0
         self._fallback: Tracks | None = None  # what `follow` found and refused in this frame
 
     def predict(self) -> Array | None:
@@ -58,24 +54,16 @@ class Tracker:
         The confidence is that of the search that found the identities; none: too few pins, or all of them too
         far off, and the whole frame is to be searched.
         """
-        p = self._params
-        xy, sigma, seen, seen_n, leapt, strayed, autocorrelation = self._follower.follow(
+        xy, sigma, seen, seen_n, autocorrelation, goes_on, is_held = self._follower.follow(
             pins.xy_img, pins.sigma_px, pins.brightness
         )
-        share = seen_n / self._n
-        tracks = Tracks(xy, sigma, seen, self._confidence, autocorrelation)
-        self._frames_since_search += 1
-        # Each pin went on to its own place and not its neighbour's; most are to tell where the others are.
-        continues = 2.0 * share >= 1.0 and not strayed
-        refused = not continues or self._too_few(share, leapt)
-        self._baseline_share += (share - self._baseline_share) / p.baseline_frames
-        if refused:
-            self._held = False
-            self._fallback = tracks if continues else None
-            return replace(tracks, confidence=0.0)
-        self._follower.accept(p.velocity_damping)
-        self._hold()
-        return tracks
+        tracks = Tracks(xy, sigma, seen, seen_n, self._confidence, autocorrelation)
+        self._held = is_held
+        if is_held:
+            self._fresh, self._fallback = True, None
+            return tracks
+        self._fallback = tracks if goes_on else None
+        return replace(tracks, confidence=0.0)
 
     def identify(self, pins: Pins) -> Tracks:
         """Find the identities of unordered pins, from rest or from where they were last seen.
@@ -89,26 +77,24 @@ class Tracker:
         seen = np.isfinite(xy[:, 0])
         predicted, _, _ = self._tip.affine.predict(xy - self._tip.rest_xy, seen)
         now = np.where(seen[:, None], xy, self._tip.rest_xy + predicted)
-        self._frames_since_search = 0
-        share = float(np.count_nonzero(seen)) / self._n
+        seen_n = int(np.count_nonzero(seen))
         confidence = identity.confidence
         # Most pins are to tell where the others are.
         if self._fresh and 2 * identity.known_n >= self._n and not self._follower.strayed(now):
             confidence = max(confidence, self._confidence)
-        if fallback is not None and fallback.n_seen > np.count_nonzero(seen):
+        if fallback is not None and fallback.n_seen > seen_n:
             confidence = 0.0
         if confidence >= Tracks.LOW_CONFIDENCE:
             self._confidence = confidence
-            self._baseline_share, self._found_share = share, max(share, self._found_share)
             autocorrelation = self._follower.settle(now, now - self._tip.rest_xy - predicted, seen)
             self._hold()
-            return Tracks(xy, sigma, seen, confidence, autocorrelation)
+            return Tracks(xy, sigma, seen, seen_n, confidence, autocorrelation)
         if fallback is not None:
-            self._follower.accept(self._params.velocity_damping)
+            self._follower.accept()
             self._hold()
             return fallback
         self._held = self._fresh = False
-        return Tracks(xy, sigma, seen, confidence)
+        return Tracks(xy, sigma, seen, seen_n, confidence)
 
     def _hold(self) -> None:
         self._held, self._fresh, self._fallback = True, True, None
@@ -131,16 +117,3 @@ class Tracker:
             seen = self._tip.photometric.accepted(of_pins, motion, motion - predicted, seen, searched)
             xy[~seen], sigma[~seen] = np.nan, np.nan
         return xy, sigma
-
-    def _too_few(self, share: float, leapt: bool) -> bool:
-        """Whether so few pins are seen, against the baseline, that the identities are given up.
-
-        If a third vanish at once, the rest may be a lattice that slipped. A region that was lost as a whole
-        does not come back by itself: it is searched for from time to time. And in a leap some pins may take
-        their neighbours' blobs while others are lost.
-        """
-        p = self._params
-        vanished = share < p.baseline_share_min * self._baseline_share
-        incomplete = share < self._full_share_min * self._found_share
-        leapt = leapt and share < self._full_share_min * self._baseline_share
-        return vanished or (incomplete and self._frames_since_search >= p.research_frames) or leapt

@@ -25,7 +25,7 @@ def tracks(xy: Array, lost: int = 0) -> Tracks:
     seen = np.ones(len(xy), dtype=bool)
     seen[:lost] = False
     xy = np.where(seen[:, None], xy, np.nan)
-    return Tracks(xy, np.where(seen, 0.05, np.nan), seen, 1.0)
+    return Tracks.of(xy, np.where(seen, 0.05, np.nan), seen)
 
 
 def rest_for(

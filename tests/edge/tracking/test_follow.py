@@ -46,10 +46,9 @@ def followed() -> Array:
         found[blurred] += 1.0
         found[far] += 8.0
         found[near] = found[(near + 1) % n]
-        xy, _, seen, seen_n, leapt, strayed, autocorrelation = kernel.follow(found, sigma, brightness)
-        assert np.count_nonzero(seen) == seen_n
-        rows.append([*np.nan_to_num(xy).ravel(), *seen, seen_n, leapt, strayed, autocorrelation])
-        kernel.accept(0.7)
+        xy, _, seen, *result = kernel.follow(found, sigma, brightness)
+        assert np.count_nonzero(seen) == result[0]
+        rows.append([*np.nan_to_num(xy).ravel(), *seen, *result])
     return np.array(rows, np.float64)
 
 
@@ -64,7 +63,6 @@ def test_arrays_of_another_layout_are_looked_at_in_each_frame() -> None:
         xy, _, seen, *_ = kernel.follow(found, rest.pins.sigma_px, brightness)
         assert seen.all()
         np.testing.assert_array_equal(xy, found)
-        kernel.accept(0.7)
         np.testing.assert_allclose(kernel.last_xy(), found)
 
 
@@ -85,10 +83,11 @@ def test_no_pin_is_seen_where_nothing_was_found_or_two_are_on_one_blob() -> None
     kernel.settle(rest.xy_img, np.zeros((n, 2)), np.ones(n, bool))
     found = rest.xy_img.copy()
     found[3], found[8] = np.nan, found[9]
-    _, _, seen, seen_n, leapt, *_ = kernel.follow(found, rest.pins.sigma_px, rest.pins.brightness)
+    _, _, seen, seen_n, _, goes_on, is_held = kernel.follow(found, rest.pins.sigma_px, rest.pins.brightness)
     np.testing.assert_array_equal(np.flatnonzero(~seen), [3, 8])
     assert seen_n == n - 2
-    assert not leapt
+    assert goes_on
+    assert is_held
 
 
 def test_of_two_pins_that_approach_slowly_one_is_lost_when_they_are_too_near() -> None:
@@ -102,7 +101,6 @@ def test_of_two_pins_that_approach_slowly_one_is_lost_when_they_are_too_near() -
         found[0] += share * towards
         found[1] -= share * towards
         _, _, seen, *_ = kernel.follow(found, rest.pins.sigma_px, rest.pins.brightness)
-        kernel.accept(0.7)
         assert seen[2:].all()
         assert np.count_nonzero(seen[:2]) == (2 if share < 0.5 else 1), share
 
@@ -121,7 +119,6 @@ def off_by(pitches: float, step: float) -> int:
         found = rest.xy_img + 0.3
         found[0] += off * away
         _, _, seen, *_ = kernel.follow(found, rest.pins.sigma_px, rest.pins.brightness)
-        kernel.accept(0.7)
         assert seen[1:].all()
         seen_n += int(seen[0])
     return seen_n
@@ -143,12 +140,10 @@ def test_the_autocorrelation_is_what_is_left_of_the_residuals_and_a_lost_pin_kee
     kernel.settle(rest.xy_img, np.zeros((n, 2)), np.ones(n, bool))
     bent = np.random.default_rng(3).normal(0.0, 0.5, (n, 2))
     kernel.follow(rest.xy_img + bent, rest.pins.sigma_px, rest.pins.brightness)
-    kernel.accept(0.0)
     found = rest.xy_img + left * bent + 2.0
     found[lost] = np.nan
-    *_, autocorrelation = kernel.follow(found, rest.pins.sigma_px, rest.pins.brightness)
+    *_, autocorrelation, _, _ = kernel.follow(found, rest.pins.sigma_px, rest.pins.brightness)
     assert autocorrelation == pytest.approx(left, abs=0.02)
-    kernel.accept(0.0)
     assert kernel.last_xy()[lost] == pytest.approx(rest.xy_img[lost] + left * bent[lost] + 2.0, abs=0.1)
 
 
