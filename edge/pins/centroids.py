@@ -77,16 +77,19 @@ LEVEL_MAX = cython.declare(cython.int, STEP_MAX)
 class CentroidKernel:
     """Centroids of the n pins of one tip. All arrays are good until the next image.
 
+    predicted       (n, 2) px, where pins are to be searched for; to be written
     xy, sigma       (n, 2) and (n,) px; NaN where a pin is lost
     amplitude, fit  (n,) levels, and the share of the window's variation that the disc explained
     """
 
+    predicted = cython.declare(object, visibility="readonly")
     xy = cython.declare(object, visibility="readonly")
     sigma = cython.declare(object, visibility="readonly")
     amplitude = cython.declare(object, visibility="readonly")
     fit = cython.declare(object, visibility="readonly")
     n: cython.Py_ssize_t
-    _xy: cython.double[:, ::1]  # the same memory
+    _predicted: cython.double[:, ::1]  # the same memory
+    _xy: cython.double[:, ::1]
     _sigma: cython.double[::1]
     _amplitude: cython.double[::1]
     _fit: cython.double[::1]
@@ -119,8 +122,6 @@ class CentroidKernel:
     _values: cython.short[::1]  # of the templates
     _uv: cython.schar[::1]
     _norms: cython.double[:, ::1]
-    _predicted: cython.double[:, ::1]
-    _predicted_array: object  # the same memory
     _filter: CentroidFilter
     _pixels: cython.uchar[::1]
     _window: cython.short[::1]
@@ -170,6 +171,7 @@ class CentroidKernel:
         self._near2, self._far2 = (limits["near_phases"] / PHASES) ** 2, FAR_PX**2
         self._share_min = limits["share_min"]
         self._filter = CentroidFilter(rest_amplitude, limits["share_min"], limits["clash_px"])
+        self.predicted = self._predicted = np.full((self.n, 2), np.nan)
         self.xy = self._xy = np.full((self.n, 2), np.nan)
         self.sigma = self._sigma = np.full(self.n, np.nan)
         self.amplitude = self._amplitude = np.full(self.n, np.nan)
@@ -178,18 +180,12 @@ class CentroidKernel:
         self._pixels = np.zeros(plane_max + 2 * HALF_MAX + LANES, np.uint8)
         self._window = np.zeros(plane_max, np.int16)
         self._sums = np.zeros(NORM.index("inv_d"))
-        self._predicted_array = None
         self._normal = np.empty((4, 5))
         self._inverse = np.empty((4, 4))
         self._basis = np.empty(4)
 
-    def read(self, image: Image, predicted: Array) -> None:
-        """Find the pins of one image.
-
-        image      (h, w) uint8 or uint16
-        predicted  (n, 2) float64, px
-        Raises     ValueError: another kind of image, another number of predictions
-        """
+    def read(self, image: Image) -> None:
+        """Find the pins of one image (h, w) uint8 or uint16. Raises ValueError: another kind of image."""
         if image.dtype == np.uint8 and image.ndim == 2:
             self._wide = False
             self._image8 = image
@@ -202,10 +198,6 @@ class CentroidKernel:
             self._set_shape(self._image16.shape[0], self._image16.shape[1], 0)
         else:
             raise ValueError(f"image of {image.ndim} axes, {image.dtype}: 2 axes, uint8 or uint16 wanted")
-        if predicted is not self._predicted_array:  # to take an array costs 2,000 instructions
-            self._predicted = self._predicted_array = predicted
-        if self._predicted.shape[0] != self.n or self._predicted.shape[1] != 2:
-            raise ValueError(f"predictions of {self.n} pins are wanted, not of {self._predicted.shape[0]}")
         self._read()
         self._filter.reject(self._xy, self._sigma, self._amplitude, self._fit, self._predicted)
 

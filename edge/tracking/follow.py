@@ -26,7 +26,7 @@ from edge.geometry.lattice import Lattice
 from edge.geometry.neighbours import weighted_rows
 from edge.limits import PINS_MAX
 from edge.tracking.params import TrackingParams
-from edge.types import Array, Mask
+from edge.types import Array, Mask, Pins
 
 if cython.compiled:
     from cython.cimports.edge.geometry.neighbours import Separation, weighted_sums
@@ -48,6 +48,9 @@ class Follower:
 
     lattice      of the rest frame
     photometric  of the same tip
+    found        the pins that were found where they were expected, row i is pin i, NaN where nothing was
+                 found; written before `follow`
+    expected     (n, 2) px, places in the next frame; written
     Raises       ValueError: another number of pins, a pin that does not exist
     """
 
@@ -73,24 +76,22 @@ class Follower:
     separation: Separation
     # of the last frame that was accepted
     last: cython.double[:, ::1]
-    expected: cython.double[:, ::1]  # places in the next frame
-    expected_array: Array  # the same memory
+    expected: cython.double[:, ::1]
     last_residual: cython.float[::1]  # (2 n,)
     last_seen: cython.uchar[::1]
     baseline_share: cython.double  # of the pins, seen lately
     found_share: cython.double  # the largest that a search found
     since_search_n: cython.Py_ssize_t  # frames
-    # given last; the arrays beside them are the same memory
+    # of the frame in hand
+    pins: Pins  # found, and the same memory
     found: cython.const[cython.double][:, ::1]
     sigma: cython.const[cython.double][::1]
     brightness: cython.const[cython.double][::1]
-    given: tuple[Array, Array, Array] | None
     results: tuple[Array, Array, Mask]  # of `follow`, and their memory
     result_xy: cython.double[:, ::1]
     result_sigma: cython.double[::1]
     result_seen: cython.uchar[::1]
     all_seen: Mask  # shared by frames, read-only
-    # of the frame in hand
     now: cython.double[:, ::1]
     residual: cython.float[::1]  # (2 n,)
     seen: cython.uchar[::1]
@@ -101,9 +102,21 @@ class Follower:
     limits: cython.double[::1]  # of the residuals' squares, px2
     before: cython.uchar[::1]
 
-    def __init__(self, lattice: Lattice, photometric: PhotometricFilter, params: TrackingParams) -> None:
+    def __init__(
+        self,
+        lattice: Lattice,
+        photometric: PhotometricFilter,
+        params: TrackingParams,
+        found: Pins,
+        expected: Array,
+    ) -> None:
         n = lattice.n
         _check(lattice, photometric.n)
+        sizes = (found.xy_img.shape, found.sigma_px.shape, found.brightness.shape, expected.shape)
+        if sizes != ((n, 2), (n,), (n,), (n, 2)):
+            raise ValueError(f"found and expected of {n} pins are wanted, not {sizes}")
+        self.pins, self.found, self.sigma = found, found.xy_img, found.sigma_px
+        self.brightness = found.brightness
         self.n = n
         self.photometric = photometric
         self.rest = np.ascontiguousarray(lattice.rest_xy, np.float64)
@@ -121,13 +134,12 @@ class Follower:
         self.distance_min = np.array(lattice.distance_min_px, np.float64)
         self.separation = Separation(n)
         self.last, self.last_residual = np.empty((n, 2)), np.empty(2 * n, np.float32)
-        self.expected_array = self.expected = np.empty((n, 2))
+        self.expected = expected
         self.now, self.residual = np.empty((n, 2)), np.empty(2 * n, np.float32)
         self.predicted, self.known = np.empty((2, 2 * n), np.float32)
         self.last_seen, self.seen = np.empty(n, np.uint8), np.empty(n, np.uint8)
         self.before = np.empty(n, np.uint8)
         self.some, self.limits = np.empty(n), np.empty(n)
-        self.given = None
         self.results = xy, sigma, seen = np.empty((n, 2)), np.empty(n), np.empty(n, np.bool_)
         self.result_xy, self.result_sigma, self.result_seen = xy, sigma, seen.view(np.uint8)
         self.all_seen = np.ones(n, np.bool_)
@@ -147,41 +159,15 @@ class Follower:
         """(n, 2) px, where each pin was in the last frame that was accepted."""
         return np.array(self.last)
 
-    def predict(self) -> Array:
-        """(n, 2) px, where each pin is expected in the next frame; good until one is accepted."""
-        return self.expected_array
-
-    def follow(
-        self, found: Array, sigma: Array, brightness: Array
-    ) -> tuple[Array, Array, Mask, int, float, bool, bool]:
+    def follow(self) -> tuple[Array, Array, Mask, int, float, bool, bool]:
         """Evaluate one frame, and make it the last one if the identities are held in it.
 
-        found, sigma  (n, 2) and (n,) float64, px; row i is pin i, NaN where nothing was found
-        brightness    (n,) float64, levels
-        Returns       (n, 2) px and (n,) px, found and sigma of the seen pins, NaN elsewhere; (n,) bool,
-                      seen, read-only if all are; how many are seen; the autocorrelation of the residuals, 0
-                      if no pin is lost; whether each pin went on to its own place and not its neighbour's,
-                      of which most pins are to tell; whether the identities are held: that, and enough pins
-        Raises        ValueError: sizes that do not fit
+        Returns  (n, 2) px and (n,) px, place and sigma of the seen pins, NaN elsewhere; (n,) bool, seen,
+                 read-only if all are; how many are seen; the autocorrelation of the residuals, 0 if no pin is
+                 lost; whether each pin went on to its own place and not its neighbour's, of which most pins
+                 are to tell; whether the identities are held: that, and enough pins
         """
         n: cython.Py_ssize_t = self.n
-        given = self.given
-        if given is None or given[0] is not found or given[1] is not sigma or given[2] is not brightness:
-            self.given = None  # until all are found to be of the right type
-            taken = (
-                np.ascontiguousarray(found),
-                np.ascontiguousarray(sigma),
-                np.ascontiguousarray(brightness, np.float64),
-            )
-            self.found, self.sigma, self.brightness = taken
-            self.given = taken  # a copy is another object than what is given: it is made anew in each frame
-        if (
-            self.found.shape[0] != n
-            or self.found.shape[1] != 2
-            or self.sigma.shape[0] != n
-            or self.brightness.shape[0] != n
-        ):
-            raise ValueError(f"found ({n}, 2), sigma ({n},) and brightness ({n},) are wanted")
         seen_n: cython.Py_ssize_t
         leapt: cython.bint
         strayed: cython.bint
@@ -208,7 +194,7 @@ class Follower:
             if is_held:
                 self._accept()
         if seen_n == n:
-            return found.copy(), sigma.copy(), self.all_seen, n, 0.0, goes_on, is_held
+            return self.pins.xy_img.copy(), self.pins.sigma_px.copy(), self.all_seen, n, 0.0, goes_on, is_held
         xy, of_xy, seen = self.results
         return xy.copy(), of_xy.copy(), seen.copy(), seen_n, self.autocorrelation, goes_on, is_held
 

@@ -24,41 +24,59 @@ __all__ = ["Tracker"]
 
 
 class Tracker:
-    """Keeps which blob is which pin. Row i of everything is pin i of the rest frame."""
+    """Keeps which blob is which pin. Row i of everything is pin i of the rest frame.
 
-    def __init__(self, rest: Rest, params: TrackingParams | None = None) -> None:
-        """Raises DegenerateLayout: fewer than 4 pins at rest, or all on a line."""
+    held  whether the identities are known, so that the pins of the next frame can be followed
+    """
+
+    def __init__(
+        self,
+        rest: Rest,
+        params: TrackingParams | None = None,
+        found: Pins | None = None,
+        expected: Array | None = None,
+    ) -> None:
+        """The arrays that all frames share; None: arrays of its own.
+
+        found     what is found in a frame at the predicted places
+        expected  (n, 2) px, the predicted places; written
+        Raises    DegenerateLayout: fewer than 4 pins at rest, or all on a line
+        """
         self._tip = TrackedTip.of(rest, params)
         self._n = len(self._tip)
-        self._follower = Follower(self._tip.lattice, self._tip.photometric, self._tip.params)
-        self._expected = self._follower.predict()  # the follower's memory
+        tip, n = self._tip, self._n
+        self._found = found or Pins(np.empty((n, 2)), np.empty(n), np.empty(n), np.empty(n))
+        self._expected = np.empty((n, 2)) if expected is None else expected
+        self._follower = Follower(tip.lattice, tip.photometric, tip.params, self._found, self._expected)
         self._identifier = Identifier(self._tip)
         self.forget()
 
     def forget(self) -> None:
         """Treat the next frame on its own, as after a jump from rest."""
         self._follower.reset()
-        self._held = False
+        self.held = False
         self._confidence = 0.0  # of the identities that are held, or were
         self._fresh = False  # the last positions are of the frame before: later they are no evidence
         self._fallback: Tracks | None = None  # what `follow` found and refused in this frame
 
     def predict(self) -> Array | None:
         """(n, 2) px, where each pin is expected in the next frame; None: identities are not held."""
-        return self._expected if self._held else None
+        return self._expected if self.held else None
 
-    def follow(self, pins: Pins) -> Tracks:
+    def follow(self, pins: Pins | None = None) -> Tracks:
         """Check what was found at the predicted places.
 
-        pins  row i is pin i; NaN where nothing was found
+        pins  row i is pin i; NaN where nothing was found; None: those in `found`
         The confidence is that of the search that found the identities; none: too few pins, or all of them too
         far off, and the whole frame is to be searched.
         """
-        xy, sigma, seen, seen_n, autocorrelation, goes_on, is_held = self._follower.follow(
-            pins.xy_img, pins.sigma_px, pins.brightness
-        )
+        if pins is not None:
+            found = self._found
+            found.xy_img[:], found.sigma_px[:] = pins.xy_img, pins.sigma_px
+            found.brightness[:] = pins.brightness
+        xy, sigma, seen, seen_n, autocorrelation, goes_on, is_held = self._follower.follow()
         tracks = Tracks(xy, sigma, seen, seen_n, self._confidence, autocorrelation)
-        self._held = is_held
+        self.held = is_held
         if is_held:
             self._fresh, self._fallback = True, None
             return tracks
@@ -73,7 +91,7 @@ class Tracker:
         """
         identity = self._identifier.identify(pins.xy_img, [self._follower.last_xy()])
         fallback, self._fallback = self._fallback, None
-        xy, sigma = self._found(pins, identity, searched=fallback is None)
+        xy, sigma = self._seen(pins, identity, searched=fallback is None)
         seen = np.isfinite(xy[:, 0])
         predicted, _, _ = self._tip.affine.predict(xy - self._tip.rest_xy, seen)
         now = np.where(seen[:, None], xy, self._tip.rest_xy + predicted)
@@ -93,13 +111,13 @@ class Tracker:
             self._follower.accept()
             self._hold()
             return fallback
-        self._held = self._fresh = False
+        self.held = self._fresh = False
         return Tracks(xy, sigma, seen, seen_n, confidence)
 
     def _hold(self) -> None:
-        self._held, self._fresh, self._fallback = True, True, None
+        self.held, self._fresh, self._fallback = True, True, None
 
-    def _found(self, pins: Pins, identity: Identity, searched: bool) -> tuple[Array, Array]:
+    def _seen(self, pins: Pins, identity: Identity, searched: bool) -> tuple[Array, Array]:
         """(n, 2) and (n,) px, place and sigma of each pin's blob; NaN where it has none, or an outlier.
 
         searched  the result of the search is all that is known of the frame

@@ -203,15 +203,15 @@ def test_arrays_of_another_size_or_type_are_refused() -> None:
         refiner.refine(np.zeros((100, 100), np.float32), truth)  # type: ignore[arg-type]
 
 
-def test_refined_pins_are_kept_and_read_ones_are_those_of_the_last_image() -> None:
+def test_refined_pins_are_kept_and_found_ones_are_those_of_the_last_image() -> None:
     truth, random = hexagon(3, 22.0, (150.0, 150.0)), np.random.default_rng(8)
     image, shifted = (expose(draw(SIZE, truth + by, 6.0, 0.9, 120, 30), 0.0, random) for by in (0.0, 0.5))
     refiner = CentroidRefiner(known_rest(truth, 6.0, 0.9, 120, 1.0, 22.0, SIZE))
-    first, read = refiner.refine(image, truth), refiner.read(image, truth)
-    assert np.array_equal(first.xy_img, read.xy_img)
-    refiner.read(shifted, truth)
+    first = refiner.refine(image, truth)
+    assert np.array_equal(first.xy_img, refiner.found.xy_img)
+    refiner.read(shifted)
     assert np.abs(first.xy_img - truth).max() < 0.1
-    assert np.abs(read.xy_img - truth - 0.5).max() < 0.1
+    assert np.abs(refiner.found.xy_img - truth - 0.5).max() < 0.1
 
 
 def scattered(bits: int, dark: bool) -> tuple[CentroidRefiner, Image, Array]:

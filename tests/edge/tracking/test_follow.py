@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,68 +24,55 @@ def small_tip(rings: int = 2) -> Rest:
     return make_rest(hexagon(rings, 19.0) + CENTRE, 19.0)
 
 
-def follower(rest: Rest) -> Follower:
-    tip = TrackedTip.of(rest)
-    return Follower(tip.lattice, tip.photometric, tip.params)
+#: Of a tip of two rings.
+ARRAYS = (small_tip().pins, np.empty((19, 2)))
+
+
+class Frames:
+    """A kernel at rest, and the frames that it is given."""
+
+    def __init__(self, rest: Rest) -> None:
+        tip, n = TrackedTip.of(rest), len(rest)
+        self.found = deepcopy(rest.pins)
+        self.kernel = Follower(tip.lattice, tip.photometric, tip.params, self.found, np.empty((n, 2)))
+        self.kernel.settle(rest.xy_img, np.zeros((n, 2)), np.ones(n, bool))
+
+    def follow(self, found: Array) -> tuple[Any, ...]:
+        self.found.xy_img[:] = found
+        return self.kernel.follow()
 
 
 def followed() -> Array:
     """(frames, 3 n + 4): what is seen of frames in which pins are missing, displaced, dim, or on one blob."""
     rest = small_tip(3)
     rng = np.random.default_rng(4)
-    kernel, n, rows = follower(rest), len(rest), []
-    kernel.settle(rest.xy_img, np.zeros((n, 2)), np.ones(n, bool))
+    frames, n, rows = Frames(rest), len(rest), []
     for frame in range(6):
         found = rest.xy_img + 0.8 * frame + rng.normal(0.0, 0.05, (n, 2))
-        brightness = rest.pins.brightness * rng.normal(1.0, 0.01, n)
-        sigma = rng.uniform(0.04, 0.06, n)
+        frames.found.brightness[:] = rest.pins.brightness * rng.normal(1.0, 0.01, n)
+        frames.found.sigma_px[:] = rng.uniform(0.04, 0.06, n)
         found[rng.random(n) < 0.1] = np.nan
         dim = rng.choice(n, 5, replace=False)
-        brightness[dim] *= 0.6
+        frames.found.brightness[dim] *= 0.6
         found[dim[:4]] += rng.normal(0.0, 1.0, (4, 2))
         blurred, far, near = rng.choice(n, 3, replace=False)
-        sigma[blurred] *= 5.0
+        frames.found.sigma_px[blurred] *= 5.0
         found[blurred] += 1.0
         found[far] += 8.0
         found[near] = found[(near + 1) % n]
-        xy, _, seen, *result = kernel.follow(found, sigma, brightness)
+        xy, _, seen, *result = frames.follow(found)
         assert np.count_nonzero(seen) == result[0]
         rows.append([*np.nan_to_num(xy).ravel(), *seen, *result])
     return np.array(rows, np.float64)
 
 
-def test_arrays_of_another_layout_are_looked_at_in_each_frame() -> None:
-    rest = small_tip()
-    found = np.asfortranarray(rest.xy_img)
-    brightness: Any = rest.pins.brightness.astype(np.float32)
-    kernel = follower(rest)
-    kernel.settle(rest.xy_img, np.zeros((len(rest), 2)), np.ones(len(rest), bool))
-    for _ in range(2):
-        found += 0.3
-        xy, _, seen, *_ = kernel.follow(found, rest.pins.sigma_px, brightness)
-        assert seen.all()
-        np.testing.assert_array_equal(xy, found)
-        np.testing.assert_allclose(kernel.last_xy(), found)
-
-
-@pytest.mark.compiled  # otherwise any type will do
-def test_arrays_of_another_type_are_refused_each_time() -> None:
-    rest = small_tip()
-    kernel = follower(rest)
-    kernel.follow(rest.xy_img, rest.pins.sigma_px, rest.pins.brightness)
-    single: Any = rest.pins.sigma_px.astype(np.float32)
-    for _ in range(2):
-        refused("dtype", kernel.follow, rest.xy_img, single, rest.pins.brightness)
-
-
 def test_no_pin_is_seen_where_nothing_was_found_or_two_are_on_one_blob() -> None:
     rest = small_tip()
     n = len(rest)
-    kernel = follower(rest)
-    kernel.settle(rest.xy_img, np.zeros((n, 2)), np.ones(n, bool))
+    frames = Frames(rest)
     found = rest.xy_img.copy()
     found[3], found[8] = np.nan, found[9]
-    _, _, seen, seen_n, _, goes_on, is_held = kernel.follow(found, rest.pins.sigma_px, rest.pins.brightness)
+    _, _, seen, seen_n, _, goes_on, is_held = frames.follow(found)
     np.testing.assert_array_equal(np.flatnonzero(~seen), [3, 8])
     assert seen_n == n - 2
     assert goes_on
@@ -92,15 +81,13 @@ def test_no_pin_is_seen_where_nothing_was_found_or_two_are_on_one_blob() -> None
 
 def test_of_two_pins_that_approach_slowly_one_is_lost_when_they_are_too_near() -> None:
     rest = small_tip(3)
-    n = len(rest)
-    kernel = follower(rest)
-    kernel.settle(rest.xy_img, np.zeros((n, 2)), np.ones(n, bool))
+    frames = Frames(rest)
     towards = 0.5 * (rest.xy_img[1] - rest.xy_img[0])
     for share in np.linspace(0.0, 0.7, 30):
         found = rest.xy_img + 0.3
         found[0] += share * towards
         found[1] -= share * towards
-        _, _, seen, *_ = kernel.follow(found, rest.pins.sigma_px, rest.pins.brightness)
+        _, _, seen, *_ = frames.follow(found)
         assert seen[2:].all()
         assert np.count_nonzero(seen[:2]) == (2 if share < 0.5 else 1), share
 
@@ -108,9 +95,7 @@ def test_of_two_pins_that_approach_slowly_one_is_lost_when_they_are_too_near() -
 def off_by(pitches: float, step: float) -> int:
     """For how many steps a pin is seen that moves off its neighbours, `step` a frame; pitches."""
     rest = small_tip(4)
-    n = len(rest)
-    kernel = follower(rest)
-    kernel.settle(rest.xy_img, np.zeros((n, 2)), np.ones(n, bool))
+    frames = Frames(rest)
     # Towards the middle of two neighbours, where it comes near to none.
     angle = np.deg2rad(30.0)
     away = 19.0 * np.array([np.cos(angle), np.sin(angle)])
@@ -118,7 +103,7 @@ def off_by(pitches: float, step: float) -> int:
     for off in np.arange(step, pitches + 0.5 * step, step):
         found = rest.xy_img + 0.3
         found[0] += off * away
-        _, _, seen, *_ = kernel.follow(found, rest.pins.sigma_px, rest.pins.brightness)
+        _, _, seen, *_ = frames.follow(found)
         assert seen[1:].all()
         seen_n += int(seen[0])
     return seen_n
@@ -136,21 +121,23 @@ def test_the_autocorrelation_is_what_is_left_of_the_residuals_and_a_lost_pin_kee
 ) -> None:
     rest = small_tip(4)
     n, lost = len(rest), 12
-    kernel = follower(rest)
-    kernel.settle(rest.xy_img, np.zeros((n, 2)), np.ones(n, bool))
+    frames = Frames(rest)
     bent = np.random.default_rng(3).normal(0.0, 0.5, (n, 2))
-    kernel.follow(rest.xy_img + bent, rest.pins.sigma_px, rest.pins.brightness)
+    frames.follow(rest.xy_img + bent)
     found = rest.xy_img + left * bent + 2.0
     found[lost] = np.nan
-    *_, autocorrelation, _, _ = kernel.follow(found, rest.pins.sigma_px, rest.pins.brightness)
+    *_, autocorrelation, _, _ = frames.follow(found)
     assert autocorrelation == pytest.approx(left, abs=0.02)
-    assert kernel.last_xy()[lost] == pytest.approx(rest.xy_img[lost] + left * bent[lost] + 2.0, abs=0.1)
+    assert frames.kernel.last_xy()[lost] == pytest.approx(
+        rest.xy_img[lost] + left * bent[lost] + 2.0, abs=0.1
+    )
 
 
 def test_a_search_tells_what_is_left_of_the_residuals() -> None:
     rest = small_tip()
     n = len(rest)
-    kernel = follower(rest)
+    kernel = Frames(rest).kernel
+    kernel.reset()
     bent = np.random.default_rng(3).normal(0.0, 0.5, (n, 2))
     assert kernel.settle(rest.xy_img, bent, np.ones(n, bool)) == 0.0
     assert kernel.settle(rest.xy_img, 0.4 * bent, np.ones(n, bool)) == pytest.approx(0.4)
@@ -166,17 +153,17 @@ def test_compiled_and_uncompiled_give_the_same() -> None:
     np.testing.assert_array_equal(ours, np.frombuffer(reference).reshape(ours.shape))
 
 
-@pytest.mark.parametrize(
-    "shapes", [((18, 2), 19, 19), ((19, 3), 19, 19), ((19, 2), 20, 19), ((19, 2), 19, 0), ((0, 2), 0, 0)]
-)
-def test_a_frame_of_another_number_of_pins_is_refused(shapes: tuple[tuple[int, int], int, int]) -> None:
-    kernel = follower(small_tip())
-    found, sigma, brightness = shapes
-    refused(r"found \(19, 2\)", kernel.follow, np.zeros(found), np.ones(sigma), np.ones(brightness))
+@pytest.mark.parametrize("field", ["xy_img", "sigma_px", "brightness"])
+def test_a_frame_of_another_number_of_pins_is_refused(field: str) -> None:
+    tip, pins = TrackedTip.of(small_tip()), small_tip().pins
+    short = replace(pins, **{field: getattr(pins, field)[:-1]})
+    refused(
+        "found and expected of 19", Follower, tip.lattice, tip.photometric, tip.params, short, pins.xy_img
+    )
 
 
 def test_a_state_of_another_number_of_pins_is_refused() -> None:
-    kernel = follower(small_tip())
+    kernel = Frames(small_tip()).kernel
     for xy, residual, seen in ((18, 19, 19), (19, 18, 19), (19, 19, 18)):
         with pytest.raises(ValueError, match=r"xy \(19, 2\)"):
             kernel.settle(np.zeros((xy, 2)), np.zeros((residual, 2)), np.ones(seen, bool))
@@ -185,13 +172,13 @@ def test_a_state_of_another_number_of_pins_is_refused() -> None:
 
 def test_a_lattice_of_another_tip_is_refused() -> None:
     small, large = TrackedTip.of(small_tip(1)), TrackedTip.of(small_tip(2))
-    refused("wanted for 19 pins", Follower, small.lattice, large.photometric, large.params)
+    refused("wanted for 19 pins", Follower, small.lattice, large.photometric, large.params, *ARRAYS)
 
 
 def test_more_pins_than_an_index_holds_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     tip = TrackedTip.of(small_tip())
     monkeypatch.setattr("edge.tracking.follow.PINS_MAX", 18)
-    refused("19 pins; 18 at most", Follower, tip.lattice, tip.photometric, tip.params)
+    refused("19 pins; 18 at most", Follower, tip.lattice, tip.photometric, tip.params, *ARRAYS)
 
 
 @pytest.mark.parametrize("name", ["closest", "pairs"])
@@ -199,7 +186,7 @@ def test_more_pins_than_an_index_holds_are_refused(monkeypatch: pytest.MonkeyPat
 def test_a_lattice_that_names_no_pin_is_refused(name: str, pin: int) -> None:
     tip = TrackedTip.of(small_tip())
     getattr(tip.lattice, name)[3, 1] = pin
-    refused(f"{name}: pins of 0 to 18", Follower, tip.lattice, tip.photometric, tip.params)
+    refused(f"{name}: pins of 0 to 18", Follower, tip.lattice, tip.photometric, tip.params, *ARRAYS)
 
 
 def test_the_filter_refuses_other_sizes() -> None:
