@@ -50,9 +50,7 @@ KERNELS = {
     "edge.pins.centroids": FAST,
     "edge.pins.rejection": FAST,
     "edge.faults.frame_counts": FAST,
-    "edge.tracking.affine": FAST,
     "edge.tracking.follow": FAST,
-    "edge.tracking.kriging": FAST,
     "edge.tracking.match": FAST,
     "edge.tracking.outliers": FAST,
 }

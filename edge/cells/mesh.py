@@ -127,7 +127,7 @@ class Mesh:
     x: cython.double[::1]  # per point
     y: cython.double[::1]
     area: cython.double[::1]
-    bound: cython.double[::1]  # of the error of the area's parts that are not accurate by themselves
+    bound: cython.double[::1]  # per pin, of the error of the area's parts that are not accurate by themselves
     has_bounds: cython.bint  # one is above 0
     exactly: cython.uchar[::1]  # whether the area must be summed from exact weights
     same_as: cython.int[::1]  # the point whose vertex it uses, mostly itself
@@ -161,7 +161,7 @@ class Mesh:
         self.x = x
         self.y = y
         self.area = np.zeros(n_all)
-        self.bound = np.zeros(n_all)
+        self.bound = np.zeros(n_pins)
         self.exactly = np.zeros(n_all, np.uint8)
         self.same_as, self.sharers = np.zeros((2, n_all), np.int32)
         self.tail = np.zeros(3 * n_triangles, np.int32)
@@ -436,7 +436,7 @@ class Mesh:
             area[i] = 0.0
         if self.has_bounds:
             self.has_bounds = False
-            for i in range(self.n_points):
+            for i in range(self.n_pins):
                 self.bound[i] = 0.0
         measure(self.tail, self.x, self.y, self.n_triangles, SLIVER, ERROR_BOUND, self.parts)
         for t in range(self.n_triangles):

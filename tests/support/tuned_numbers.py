@@ -84,7 +84,7 @@ NOT_TUNED: dict[str, frozenset[str]] = {
         "edge/features/contact_field.py:BLOCK", "edge/features/regions.py:_VARIANCE_MIN",
         "edge/geometry/lattice.py:RANK_TOLERANCE", "edge/geometry/layout.py",
         "edge/faults/image_quality.py:ONE_LEVEL",
-        "edge/tracking/affine.py:NO_NEIGHBOUR", "edge/tracking/motion_model.py:UNDETERMINED",
+        "edge/tracking/outliers.py:NO_NEIGHBOUR", "edge/tracking/motion_model.py:UNDETERMINED",
         "edge/recording/reader.py:_TIME_MAX_NS",
         "edge/recording/reader.py:_SEQUENCE_MAX", "edge/view/panels.py:_SHIFT", "edge/view/panels.py:_ONE",
     }),

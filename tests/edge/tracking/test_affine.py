@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from edge.geometry.lattice import Lattice
-from edge.tracking.affine import LocalAffine
+from edge.tracking.outliers import LocalAffine
 from edge.types import Array
 from tests.support.fields import hexagon
 from tests.support.refusals import refused

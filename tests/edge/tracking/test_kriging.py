@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from edge.tracking.kriging import Kriging
+from edge.tracking.match import Kriging
 from tests.support.refusals import refused
 
 N, K = 30, 8

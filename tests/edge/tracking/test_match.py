@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from edge.geometry.lattice import Lattice
-from edge.tracking.affine import LocalAffine
 from edge.tracking.match import NearestBlob, RegionGrower
+from edge.tracking.outliers import LocalAffine
 from edge.types import Array, Index
 from tests.support.fields import hexagon
 from tests.support.refusals import refused
