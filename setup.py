@@ -50,6 +50,7 @@ KERNELS = {
     "edge.pins.centroids": FAST,
     "edge.pins.rejection": FAST,
     "edge.faults.frame_counts": FAST,
+    "edge.link.state_packer": SMALL,
     "edge.tracking.follow": FAST,
     "edge.tracking.match": FAST,
     "edge.tracking.outliers": FAST,

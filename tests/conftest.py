@@ -1,7 +1,5 @@
 """Shared fixtures: where the published recordings are, and the bundled ones."""
 
-from __future__ import annotations
-
 import os
 import signal
 import threading
@@ -18,8 +16,8 @@ kernels.install()
 from edge.sources import ThreadedSource  # noqa: E402  (with the kernels that were installed)
 from hostlink.interrupt import ENDING  # noqa: E402
 
-# A background job begins with SIGINT and SIGQUIT ignored, one under nohup with SIGHUP, and so would the programs
-# that tests end by them.
+# A background job begins with SIGINT and SIGQUIT ignored, one under nohup with SIGHUP. Programs that
+# tests end by a signal would inherit this.
 for number in ENDING:
     signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
 # No times: a busy machine is slow.

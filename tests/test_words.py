@@ -1,13 +1,12 @@
 """Names and sentences use the field's terms: words that were replaced do not return."""
 
-from __future__ import annotations
-
 import ast
 import re
-import subprocess
 from pathlib import Path
 
 import pytest
+
+from tests.support.processes import program
 
 ROOT = Path(__file__).resolve().parent.parent
 #: Modules and folders: what they were called -> what they are called.
@@ -123,9 +122,7 @@ NOT_IN_SENTENCES = (
 
 
 def files(*patterns: str) -> list[Path]:
-    listed = subprocess.run(
-        ["git", "ls-files", *patterns], capture_output=True, text=True, cwd=ROOT, check=True
-    )
+    listed = program("git", "ls-files", *patterns, cwd=ROOT, check=True)
     return [ROOT / name for name in listed.stdout.split() if (ROOT / name).is_file()]
 
 

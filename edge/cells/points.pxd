@@ -15,6 +15,6 @@ cdef class FramePoints:
     cdef double[::1] left  # (2 n,) of the motion of the last frame
     cdef double[::1] pull  # (2 n,) rows times motion
 
-    cpdef int place(self, const double[:, ::1] xy, double autocorrelation=*) except -1
+    cdef int place(self, const double[:, ::1] xy, double autocorrelation) except -1
     cdef void _fill_missing(self, double[:, ::1] points) noexcept
     cdef void _carry_around(self, double[:, ::1] points) noexcept

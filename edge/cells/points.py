@@ -89,9 +89,7 @@ class FramePoints:
         self.rows = np.array(rows, np.float64, order="C")
         self.inverse = np.array(inverse, np.float64, order="C")
 
-    def place(
-        self, xy: cython.const[cython.double][:, ::1], autocorrelation: cython.double = 0.0
-    ) -> cython.int:
+    def place(self, xy: cython.const[cython.double][:, ::1], autocorrelation: cython.double) -> cython.int:
         """Write `xy_img` of one frame, where that of the last frame is, if that counts.
 
         xy               (n, 2) float64, px; rows of missing pins are not used

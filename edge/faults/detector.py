@@ -15,7 +15,6 @@ from edge.faults.judge import Check, Facts, Judge
 from edge.faults.pin_visibility import PinVisibility
 from edge.faults.registry import FaultRegistry
 from edge.params import PARAMS as RUNTIME
-from edge.sources.live import PARAMS as LIVE
 from edge.sources.live import stalled_after_s
 from edge.types import Array, Clock, Features, Frame, FrameSource, LiveSource, Reading, Rest, Result
 from hostlink.clock import DRIFT_MAX
@@ -27,6 +26,7 @@ from hostlink.wire import Status
 class FaultParams:
     """Parameters by name; evidence in docs/tuning.md."""
 
+    step_s: float = 0.5  # by which an image comes too early where its clock was set, and not late before
     search_s: float = RUNTIME.wait_s  # a frame that takes longer is one whose pins are being searched for
     moved_pitches: float = RUNTIME.still_pitches  # if all pins are off by more, the camera moved
     load_pitches: float = RUNTIME.load_pitches  # motion of a pin beyond which it counts as overloaded
@@ -155,7 +155,7 @@ class FaultDetector:
             self._least_age_ns += DRIFT_MAX * passed_ns
         ahead_ns = max(0.0, self._least_age_ns - age_ns) if live else float(back_ns)
         facts = self._facts
-        stepped = ahead_ns >= LIVE.same_clock_s * 1e9 or (live and back_ns > 0)
+        stepped = ahead_ns >= self._params.step_s * 1e9 or (live and back_ns > 0)
         facts.clock_stepped = stepped
         facts.clock_jump_s = (step_ns - (passed_ns if live else 0)) / 1e9
         self._least_age_ns = float(age_ns) if stepped else min(self._least_age_ns, age_ns)

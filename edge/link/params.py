@@ -27,7 +27,6 @@ class LinkParams:
     # --- reading
     read_s: float = RUNTIME.wait_s  # how soon a reader leaves a failed medium
     read_rel: float = 0.3  # share of a processor for reading
-    read_window_s: float = 0.2  # over which that share is taken
     read_pause_s: float = RUNTIME.wait_s  # shorter pauses cost more than they save
 
 

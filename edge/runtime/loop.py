@@ -44,7 +44,6 @@ from edge.runtime.board_monitor import BoardMonitor
 from edge.runtime.measurement import LoopConfig, Measurement
 from edge.runtime.statistics import LoopStatistics, StatisticsCollector
 from edge.runtime.systemd import Notifier
-from edge.sources.live import PARAMS as LIVE
 from edge.types import Clock, Feature, Frame, FrameSource, LiveSource, Result
 from hostlink.wire import State, Status
 
@@ -291,10 +290,7 @@ class Loop:
         self._frame_begun_ns = None
         computed_ns = self._clock_ns()
         # A recorded or foreign clock cannot be subtracted from ours: latency then counts from the hand-over.
-        ours = (
-            frame.clock in (Clock.HOST, Clock.DRIVER)
-            and 0 <= begun_ns - frame.capture_ns < LIVE.same_clock_s * 1e9
-        )
+        ours = frame.clock in (Clock.HOST, Clock.DRIVER) and frame.capture_ns <= begun_ns
         since_ns = frame.capture_ns if ours else begun_ns
         state = self._send(result, frame.capture_ns, (computed_ns - since_ns) / 1e3)
         latency_us, compute_us = (self._clock_ns() - since_ns) / 1e3, (computed_ns - begun_ns) / 1e3

@@ -7,10 +7,11 @@ known neighbours of a pin, weighted by a Gaussian of their distance, and evaluat
 motion does not enter.
 
 PhotometricFilter: stray light beside a pin biases its centroid, and a speck may lie where a dark pin was. A
-pin with a brightness or centroid sigma unlike its own at rest is therefore accepted only with a small residual,
-or if light can move it by less than its neighbours' prediction is wrong: pins come close near a contact, and
-each one's light falls into the other's window. The limits come from the frame itself: from the gain that all
-pins share and the scatter of the others, scaled by the pin's own ratio at rest (permanent glare is no anomaly).
+pin with a brightness or centroid sigma unlike its own at rest is therefore accepted only with a small
+residual, or if light can move it by less than its neighbours' prediction is wrong: pins come close near a
+contact, and each one's light falls into the other's window. The limits come from the frame itself: from the
+gain that all pins share and the scatter of the others, scaled by the pin's own ratio at rest (permanent glare
+is no anomaly).
 """
 
 # mypy: disable-error-code="attr-defined,no-any-return,untyped-decorator,valid-type"

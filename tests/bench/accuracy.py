@@ -11,8 +11,6 @@ Rules
   thread's own: times are comparable within a run. Medians; the ratio is that to the paper's method.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import statistics

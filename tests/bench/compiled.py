@@ -1,7 +1,5 @@
 """C files beside this one, compiled when they are first used."""
 
-from __future__ import annotations
-
 import ctypes
 import shutil
 import subprocess

@@ -3,8 +3,6 @@
 Nothing is imported here that a board lacks: the same program runs on an emulated arm64 processor.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 from contextlib import suppress

@@ -12,8 +12,6 @@ Rules
   switched off, and names other than this machine's are not resolved.
 """
 
-from __future__ import annotations
-
 import base64
 import json
 import os
@@ -88,7 +86,7 @@ class Chrome:
         self._reader.start()
         self.call("Browser.getVersion", timeout_s=START_S)
 
-    def open(self, url: str, size: tuple[int, int] = (1280, 800), phone: bool = False) -> Page:
+    def open(self, url: str, size: tuple[int, int] = (1280, 800), phone: bool = False) -> "Page":
         """A new page, loading `url`."""
         target = self.call("Target.createTarget", {"url": "about:blank"})["targetId"]
         session = self.call("Target.attachToTarget", {"targetId": target, "flatten": True})["sessionId"]
@@ -144,8 +142,8 @@ class Chrome:
             self._process.wait(SOON_S)
         except subprocess.TimeoutExpired:
             self._process.kill()
-            self._process.wait()
-        self._reader.join()
+            self._process.wait(SOON_S)
+        self._reader.join(SOON_S)
         os.close(self._read)
         os.close(self._write)
         self._profile.cleanup()

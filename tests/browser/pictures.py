@@ -5,12 +5,11 @@ and rates are this machine's, so it should be idle. In full colour: 256 colours 
 image.
 """
 
-from __future__ import annotations
-
 import io
 import sys
 import threading
 from pathlib import Path
+from typing import Self
 
 from PIL import Image
 
@@ -20,6 +19,7 @@ from hostlink.web import parse_listen
 from tests.browser.chrome import Chrome, Page
 from tests.browser.test_hand_page import BUS, TOKEN, Hand
 from tests.support.viewing import Live
+from tests.support.waiting import SOON_S
 
 DATA = Path(__file__).resolve().parent.parent / "data"
 FULL_S = 11.0  # the charts are full
@@ -53,14 +53,14 @@ class Played:
                     self.live.show(-1)
                     return
 
-    def __enter__(self) -> Played:
+    def __enter__(self) -> Self:
         self.live.__enter__()
         self._thread.start()
         return self
 
     def stand(self) -> None:
         self._stop.set()
-        self._thread.join()
+        self._thread.join(SOON_S)
 
     def __exit__(self, *error: object) -> None:
         self.stand()

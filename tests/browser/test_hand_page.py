@@ -1,7 +1,5 @@
 """The host's page in a real browser: several fingers as a hand, from frames on a bus."""
 
-from __future__ import annotations
-
 import math
 import os
 import threading
@@ -18,6 +16,7 @@ from hostlink.web import parse_listen
 from hostlink.wire import Contact, State, Status
 from tests.browser.chrome import Chrome, Page
 from tests.hostlink.test_client import make_node
+from tests.support.waiting import SOON_S
 
 BUS = f"udp:239.0.0.8?port={21_000 + os.getpid() % 20_000}"
 TOKEN = "a-token-for-tests"
@@ -51,7 +50,7 @@ class Hand:
 
     def close(self) -> None:
         self._stop.set()
-        self._thread.join()
+        self._thread.join(SOON_S)
         for node in self.nodes.values():
             node.close()
 

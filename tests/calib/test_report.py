@@ -1,7 +1,5 @@
 """The report: alternatives measured against truth, a complete page."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The files of `deploy/`: checked by systemd, by shellcheck, and against the program's options."""
 
-from __future__ import annotations
-
 import os
 import re
 import shlex

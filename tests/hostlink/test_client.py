@@ -1,7 +1,5 @@
 """The client against real nodes: over the virtual bus (FD, classic), UDP multicast, slcan and ptys."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import os
@@ -182,7 +180,7 @@ def test_iterator_and_latest(pair: Pair) -> None:
             node.send(sent[-1])
             node.drain(SOON_S)  # a line that is slower would take the newest only
 
-    feeder = threading.Thread(target=feed)
+    feeder = threading.Thread(target=feed, daemon=True)
     feeder.start()
     numbers = [sample.state.sample for sample, _ in zip(hand, range(10), strict=False)]
     assert numbers == list(range(numbers[0], numbers[0] + 10))
@@ -191,7 +189,7 @@ def test_iterator_and_latest(pair: Pair) -> None:
     assert newest is not None
     assert newest.age_s < SOON_S
     stop.set()
-    feeder.join()
+    feeder.join(SOON_S)
     until(lambda: hand.finger().statistics.received_n == len(sent), "all that was sent")
     until(lambda: hand.latest(max_age_s=0.01) is None, "the newest is too old")
     assert hand.latest(max_age_s=None) is not None
@@ -332,7 +330,7 @@ def test_stop_and_sync_from_the_host(pair: Pair) -> None:
 
 @pytest.mark.parametrize("kind", ["virtual", "udp"])
 def test_five_fingers_on_one_bus(request: pytest.FixtureRequest, kind: str) -> None:
-    """A second of five fingers at 250 Hz, as fast as it goes; at its own pace: tests/bench/link.py."""
+    """A second of five fingers at 250 Hz, as fast as it goes."""
     if kind == "udp":
         need_multicast()
     port = 41_000 + os.getpid() % 20_000

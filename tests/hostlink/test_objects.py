@@ -1,7 +1,5 @@
 """Objects asked of a node whose answers are late or lost, while others ask on the same bus."""
 
-from __future__ import annotations
-
 import socket
 import threading
 from collections import deque

@@ -1,7 +1,5 @@
 """Recordings: exact round trips, refused formats, damage, and decoding from file."""
 
-from __future__ import annotations
-
 import struct
 import tracemalloc
 import zlib
@@ -28,6 +26,7 @@ from hostlink.wire import Message, State, encode_frame, pack_parts, pack_state, 
 from tests.support.seeds import SEED
 from tests.support.states import random_state
 
+MORNING_S = datetime(2026, 11, 26, 8, 0, 0, 500_000).timestamp()
 START_S = 1_767_225_600.123457  # 2026: where a double resolves 0.24 us
 
 
@@ -196,6 +195,7 @@ def test_a_foreign_line_costs_that_line(tmp_path: Path, line: str, caplog: pytes
         (" (1.5)  can0  181  [02]  00 11", (1.5, "can0", 0x181, b"\0\x11")),
         (" (000.000000)  can0  RX B E  181  [01]  00", (0.0, "can0", 0x181, b"\0")),
         (" (1.5)  can0  1ABCDEF0   [0] ", (1.5, "can0", 0x1ABCDEF0, b"")),
+        (" (2026-11-26 08:00:00.500000000)  can0  181  [01]  00", (MORNING_S, "can0", 0x181, b"\0")),
         ("  can0  181   [0]  remote request", (nan, "can0", 0x181, b"")),
         ("  can0  20000004   [1]  00    ERRORFRAME", (nan, "can0", 4, b"\0")),
     ],
@@ -254,6 +254,25 @@ def test_a_log_of_few_frames_or_equal_times_is_as_written(tmp_path: Path) -> Non
     for times_s in ([0.0, 0.1, 0.1], [7.0], []):
         path.write_text("".join(f"({time_s}) can0 181#00\n" for time_s in times_s))
         assert [m.timestamp for m in read_log(path)] == times_s
+
+
+@pytest.mark.parametrize("suffix", [".log", ".asc"])
+def test_a_file_of_nothing_is_no_line(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"a{suffix}"
+    path.write_text("(1.0) can0 181#00\n" if suffix == ".log" else "1.0 1 181 Rx d 1 00\n")
+    with path.open("r+b") as file:
+        file.truncate(30 << 30)
+    messages = read_log(path)
+    assert next(messages).data == b"\0"
+    with pytest.raises(LogError, match="damaged after 1 message: line 2 has no end"):
+        next(messages)
+
+
+def test_a_line_that_is_skipped_costs_no_time(tmp_path: Path) -> None:
+    path = tmp_path / "a.log"
+    lines = ["(0.5) can0 181 [1] 00", "(0.25) can0 123 [0004] (00|567) 11", "remark", "can0 181 [1] 00"]
+    path.write_text("\ufeff" + "\n".join(20 * lines), encoding="utf-8")
+    assert [m.timestamp for m in read_log(path)] == [0.75 * k + at for k in range(20) for at in (0.5, 0.75)]
 
 
 ASC_HEAD = "date Wed Jul 1 {} 2026\nbase {}  timestamps {}\nno internal events logged\n"

@@ -1,7 +1,5 @@
 """The server under both live pages: cost of viewers, and limits for other clients."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import gc
@@ -249,7 +247,11 @@ def test_a_viewer_stays_longer_than_a_request_may_take() -> None:
 
 async def close_code(url: str, *texts: str) -> int | None:
     """Why the server disconnects a viewer that says this."""
-    async with aiohttp.ClientSession() as session, session.ws_connect(url) as connection:
+    async with (
+        asyncio.timeout(SOON_S),
+        aiohttp.ClientSession() as session,
+        session.ws_connect(url) as connection,
+    ):
         for text in texts:
             await connection.send_str(text)
         async for _ in connection:

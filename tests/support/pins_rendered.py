@@ -1,7 +1,5 @@
 """Pins rendered with known truth: blurred discs, integrated over pixels, on a background of one's choice."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.special import erfc
 

@@ -1,7 +1,5 @@
 """What the program answers to bad input."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -6,8 +6,6 @@ is on the list of those that nobody chose.
     python -m tests.support.tuned_numbers          # the table; with a stage's name its numbers
 """
 
-from __future__ import annotations
-
 import ast
 import sys
 from collections.abc import Iterator
@@ -26,7 +24,7 @@ NOT_TUNED: dict[str, frozenset[str]] = {
         "edge/sources/options.py:_RANGES", "edge/view/palette.py:COLOUR_STEPS",
         "edge/link/medium.py:CAN_ERR_BUSOFF",
         "edge/link/medium.py:CAN_ERR_RESTARTED", "edge/link/socketcan.py", "edge/link/nmt.py",
-        "edge/link/object_server.py:FORCE",
+        "edge/limits.py:TICK_HZ", "edge/limits.py:RATE_MIN_HZ", "edge/link/object_server.py:FORCE",
         "edge/link/sinks.py:NODE_DEFAULT", "edge/link/sinks.py:BITRATE", "edge/link/sinks.py:DBITRATE",
         "edge/recording/messages.py:_PIXEL_CENTRE", "edge/recording/messages.py:_POINT",
         "edge/recording/messages.py:_FILL_COLOR", "edge/sources/image_header.py",

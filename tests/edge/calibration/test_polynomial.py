@@ -1,10 +1,5 @@
-"""The kernel of curves and polynomials: against NumPy, and what it refuses."""
+"""The kernel of curves and polynomials: against NumPy."""
 
-from __future__ import annotations
-
-from typing import Any
-
-import msgspec
 import numpy as np
 import pytest
 
@@ -78,36 +73,3 @@ def test_models_that_are_not_wanted_are_nan_and_change_nothing() -> None:
         assert (part[0, ~is_there, 2] == 0.0).all()
     with pytest.raises(ValueError, match="each of 2 models"):
         kernel.want(np.array([True]))
-
-
-def changed(**fields: Any) -> Polynomial:
-    return msgspec.structs.replace(polynomial(1, 1), **fields)
-
-
-@pytest.mark.parametrize(
-    ("model", "why"),
-    [
-        (msgspec.structs.replace(CURVE, knots=[(0.0, 0.0)]), "two knots or more"),
-        (msgspec.structs.replace(CURVE, input="smell"), "an input of volume, shear, c10"),
-        (changed(terms=[["smell"]] * 7), "input 'smell' is not one of volume"),
-        (changed(terms=[]), "0 terms, but"),
-        (changed(weights=[(0.0, 0.0)]), "7 terms, but another number of weights or of numbers in a row"),
-        (changed(spread=[[(0.0, 0.0)]]), "7 terms, but another number of weights or of numbers in a row"),
-        (changed(valid=[]), "a range and a sigma for each"),
-        (changed(sigma=[0.1, 0.1]), "a range and a sigma for each"),
-        (changed(outputs=["a", "b", "c"]), "1 or 2 outputs"),
-    ],
-)
-def test_models_whose_parts_do_not_fit_are_refused(model: Curve | Polynomial, why: str) -> None:
-    with pytest.raises(ValueError, match=why):
-        ModelKernel(INPUTS, (model,))
-
-
-@pytest.mark.parametrize(
-    ("z", "out"),
-    [((2, 4), (2, 1, 3)), ((2, 6), (1, 1, 3)), ((2, 6), (2, 2, 3)), ((2, 6), (2, 1, 2))],
-)
-def test_arrays_of_other_sizes_are_refused(z: tuple[int, ...], out: tuple[int, ...]) -> None:
-    with pytest.raises(ValueError, match="are wanted"):
-        ModelKernel(INPUTS, (CURVE,)).run(np.zeros(z), np.zeros(out))
-    ModelKernel(INPUTS, ()).run(np.zeros((2, 6)), np.empty((2, 0, 3)))  # no models, no outputs

@@ -1,7 +1,5 @@
 """A fault appears at one limit and clears at another; rows of one fault are alternatives."""
 
-from __future__ import annotations
-
 import math
 
 from edge.faults.judge import Check, Facts, Judge

@@ -1,12 +1,11 @@
 """Contacts of fields with known truth."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from calib.sim import Camera, Tip, Tool, ToolPose, deform
 from edge.features.contacts import ContactFinder
+from edge.features.regions import CONTACTS_MAX
 from edge.features.surface import Surface
 from edge.types import Array, ContactRegion, Rest
 from tests.support.fields import CENTRE, bar, frame, make_rest, plane, push, tip
@@ -65,6 +64,12 @@ def test_four_pushes_strongest_first() -> None:
     )
     found = contacts(rest, np.asarray(motion))
     assert [tuple(np.sign(c.xy_img - CENTRE)) for c in found] == [(1, 1), (1, -1), (-1, 1), (-1, -1)]
+
+
+def test_there_are_no_more_contacts_than_the_table_holds() -> None:
+    rest, across = tip(331), (-120.0, -40.0, 40.0, 120.0)
+    motion = sum(push(rest, (x, y), 16.0, 0.3) for x in across for y in across)
+    assert len(contacts(rest, np.asarray(motion))) == CONTACTS_MAX
 
 
 @pytest.mark.parametrize("pins", [127, 331])

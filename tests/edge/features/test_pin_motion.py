@@ -1,16 +1,11 @@
-"""Mean motion, contact pins, torsion and planes of motion fields with known truth."""
-
-from __future__ import annotations
-
-from dataclasses import replace
+"""Mean motion, noise, contact pins, torsion and planes of motion fields with known truth."""
 
 import numpy as np
 import pytest
 
-from edge.features.pin_motion import PinMotion
+from edge.features.pin_motion import PinMotion, PinNoise
 from edge.types import Array
-from tests.support.fields import CENTRE, make_rest, tip
-from tests.support.refusals import refused
+from tests.support.fields import CENTRE, make_rest, push, tip
 
 
 def turned(xy: Array, angle: float, about: Array) -> Array:
@@ -83,75 +78,14 @@ def test_contact_pins_are_those_of_the_plain_ellipse() -> None:
     np.testing.assert_array_equal(PinMotion(rest).in_contact(np.zeros(331), 0.0), np.arange(331))
 
 
-def test_a_plane_removes_the_motion_that_a_load_explains() -> None:
+def test_pin_noise_is_measured_under_load_and_with_bad_pins() -> None:
     rest = tip(331)
-    unit = (rest.xy_img - CENTRE) / rest.pattern.tip_radius_px
-    rng = np.random.default_rng(1)
-    before, now = rng.normal(0.0, 1.0, (2, 331, 2))
-    now[5], before[9] = np.nan, np.nan
-    pins = np.arange(0, 331, 3, dtype=np.int32)
-    used, square, left = PinMotion(rest).fit_step(now, before, pins)
-    step = (now - before)[pins]
-    known = np.isfinite(step[:, 0])
-    basis = np.column_stack([np.ones(len(pins)), unit[pins]])[known]
-    residual = step[known] - basis @ np.linalg.lstsq(basis, step[known], rcond=None)[0]
-    assert used == known.sum()
-    assert square == pytest.approx((step[known] ** 2).sum(), rel=1e-12)
-    assert left == pytest.approx((residual**2).sum(), rel=1e-9)
-    assert PinMotion(rest).fit_step(now, before, pins[:0]) == (0, 0.0, 0.0)
-
-
-def test_a_contact_is_pressed_where_its_cells_grow_together() -> None:
-    made = PinMotion(tip(127))
-    pins = np.arange(40, 60, dtype=np.int32)
-    before = np.random.default_rng(2).normal(0.0, 0.02, 127)
-    sizes = np.linspace(0.01, 0.2, 127)
-    mixed = sizes * np.where(np.arange(127) % 2, 1.0, -1.0)
-    for sign in (1.0, -1.0):
-        assert made.is_pressing(before + sign * sizes, before, pins, 0.9)
-        assert not made.is_pressing(before + sign * mixed, before, pins, 0.9)
-    change = mixed[pins]
-    share = abs(change.sum()) / np.abs(change).sum()
-    assert made.is_pressing(before + mixed, before, pins, share - 1e-9)
-    assert not made.is_pressing(before + mixed, before, pins, share + 1e-9)
-    lost = before + sizes
-    lost[45], before[46] = np.nan, np.nan
-    assert made.is_pressing(lost, before, pins, 0.9)
-    assert not made.is_pressing(np.full(127, np.nan), before, pins, 0.9)
-
-
-def test_a_rest_frame_without_two_coordinates_a_pin_is_refused() -> None:
-    rest = tip(127)
-    pins = replace(rest.pins, xy_img=rest.xy_img[:, :1])
-    refused("wanted", PinMotion, replace(rest, pins=pins))
-
-
-def test_a_tip_without_a_radius_is_refused() -> None:
-    rest = tip(127)
-    flat = replace(rest, pattern=replace(rest.pattern, tip_radius_px=0.0))
-    refused("radius", PinMotion, flat)
-
-
-def test_arrays_that_do_not_fit_are_refused() -> None:
-    rest = tip(127)
-    made, xy = PinMotion(rest), rest.xy_img
-    sigma = np.zeros(127)
-    pins = np.arange(5, dtype=np.int32)
-    for bad in (xy[:-1], np.zeros((127, 3)), np.zeros((128, 2))):
-        refused("wanted", made.since_rest, bad, sigma, np.empty((127, 2)))
-        refused("wanted", made.since_rest, xy, sigma, bad)
-        refused("wanted", made.torsion, bad, pins)
-        refused("wanted", made.fit_step, bad, xy, pins)
-        refused("wanted", made.fit_step, xy, bad, pins)
-    refused("wanted", made.since_rest, xy, sigma[:-1], np.empty((127, 2)))
-    refused("wanted", made.in_contact, sigma[:-1], 0.0)
-    for now, before, rows in (
-        (sigma[:-1], sigma, pins),
-        (sigma, sigma[:-1], pins),
-        (sigma, sigma, pins + 123),
-    ):
-        refused("wanted", made.is_pressing, now, before, rows, 0.5)
-    for row in (-1, 127, 2**31 - 1):
-        pins[3] = row
-        refused("pins", made.torsion, xy, pins)
-        refused("pins", made.fit_step, xy, xy, pins)
+    noise, rng = PinNoise(rest.xy_img, rest.pattern.pitch_px), np.random.default_rng(4)
+    seen = np.ones(331, dtype=np.bool_)
+    load = push(rest, (5.0, -9.0), 40.0, 0.2) + (rest.xy_img - CENTRE) @ [[0.1, 0.2], [-0.1, 0.0]] + 7.0
+    for sigma in (0.05, 0.4):
+        xy = rest.xy_img + load + rng.normal(0.0, sigma, (331, 2))
+        assert noise.sigma_px(xy, seen) == pytest.approx(sigma, rel=0.2)
+        xy[rng.choice(331, 4, replace=False)] += 6.0
+        assert noise.sigma_px(xy, seen) < 2.0 * sigma
+    assert noise.sigma_px(rest.xy_img, np.zeros(331, dtype=np.bool_)) == 0.0

@@ -1,7 +1,5 @@
 """Slip of motion fields with known truth."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

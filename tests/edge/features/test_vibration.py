@@ -1,7 +1,5 @@
 """Vibration: known amplitudes and frequencies at several frame rates, as numbers and as images."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -72,9 +70,9 @@ def test_after_a_gap_it_is_not_known_for_a_period(step_ns: int) -> None:
 
 
 @pytest.mark.compiled
-@pytest.mark.parametrize("rate_hz", [60.0, 120.0, 240.0])
-def test_a_simulated_contact_that_vibrates(rate_hz: float) -> None:
+def test_a_simulated_contact_that_vibrates() -> None:
     """Images of a flat tool that shakes the skin it holds at 20 Hz, then only holds it, then lets go."""
+    rate_hz = 60.0
     simulator = Simulator(rate_hz=rate_hz)
     demand = frozenset({Feature.VIBRATION})
     pipeline = Pipeline(tare([simulator.frame().image for _ in range(8)], np.inf), demand=demand)
@@ -105,12 +103,3 @@ def test_a_simulated_contact_that_vibrates(rate_hz: float) -> None:
     result = pipeline.process(simulator.frame()).features
     assert result is not None
     assert result.vibration_px is None
-
-
-def test_pins_that_are_not_there_are_refused() -> None:
-    vibration = Vibration(np.zeros((N, 2)))
-    for wrong in (-1, N):
-        with pytest.raises(ValueError, match=f"pins 0 to {N - 1} are there, not {wrong}"):
-            vibration.update(np.array([wrong], np.int32), 0.0, 0)
-    with pytest.raises(ValueError, match=r"motion \(n, 2\) is wanted"):
-        Vibration(np.zeros((N, 3)))

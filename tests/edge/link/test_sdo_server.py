@@ -1,7 +1,5 @@
 """One SDO transfer at a time, with its own state: no frame of another one gets into a value."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -72,19 +72,14 @@ def frames_output(
     return make
 
 
-def replay_output(path: Path, rate_hz: float, metadata: Path | None = None) -> oak.MakeOutput:
-    """A video through depthai's own nodes: FFV1 comes out bit-exact; the stream ends with the file.
-
-    metadata  the MCAP that RecordVideo wrote beside it: the original times and sequence numbers
-    """
+def replay_output(path: Path, rate_hz: float) -> oak.MakeOutput:
+    """A video through depthai's own nodes: FFV1 comes out bit-exact; the stream ends with the file."""
 
     def make(pipeline: Any) -> Any:
         import depthai
 
         node = pipeline.create(depthai.node.ReplayVideo)
         node.setReplayVideoFile(path)
-        if metadata is not None:
-            node.setReplayMetadataFile(metadata)
         node.setOutFrameType(depthai.ImgFrame.Type.GRAY8)
         node.setLoop(False)
         if rate_hz:
@@ -109,9 +104,6 @@ def lock_step(dai: Any, steps: list[int], **options: Any) -> tuple[list[Frame], 
     return got, source
 
 
-# -- shared code on real depthai ---------------------------------------------------------------------
-
-
 def test_pixels_times_and_gaps_come_through(dai: Any) -> None:
     steps = [0, 1, 2, 5, 6, 9]
     frames, source = lock_step(dai, steps)
@@ -124,30 +116,6 @@ def test_pixels_times_and_gaps_come_through(dai: Any) -> None:
     (first, second), _ = lock_step(dai, [0, 1], own_clock=True)
     assert (first.capture_ns, second.capture_ns) == (77_000, 4_077_000)
     assert first.clock is Clock.DEVICE
-
-
-def test_a_slow_consumer_gets_the_newest_frame_and_a_count(dai: Any) -> None:
-    hold = {1: threading.Event(), 60: threading.Event()}  # frames that wait for the test
-
-    def gate(n: int) -> None:
-        if n in hold:
-            hold[n].wait(SOON_S)
-
-    source = oak.OakSource(frames_output(dai, list(range(61)), gate), HOST)
-    try:
-        first = source.read(SOON_S)
-        assert first is not None
-        hold[1].set()
-        until(lambda: source._next >= 60, "59 more were received")
-        newest = source.read(SOON_S)
-        assert newest is not None
-        assert (first.sequence, newest.sequence) == (0, 59)
-        # In our slot or in depthai's queue: each of the 58 between is counted once.
-        assert source.dropped_n + source.faults["missed frame"] == 58
-    finally:
-        for event in hold.values():
-            event.set()
-        source.close()
 
 
 def test_replay_is_exact_and_ends(dai: Any, tmp_path: Path) -> None:
@@ -168,39 +136,6 @@ def test_replay_is_exact_and_ends(dai: Any, tmp_path: Path) -> None:
     bad.write_bytes(b"not a video")
     with closing(oak.OakSource(replay_output(bad, 0.0), HOST)) as source:
         assert list(source) == []
-
-
-def test_depthai_recordings_keep_pixels_gaps_and_the_modules_times(dai: Any, tmp_path: Path) -> None:
-    """RecordVideo spends its first ten frames on finding the rate; its file is read back exactly."""
-    steps = [n + 3 * (n > 30) for n in range(50)]
-
-    video, metadata = tmp_path / "a.avi", tmp_path / "a.mcap"
-    with dai.Pipeline(createImplicitDevice=False) as pipeline:
-        recorder = pipeline.create(dai.node.RecordVideo)
-        recorder.setRecordVideoFile(video)
-        recorder.setRecordMetadataFile(metadata)
-        recorder.input.setBlocking(True)
-        recorder.input.setMaxSize(len(steps))  # holds all frames, so that none is dropped
-        output = frames_output(dai, steps)(pipeline)
-        output.link(recorder.input)
-        after = output.createOutputQueue(maxSize=100, blocking=False)
-        pipeline.start()
-        for _ in steps:
-            assert after.get(timedelta(seconds=SOON_S)) is not None
-        until(lambda: not recorder.input.getSize(), "the last frame is taken; stopping waits for its writing")
-        pipeline.stop()
-        pipeline.wait()
-    source = oak.OakSource(replay_output(video, 0.0, metadata), HOST, own_clock=True)
-    frames = list(source)
-    assert len(frames) >= 30
-    assert {f.sequence for f in frames} <= set(steps)
-    for frame in frames:
-        assert np.array_equal(frame.image, noise(frame.sequence))
-        assert frame.capture_ns == 77_000 + 4_000_000 * frame.sequence
-    assert source.faults["missed frame"] >= 3
-
-
-# -- hardware lines -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

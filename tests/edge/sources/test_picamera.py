@@ -37,6 +37,7 @@ class Request:
 
     def get_metadata(self) -> dict[str, Any]:
         start_ns = self._camera.epoch_ns + 1000 * PERIOD_US * self._number
+        self._camera.now_ns = start_ns + 1000 * PERIOD_US
         return {
             "SensorTimestamp": start_ns + 1000 * EXPOSURE_US,
             "ExposureTime": EXPOSURE_US,
@@ -54,7 +55,7 @@ class Camera:
         self.sensor_modes, self.size = modes, size
         self.numbers: Queue[int | None] = Queue()
         self.stream, self.format = "main", ""
-        self.epoch_ns = 0
+        self.epoch_ns = self.now_ns = time.monotonic_ns()
         self.released_n = 0
         self.free, self.count = True, 0
         self.calls: list[str] = []
@@ -81,7 +82,6 @@ class Camera:
         return self.config
 
     def start(self) -> None:
-        self.epoch_ns = self.epoch_ns or time.monotonic_ns() - 100_000_000
         self.calls.append("start")
 
     def capture_request(self, wait: float | None = None) -> Request:
@@ -116,7 +116,7 @@ class Camera:
 def opened(camera: Camera, **options: Any) -> Iterator[PiCameraSource]:
     """A source of it; closed, its thread, which waits for a frame, has ended."""
     asked = Options(**({"width": SIZE[0], "height": SIZE[1]} | options))
-    source = PiCameraSource(lambda: camera, asked, retry_s=0.01)
+    source = PiCameraSource(lambda: camera, asked, retry_s=0.01, clock_ns=lambda: camera.now_ns)
     camera.free = False
     yield source
     source._closing.set()

@@ -333,9 +333,6 @@ def test_a_camera_without_the_size_or_the_format_or_frames_is_refused() -> None:
         assert all(capture.released for capture in camera.captures)
 
 
-# -- finding -----------------------------------------------------------------------------------------
-
-
 @pytest.fixture
 def machine(tmp_path: Path) -> tuple[Path, Path]:
     """/sys and /dev of a machine with two cameras; the first has a metadata node too."""

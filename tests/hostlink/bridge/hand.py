@@ -1,7 +1,5 @@
 """A hand whose fingers send what a test says, and a bridge that carries it."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Sequence
 
@@ -9,7 +7,7 @@ import hostlink
 from hostlink.bridge.run import Bridge, Outlet
 from hostlink.wire import State
 from tests.hostlink.test_client import Application, make_node
-from tests.support.waiting import until
+from tests.support.waiting import SOON_S, until
 
 
 class Hand:
@@ -46,11 +44,11 @@ class Hand:
         if self._bridge is not None:
             bridge, thread, outlets = self._bridge
             bridge.stop()
-            thread.join()
+            thread.join(SOON_S)
             for outlet in outlets:
                 outlet.close()
         self._stop.set()
-        self._thread.join()
+        self._thread.join(SOON_S)
         self.connection.close()
         for node in self._nodes.values():
             node.close()
