@@ -223,7 +223,9 @@ class LinkSink(ABC):
         if medium is not self._medium.current:
             return False
         bus_off, stall = medium.bus_off, self._stall
-        began_s = stall.write_begins(may_block=not medium.instant)
+        began_s = stall.writing_since_s = time.monotonic()
+        if not medium.instant:
+            stall.may_block(began_s)
         try:
             for item in items:
                 medium.write(item)

@@ -29,5 +29,10 @@ class LinkParams:
     read_rel: float = 0.3  # share of a processor for reading
     read_pause_s: float = RUNTIME.wait_s  # shorter pauses cost more than they save
 
+    @property
+    def repeat_s(self) -> float:
+        """A numbered request within this after an equal one is the same: hosts ask three times, in 1.5 s."""
+        return 2.0 * self.idle_s
+
 
 PARAMS = LinkParams()

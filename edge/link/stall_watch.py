@@ -27,15 +27,12 @@ class StallWatch:
         begun_s = min(s for s in (refused_s, write_s) if s is not None)
         return time.monotonic() - begun_s > self._stall_s
 
-    def write_begins(self, may_block: bool) -> float:
-        """Note that a write begins now; returns the time."""
-        began_s = self.writing_since_s = time.monotonic()
-        if may_block:
-            self._slow_write_s = began_s
-            if not self._slow_write_watched:
-                self._slow_write_watched = True
-                self._changed.set()
-        return began_s
+    def may_block(self, began_s: float) -> None:
+        """Note that the present write, which began then, may block."""
+        self._slow_write_s = began_s
+        if not self._slow_write_watched:
+            self._slow_write_watched = True
+            self._changed.set()
 
     def left(self, began_s: float, recovered: bool) -> None:
         """Note that a write that began then has succeeded; recovered: a fault ends with it."""

@@ -144,7 +144,9 @@ class ThreadedSource(ABC):
         """ "" or the present fault: lost, stalled, frozen, black."""
         if self._condition or self._ended or not self._started:
             return self._condition
-        return "stalled" if time.monotonic() - self._last_s > stalled_after_s(self.rate_hz) else ""
+        waited_s = time.monotonic() - self._last_s
+        late = waited_s > RUNTIME.stall_s and waited_s > stalled_after_s(self.rate_hz)
+        return "stalled" if late else ""
 
     @property
     def ended(self) -> bool:

@@ -71,16 +71,14 @@ def crc8(data: bytes | bytearray, start: int = 0x00) -> int:
 def protected_p5(data: bytes, counter: int, data_id: int) -> bytes:
     """The frame of this data: behind its 3-byte header."""
     counted = bytes((counter & 0xFF,)) + data
-    return _crc_p5(counted, data_id).to_bytes(2, "little") + counted
+    crc = crc_hqx(data_id.to_bytes(2, "little"), crc_hqx(counted, 0xFFFF))
+    return crc.to_bytes(2, "little") + counted
 
 
 def check_p5(frame: bytes | bytearray, data_id: int) -> bool:
     """Whether the CRC is right for this data id."""
-    return len(frame) > P5_HEADER and _crc_p5(frame[2:], data_id) == frame[0] | frame[1] << 8
-
-
-def _crc_p5(counted: bytes | bytearray, data_id: int) -> int:
-    return crc_hqx(data_id.to_bytes(2, "little"), crc_hqx(counted, 0xFFFF))
+    crc = crc_hqx(data_id.to_bytes(2, "little"), crc_hqx(frame[2:], 0xFFFF))
+    return len(frame) > P5_HEADER and crc == frame[0] | frame[1] << 8
 
 
 def implied_id_p5(frame: bytes) -> int:

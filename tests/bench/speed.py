@@ -20,7 +20,7 @@ import os
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import click
 import cv2
@@ -42,14 +42,7 @@ WARM = 24  # frames before anything is counted
 FREE, FULL = "nothing touches, all (a viewer watches)", "contact, all (a viewer watches)"
 
 Series = dict[str, list[float]]
-
-
-def on_processor(into: list[float], work: Callable[..., Any], *given: Any) -> Any:
-    """The result; this thread's processor time is appended, microseconds."""
-    begun = time.thread_time_ns()
-    answer = work(*given)
-    into.append((time.thread_time_ns() - begun) / 1e3)
-    return answer
+T = TypeVar("T")
 
 
 def spread(us: list[float]) -> dict[str, float]:
@@ -58,11 +51,11 @@ def spread(us: list[float]) -> dict[str, float]:
     return {"p50_us": float(p50), "p99_us": float(p99), "p999_us": float(p999), "n": len(us)}
 
 
-def timed(into: list[float], work: Callable[..., Any], *given: Any) -> Any:
-    """The result; its time is appended, microseconds."""
-    begun = time.perf_counter_ns()
-    answer = work(*given)
-    into.append((time.perf_counter_ns() - begun) / 1e3)
+def timed(into: list[float], clock_ns: Callable[[], int], work: Callable[[T], Any], given: T) -> Any:
+    """The result; its time by this clock is appended, microseconds."""
+    begun = clock_ns()
+    answer = work(given)
+    into.append((clock_ns() - begun) / 1e3)
     return answer
 
 
@@ -92,10 +85,10 @@ def pair(frames: list[Frame], calibration: Calibration) -> tuple[Series, Pipelin
     for at in range(WARM, len(frames), BLOCK):
         block = frames[at : at + BLOCK]
         for frame in block:
-            result = on_processor(times["pipeline"], pipeline.process, frame)
+            result = timed(times["pipeline"], time.thread_time_ns, pipeline.process, frame)
             assert not result.searched, "the benchmark is to measure tracking"
         for frame in block:
-            on_processor(times["reference"], reference.step, frame.image)
+            timed(times["reference"], time.thread_time_ns, reference.step, frame.image)
     return times, pipeline
 
 
@@ -108,7 +101,7 @@ def whole(frames: list[Frame], pipeline: Pipeline, rounds: int) -> list[float]:
     try:
         for _ in range(rounds):
             for frame in back_again(frames):
-                timed(us, pipeline.process, frame)
+                timed(us, time.perf_counter_ns, pipeline.process, frame)
     finally:
         gc.enable()
         gc.unfreeze()

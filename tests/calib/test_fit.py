@@ -209,10 +209,6 @@ def test_data_that_support_no_fit_are_refused(values: dict[str, Array], expected
     assert re.search(expected, one_line(FitError, fit, REST, targets(values), extract, mm_per_px=None))
 
 
-def test_equal_searches_are_one_key_of_a_table() -> None:
-    assert {Search(): 1}[Search(kinds=frozenset(ModelKind))] == 1
-
-
 def test_the_reasons_of_unusable_frames_are_reported() -> None:
     extract, values = make(20)
     trusted, touched = np.zeros(20, dtype=np.bool_), np.ones(20, dtype=np.bool_)

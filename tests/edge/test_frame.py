@@ -87,9 +87,8 @@ def test_motion_alone_gives_the_same_values_without_cells(
         for name in ("displacement_mm", "shear_x_mm", "shear_y_mm"):
             assert result.reading.values[name] == expected.reading.values[name]
         n_cells += result.features.in_contact and result.cells is not None
-    assert (n_cells < 0.2 * len(frames)) == (
-        dark == 0
-    )  # where a pin is lost, its neighbours' cells predict it
+    # Where a pin is lost, its neighbours' cells predict it.
+    assert (n_cells < 0.2 * len(frames)) == (dark == 0)
 
 
 def test_friction_and_slip_margin_come_with_the_forces(
@@ -159,16 +158,6 @@ def _moved(image: Image) -> Image:
     height, width = image.shape
     by = np.array([[1.0, 0.0, 0.125], [0.0, 1.0, -0.125]])
     return np.asarray(cv2.warpAffine(image, by, (width, height), flags=cv2.INTER_CUBIC), np.uint8)
-
-
-def test_a_jump_gives_the_same_as_following(frames: list[Frame], rest: Rest) -> None:
-    following, jumping = Pipeline(rest), Pipeline(rest)
-    for frame in frames:
-        followed = following.process(frame)
-    jumping.forget()
-    jumped = jumping.process(frames[-1])
-    assert jumped.searched
-    np.testing.assert_allclose(jumped.tracks.xy_img, followed.tracks.xy_img, atol=0.05)
 
 
 @pytest.mark.parametrize("several", [True, False])

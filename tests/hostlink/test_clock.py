@@ -128,6 +128,17 @@ def test_a_longer_transit_stays_within_the_bound() -> None:
             assert abs(taken.time_s - (10.0 + k * 0.01)) <= taken.error_s
 
 
+def test_round_trip_shows_a_step_back() -> None:
+    clock = ClockMap()
+    for k in range(200):
+        clock.sample(k * 10_000, 0.0, 10.0 + k * 0.01 + 0.0005)
+    clock.bracket(12.0, 1_996_000, 12.001)  # set back by 4 ms, within the spacing
+    taken = clock.to_host(1_996_500)
+    assert taken is not None
+    assert abs(taken.time_s - 12.0008) <= taken.error_s
+    assert taken.error_s < 0.001
+
+
 @pytest.mark.generative
 def test_any_sequence_of_clock_events() -> None:
     """Reboots, steps, sleeps and pauses in any order, for many seeds.

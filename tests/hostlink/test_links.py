@@ -20,7 +20,7 @@ from hostlink.can_bus import open_can_bus
 from hostlink.wire import pack_state, unpack_state
 from hostlink.wire.address import Address, AddressError, parse_address
 from tests.edge.link.test_node import UNFORESEEN
-from tests.hostlink.test_client import make_node, state
+from tests.support.fingers import make_node, state
 from tests.support.ptys import Ptys
 from tests.support.refusals import one_line
 from tests.support.waiting import SOON_S, until

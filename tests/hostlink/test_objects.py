@@ -24,7 +24,7 @@ from hostlink.finger import Finger
 from hostlink.objects import ObjectClient, SdoObjects, SerialObjects
 from hostlink.wire import Abort, CanIds, Kind, Message, ObjectReply, unpack_message
 from hostlink.wire.serial import decode_frame
-from tests.hostlink.test_client import Application, make_node, need_multicast, state
+from tests.support.fingers import Application, make_node, need_multicast, state
 from tests.support.waiting import SOON_S
 
 NODE, INDEX = 5, 0x2030

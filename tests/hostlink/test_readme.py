@@ -13,10 +13,10 @@ import hostlink
 from hostlink.recording import LogWriter
 from hostlink.sequence import RESTART_RUN
 from hostlink.wire import NO_CONTROL, State, Status, pack_state
-from tests.hostlink.test_client import make_node
 from tests.support import processes
 from tests.support.bus import message
 from tests.support.c_programs import C, compiled
+from tests.support.fingers import make_node
 from tests.support.waiting import SOON_S, until
 
 NONE = Status(0)

@@ -1,10 +1,8 @@
 """Recordings: exact round trips, refused formats, damage, and decoding from file."""
 
 import struct
-import tracemalloc
 import zlib
-from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import nullcontext
 from datetime import datetime
 from functools import partial
 from itertools import islice
@@ -23,6 +21,7 @@ from hostlink.errors import LinkError, LogError, UsageError
 from hostlink.log_formats import HEAD_N
 from hostlink.recording import LogWriter, SerialWriter, decode_recording, read_log, read_serial
 from hostlink.wire import Message, State, encode_frame, pack_parts, pack_state, unpack_state
+from tests.support.memory import bounded_memory
 from tests.support.seeds import SEED
 from tests.support.states import random_state
 
@@ -377,7 +376,7 @@ def blf_of(container: bytes, stated: int | None = None) -> bytes:
 def test_a_false_blf_length_allocates_no_memory(tmp_path: Path, stated: int) -> None:
     path = tmp_path / "a.blf"
     path.write_bytes(blf_of(zlib.compress(b"LOBJ" + bytes(60)), stated))
-    with peak_below(4 << 20), pytest.raises(LogError, match=r"damaged after 0 messages: .* at byte 144"):
+    with bounded_memory(4 << 20), pytest.raises(LogError, match=r"damaged after 0 messages: .* at byte 144"):
         list(read_log(path))
 
 
@@ -386,7 +385,7 @@ def test_a_blf_container_that_unpacks_endlessly_counts_as_damaged(tmp_path: Path
     parts = [packer.compress(bytes(1 << 20)) for _ in range(256)]
     path = tmp_path / "a.blf"
     path.write_bytes(blf_of(b"".join([*parts, packer.flush()])))
-    with peak_below(96 << 20), pytest.raises(LogError, match="a container too large at byte 144"):
+    with bounded_memory(96 << 20), pytest.raises(LogError, match="a container too large at byte 144"):
         list(read_log(path))
 
 
@@ -449,17 +448,6 @@ def test_fd_messages_of_both_kinds_of_object_are_read(tmp_path: Path) -> None:
     assert isinstance(event, Sample)
 
 
-@contextmanager
-def peak_below(n_bytes: int) -> Iterator[None]:
-    tracemalloc.start()
-    try:
-        yield
-        _, peak = tracemalloc.get_traced_memory()
-    finally:
-        tracemalloc.stop()
-    assert peak < n_bytes
-
-
 @pytest.mark.generative
 @pytest.mark.parametrize("name", ["a.log", "plain.log", "a.asc", "a.blf", "a.serial"])
 def test_random_damage_is_read_up_to_or_refused(tmp_path: Path, name: str) -> None:
@@ -477,7 +465,7 @@ def test_random_damage_is_read_up_to_or_refused(tmp_path: Path, name: str) -> No
     good, is_text = path.read_bytes(), path.suffix in (".log", ".asc")
     lengths = [0, 1, 16, 32, 0xFFFF, 1 << 24, (1 << 31) - 1, 1 << 31, (1 << 32) - 1]
     refused: list[str] = []
-    with nullcontext() if is_text else peak_below(64 << 20):  # text has no lengths that could be believed
+    with nullcontext() if is_text else bounded_memory(64 << 20):  # text has no lengths that could be believed
         for _ in range(600):
             data = bytearray(good)
             for _ in range(dice.choice([1, 1, 2, 5])):

@@ -17,8 +17,8 @@ from hostlink.view import HandView, hand
 from hostlink.web import pack_packet, parse_listen
 from hostlink.wire import Contact, State
 from tests.edge.worker.test_page import unpack
-from tests.hostlink.test_client import Application, make_node
 from tests.support.commands import run_host
+from tests.support.fingers import Application, make_node
 from tests.support.waiting import SOON_S, until
 
 BUS = f"udp:239.0.0.8?port={23_000 + os.getpid() % 20_000}"

@@ -124,7 +124,7 @@ HOSTILE: list[tuple[str, Any, str]] = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("place", "value", "expected"), HOSTILE)
+@pytest.mark.parametrize(("place", "value", "expected"), HOSTILE, ids=lambda text: str(text)[:40])
 def test_a_hostile_file_is_refused_before_anything_is_built(place: str, value: Any, expected: str) -> None:
     raw = msgspec.json.encode(damaged(*path_of(place), value=value))
     with bounded_memory(2_000_000 + 40 * len(raw)):

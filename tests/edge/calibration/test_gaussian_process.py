@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from edge.calibration.file import Lost, Process
-from edge.calibration.gaussian_process import ProcessKernel, wanted_models
+from edge.calibration.gaussian_process import ProcessKernel
 from edge.errors import CalibrationError
 from edge.types import Array, Complex
 from tests.support.calibrations import calibration_content, parsed
@@ -69,9 +69,10 @@ def _frame(gap: float = 0.0) -> Complex:
 
 def _run(models: list[Process], z: Complex, wanted: Any = None) -> Array:
     kernel = ProcessKernel(INPUTS, models)
-    flags = wanted_models(models, None) if wanted is None else np.array(wanted, np.uint8)
+    if wanted is not None:
+        kernel.want(np.array(wanted, np.bool_))
     out = np.empty((sum(len(m.outputs) for m in models), 3))
-    kernel.run(z.view(np.float64), flags, out)
+    kernel.run(z.view(np.float64), out)
     return out
 
 
@@ -134,7 +135,8 @@ def test_features_not_in_demand_are_none_and_change_nothing() -> None:
     kernel = ProcessKernel(INPUTS, MODELS)  # one kernel, a demand that changes
     out = np.empty((4, 3))
     for wanted in ([0, 1, 0], [1, 1, 1]):
-        kernel.run(z.view(np.float64), np.array(wanted, np.uint8), out)
+        kernel.want(np.array(wanted, np.bool_))
+        kernel.run(z.view(np.float64), out)
     np.testing.assert_array_equal(out, everything)
 
 

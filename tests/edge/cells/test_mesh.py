@@ -31,21 +31,6 @@ def test_the_hard_sets_of_the_stability_report_hold() -> None:
     assert [row for row in rows if not row.holds] == []
 
 
-@pytest.mark.compiled  # two minutes uncompiled
-@pytest.mark.parametrize("name", HARD_SETS)
-def test_kept_equals_fresh_when_one_set_becomes_another(name: str) -> None:
-    """Pins wander from the hard set to another one and back, in steps that flips follow and in one jump."""
-    rng = np.random.default_rng(11)
-    pins = HARD_SETS[name](rng)
-    other = pins[rng.permutation(len(pins))] * 0.9
-    n = len(pins)
-    kept = Mesh(n, 40)
-    for share in (*np.linspace(0, 1, 60), 0.0):
-        points = bounded((1 - share) * pins + share * other)
-        fresh = Mesh(n, 40)
-        assert worst_relative(areas_of(kept, points, n), areas_of(fresh, points, n)) <= 1e-12
-
-
 def test_triangles_are_delaunay_exactly() -> None:
     points = bounded(HARD_SETS["square"](np.random.default_rng(0)))
     n = len(points) - 40

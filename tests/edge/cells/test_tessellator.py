@@ -43,19 +43,6 @@ def test_the_tips_of_the_stability_report_hold() -> None:
     assert [row for row in rows if not row.holds] == []
 
 
-@pytest.mark.parametrize("tip", TIPS)
-def test_boundary_is_denser_than_the_pins_and_keeps_its_distance(tip: str) -> None:
-    rest = TIPS[tip]()
-    boundary = cells_of(rest, rest).boundary_img
-    between = np.hypot(*(boundary[:, None] - boundary[None]).transpose(2, 0, 1))
-    np.fill_diagonal(between, np.inf)
-    assert np.median(between.min(axis=1)) < 0.65 * PITCH_PX
-    assert between.min(axis=1).max() < PITCH_PX
-    to_pin = np.hypot(*(boundary[:, None] - rest[None]).transpose(2, 0, 1)).min(axis=1)
-    assert to_pin.min() == pytest.approx(PITCH_PX, rel=0.05)
-    assert to_pin.max() < (1.2 if tip != "horseshoe" else 2.0) * PITCH_PX
-
-
 def test_boundary_bridges_gaps_between_spokes() -> None:
     """Rows of pins that start from the middle, at the outer end three pitches apart."""
     angle = 2 * np.pi * np.arange(12) / 12

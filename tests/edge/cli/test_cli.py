@@ -491,7 +491,7 @@ def test_closing_stdout_ends_the_replay(data_dir: Path, more: list[str]) -> None
         output = process.stderr.read()
         assert process.wait(SOON_S) == 0
     # where the recording begins again the pins jump, which is reported
-    assert all(line.startswith("WARNING edge.runtime") for line in output.splitlines()), output
+    assert all(line.startswith("WARNING edge.faults") for line in output.splitlines()), output
 
 
 @pytest.mark.parametrize("samples", [["--samples", "-q"], ["--json"], []], ids=["samples", "json", "table"])

@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from edge.features.contact_place import ContactPlace
-from edge.features.peaks import PeakFinder
-from edge.features.regions import Regions
+from edge.features.contacts import ContactFinder
 from edge.features.surface import Surface
 from edge.geometry.thin_plate import thin_plate_operators
 from edge.types import Array
@@ -17,31 +15,25 @@ REST = tip(127)
 PITCH = REST.pattern.pitch_px
 
 
-def made() -> tuple[Surface, PeakFinder, Regions, ContactPlace]:
+def finder_of(xy: Array, change: Array | None = None) -> ContactFinder:
+    """Regions of pins at xy, whose cells have grown by a tenth each or by `change`."""
     surface = Surface(REST)
-    peaks = PeakFinder(surface.inside)
-    regions = Regions(peaks, float(surface.x_img[0]), float(surface.y_img[0]), surface.step_px)
-    return surface, peaks, regions, ContactPlace(REST.xy_img, PITCH, surface.field, regions)
-
-
-def find(
-    surface: Surface, peaks: PeakFinder, regions: Regions, xy: Array, change: Array | None = None
-) -> None:
-    """Contacts of pins at xy, whose cells have grown by a tenth each or by `change`."""
-    surface.field.set_area_change(np.full(127, 0.1) if change is None else change)
-    surface.field.find(xy)
-    peaks.set_field(surface.field.divergence)
-    peaks.find(surface.divergence_noise, 0.1, 0.01)
-    regions.merge(surface.divergence_noise, 0.05)
+    made = ContactFinder(surface, xy)
+    made.field.set_area_change(np.full(127, 0.1) if change is None else change)
+    made.field.find(xy)
+    made.peaks.set_field(made.field.divergence)
+    made.peaks.find(surface.divergence_noise, 0.1, 0.01)
+    made.regions.merge(surface.divergence_noise, 0.05)
+    return made
 
 
 def test_places_are_means_of_the_nearest_pins_weighted_by_area_change() -> None:
-    surface, peaks, regions, near = made()
     xy = REST.xy_img + push(REST, (60.0, -15.0), 40.0, 0.2) + push(REST, (-50.0, 30.0), 40.0, 0.15)
     change = np.random.default_rng(2).normal(0.1, 0.1, 127).astype(np.float32).astype(np.float64)
-    find(surface, peaks, regions, xy, change)
+    near = finder_of(xy, change)
+    regions = near.regions
     assert regions.n_contacts == 2
-    near.find_places(xy)
+    near.find_places()
     middles = np.array(regions.middle)[:2]
     distance = np.hypot(*(xy[:, None] - middles).transpose(2, 0, 1))
     for i in range(2):
@@ -52,18 +44,18 @@ def test_places_are_means_of_the_nearest_pins_weighted_by_area_change() -> None:
 
 
 def test_moments_are_sums_over_the_points_nearest_to_each_contact() -> None:
-    surface, peaks, regions, near = made()
     turning = (REST.xy_img - CENTRE) @ np.array([[0.0, 0.03], [-0.03, 0.0]])
     xy = REST.xy_img + push(REST, (60.0, -15.0), 40.0, 0.2) + push(REST, (-50.0, 30.0), 40.0, 0.15) + turning
-    find(surface, peaks, regions, xy)
+    near = finder_of(xy)
+    regions, points_img = near.regions, np.asarray(near.field.points)
     assert regions.n_contacts == 2
     near.find_moments()
-    _, along_x, along_y = thin_plate_operators(REST.xy_img, surface.points_img)
+    _, along_x, along_y = thin_plate_operators(REST.xy_img, points_img)
     u, v = (xy - REST.xy_img).T
     divergence, curl = along_x @ u + along_y @ v, along_x @ v - along_y @ u
     assert np.median(curl) == pytest.approx(0.06, rel=1e-3)
     middles = np.array(regions.middle)[:2]
-    apart = surface.points_img[:, None] - middles
+    apart = points_img[:, None] - middles
     distance = np.hypot(*apart.transpose(2, 0, 1))
     for i in range(2):
         radius = max(2.0 * PITCH, 1.25 * regions.semi_axis[i])

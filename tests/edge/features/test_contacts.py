@@ -14,13 +14,12 @@ pytestmark = pytest.mark.kernels
 
 
 def contacts(rest: Rest, motion: Array, noise: float = 0.05, seed: int = 0) -> tuple[ContactRegion, ...]:
-    surface = Surface(rest)
     rng = np.random.default_rng(seed)
     xy = rest.xy_img + motion + rng.normal(0.0, noise, rest.xy_img.shape)
     tracks, cells = frame(rest, xy)
-    surface.field.set_area_change(cells.area_px2 / cells.rest_area_px2 - 1.0)
-    surface.field.find(xy)
-    return ContactFinder(surface).find(xy, tracks.seen, noise)
+    finder = ContactFinder(Surface(rest), xy)
+    finder.field.set_area_change(cells.area_px2 / cells.rest_area_px2 - 1.0)
+    return finder.find(tracks.seen, noise)
 
 
 @pytest.mark.parametrize("pins", [127, 331])

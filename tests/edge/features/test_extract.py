@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from edge.cells import Tessellator
 from edge.features import FeatureExtractor, FeaturePlan
-from edge.features.extract import NEEDS
+from edge.features.plan import NEEDS
 from edge.pins import detect, take_rest
 from edge.tracking import Tracker
 from edge.types import Array, Cells, Feature, Features, Rest, Tracks
@@ -140,7 +140,7 @@ def test_detector_learns_the_noise(actual: float) -> None:
     for k in range(200):
         xy = rest.xy_img + rng.normal(0.0, min(actual, 0.06 + 0.001 * k), rest.xy_img.shape)
         assert not made.extract(*frame(rest, xy), ALL).in_contact
-    learnt = made._detector.cell_noise(0.05)
+    learnt = made.cell_noise(0.05)
     assert learnt == pytest.approx(0.83 * actual / rest.pattern.pitch_px, rel=0.25)
     xy = rest.xy_img + push(rest, (10.0, 10.0), 60.0, 0.04) + rng.normal(0.0, actual, rest.xy_img.shape)
     assert made.extract(*frame(rest, xy), ALL).in_contact

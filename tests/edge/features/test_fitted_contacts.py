@@ -17,27 +17,34 @@ REST = tip(127)
 SCALE = REST.pattern.pitch_px / PITCH_MM
 
 
+class Touch:
+    """The frames of one tip."""
+
+    def __init__(self) -> None:
+        self.xy = np.empty_like(REST.xy_img)
+        self.finder = ContactFinder(Surface(REST), self.xy)
+
+
 def contacts(
     tools: list[Ball | Bar],
     lost: Mask | None = None,
     fits: Fits = Fits.ALL,
     seed: int = 0,
-    finder: ContactFinder | None = None,
+    touch: Touch | None = None,
 ) -> tuple[ContactRegion, ...]:
     """Of pins that are levers under the skin, with a centroid's noise.
 
-    finder  one that saw the frame before; None: a new one
+    touch  that saw the frame before; None: a new one
     """
     skin = displace((REST.xy_img - CENTRE) / SCALE, tools)
     noise = np.random.default_rng(seed).normal(0.0, 0.04, REST.xy_img.shape)
     xy = REST.xy_img + SCALE * (skin.along_mm - LEVER_MM * skin.slope) + noise
     tracks, cells = frame(REST, xy)
-    finder = finder or ContactFinder(Surface(REST))
-    surface = finder._surface
-    surface.field.set_area_change(cells.area_px2 / cells.rest_area_px2 - 1.0)
-    surface.field.find(xy)
+    touch = touch or Touch()
+    touch.xy[:] = xy
+    touch.finder.field.set_area_change(cells.area_px2 / cells.rest_area_px2 - 1.0)
     seen = tracks.seen if lost is None else tracks.seen & ~lost
-    return finder.find(xy, seen, 0.04, fits=fits)
+    return touch.finder.find(seen, 0.04, fits=fits)
 
 
 @pytest.mark.compiled
@@ -73,11 +80,11 @@ def test_two_balls_are_two_and_each_in_its_place() -> None:
     ],
 )
 def test_a_decision_that_stands_is_what_a_new_one_would_be(tools: list[Ball | Bar]) -> None:
-    finder = ContactFinder(Surface(REST))
+    touch = Touch()
     depths = [*np.linspace(0.6, 1.2, 12), *np.full(12, 1.2), *np.linspace(1.2, 0.6, 12)]
     for seed, depth in enumerate(depths):
         pressed = [replace(tool, depth_mm=depth * tool.depth_mm) for tool in tools]
-        follows = contacts(pressed, fits=Fits.NONE, seed=seed, finder=finder)
+        follows = contacts(pressed, fits=Fits.NONE, seed=seed, touch=touch)
         fresh = contacts(pressed, fits=Fits.NONE, seed=seed)
         assert len(follows) == len(fresh) == len(tools)
         for one, two in zip(follows, fresh, strict=True):

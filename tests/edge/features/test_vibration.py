@@ -23,14 +23,14 @@ def shaken(
 ) -> Array:
     """rms of each frame of two seconds: a sine beside a steady motion, captured with some jitter."""
     rng, motion, found = np.random.default_rng(0), np.empty((N, 2)), []
-    vibration = Vibration(motion)
+    vibration = Vibration(np.zeros((N, 2)))
     for k in range(int(2 * rate_hz)):
         at_s = k / rate_hz + rng.uniform(0.0, 1e-4)
         motion[:] = rng.normal((0.0, 30.0 * at_s), sigma_px, (N, 2))
         motion[:, 0] += amplitude_px * math.sin(2.0 * math.pi * hz * at_s)
         if lost:
             motion[k % N] = math.nan
-        found.append(vibration.update(PINS, sigma_px, round(1e9 * at_s))[0])
+        found.append(vibration.update(motion, PINS, len(PINS), sigma_px, round(1e9 * at_s))[0])
     return np.array(found)
 
 
@@ -56,11 +56,11 @@ def test_noise_and_steady_motion_are_no_vibration() -> None:
 @pytest.mark.parametrize("step_ns", [0, -1_000_000, 50_000_000, 10**9], ids=["again", "back", "slow", "gap"])
 def test_after_a_gap_it_is_not_known_for_a_period(step_ns: int) -> None:
     motion = np.empty((N, 2))
-    vibration, at_ns, found = Vibration(motion), 0, []
+    vibration, at_ns, found = Vibration(np.zeros((N, 2))), 0, []
     for k in range(100):
         at_ns += step_ns if k == 50 else 10_000_000
         motion[:] = 0.5 * (-1) ** k
-        found.append(vibration.update(PINS, 0.0, at_ns))
+        found.append(vibration.update(motion, PINS, len(PINS), 0.0, at_ns))
     rms = np.array([value for value, _ in found], np.float64)
     assert rms[49] == pytest.approx(0.5 * math.sqrt(2.0), rel=0.05)
     assert np.isnan(rms[50:58]).all()

@@ -1,7 +1,5 @@
 """The compiled packer gives the bytes that the wire's own gives."""
 
-from __future__ import annotations
-
 from math import inf, nextafter
 from typing import Any
 

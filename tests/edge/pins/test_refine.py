@@ -58,9 +58,8 @@ def test_agrees_with_the_plain_fit(
     support = min(radius + 3 * edge + 0.5, 0.85 * pitch - radius - 1.5 * edge)
     oracle = np.array([fitted(image, xy, radius, edge, support) for xy in truth])
     apart = np.hypot(*(pins.xy_img - oracle).T) / pins.sigma_px
-    assert (
-        np.median(apart) < 0.35
-    )  # templates at 4 x 4 phases and 5 % steps of radius, slope where it is significant
+    # Templates are at 4 x 4 phases and 5 % steps of radius, a slope is fitted where it is significant.
+    assert np.median(apart) < 0.35
     assert apart.max() < 2.5
 
 

@@ -339,18 +339,6 @@ def test_an_idle_recording_is_on_disk_without_being_closed(tmp_path: Path) -> No
     assert len(list(RecordingSource(copy))) == 1
 
 
-def test_a_second_at_240_frames_a_second_loses_nothing(tmp_path: Path) -> None:
-    """Raw 640x480 frames, all at once: they fit the queue, with any disk."""
-    image = frames_of(1, size=(640, 480))[0].image
-    with Recorder(tmp_path / "fast.mcap", buffer_mb=100.0) as recorder:
-        for n in range(240):
-            recorder.frame(Frame(image, n * STEP_NS, n))
-    assert recorder.dropped_n == 0
-    assert recorder.written_n["/camera/image"] == 240
-    got = [f.sequence for f in RecordingSource(tmp_path / "fast.mcap")]
-    assert got == list(range(240))
-
-
 def test_a_slow_disk_drops_messages_and_reports_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The queue is bounded; the call returns; the file has a warning for the gap."""
     path = tmp_path / "slow.mcap"

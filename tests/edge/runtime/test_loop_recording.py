@@ -96,16 +96,3 @@ def test_topics_and_schemas_are_those_of_the_bridge(
     bridge_s, edge_s = shared(path), shared(recorded[0])
     assert set(bridge_s) == {"/finger_3/sample", "/finger_3/contacts", "/diagnostics", "/tf"}
     assert {topic: edge_s[topic] for topic in bridge_s} == bridge_s
-
-
-def test_cells_are_shaded_at_a_viewer_s_rate(recorded: tuple[Path, list[Sample]]) -> None:
-    path, _ = recorded
-    overlays = [message for _, _, message in read_messages(path, ["/cells/overlay"])]
-    assert len(overlays) >= 4
-    last = overlays[-1]
-    assert len(last.points) > 320  # one outline a cell
-    strongest = max(last.points, key=lambda cell: cell.fill_color.a)
-    assert strongest.fill_color.r > 0.7  # the paper's red
-    assert strongest.fill_color.b < 0.3
-    xs = [point.x for point in strongest.points]
-    assert abs(sum(xs) / len(xs) - 183) < 25  # where the simulator pressed

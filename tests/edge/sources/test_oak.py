@@ -1,6 +1,4 @@
-"""OAK source without a module: depthai's own replay, a host node, and fakes for the hardware lines."""
-
-from __future__ import annotations
+"""OAK source without a module: a host node of depthai's own, and fakes for the hardware lines."""
 
 import sys
 import threading
@@ -9,11 +7,9 @@ from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
 from datetime import timedelta
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import cv2
 import numpy as np
 import pytest
 
@@ -72,23 +68,6 @@ def frames_output(
     return make
 
 
-def replay_output(path: Path, rate_hz: float) -> oak.MakeOutput:
-    """A video through depthai's own nodes: FFV1 comes out bit-exact; the stream ends with the file."""
-
-    def make(pipeline: Any) -> Any:
-        import depthai
-
-        node = pipeline.create(depthai.node.ReplayVideo)
-        node.setReplayVideoFile(path)
-        node.setOutFrameType(depthai.ImgFrame.Type.GRAY8)
-        node.setLoop(False)
-        if rate_hz:
-            node.setFps(rate_hz)
-        return node.out
-
-    return make
-
-
 def lock_step(dai: Any, steps: list[int], **options: Any) -> tuple[list[Frame], oak.OakSource]:
     """Every frame is taken before the next one is made."""
     go = threading.Semaphore(1)
@@ -116,26 +95,6 @@ def test_pixels_times_and_gaps_come_through(dai: Any) -> None:
     (first, second), _ = lock_step(dai, [0, 1], own_clock=True)
     assert (first.capture_ns, second.capture_ns) == (77_000, 4_077_000)
     assert first.clock is Clock.DEVICE
-
-
-def test_replay_is_exact_and_ends(dai: Any, tmp_path: Path) -> None:
-    path, bad = tmp_path / "a.mkv", tmp_path / "bad.mkv"
-    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*"FFV1"), 100, SIZE, False)
-    for i in range(20):
-        writer.write(noise(i))
-    writer.release()
-    before_ns = time.monotonic_ns()
-    with closing(oak.OakSource(replay_output(path, 100.0), replace(HOST, rate_hz=100.0))) as source:
-        frames = list(source)
-        # depthai drops what is still queued at the end of a file; nothing before that is lost.
-        assert len(frames) + source.dropped_n == 20
-        assert source.ended
-    for frame in frames:
-        assert np.array_equal(frame.image, noise(frame.sequence))
-        assert before_ns - 1_000_000_000 < frame.capture_ns <= time.monotonic_ns()
-    bad.write_bytes(b"not a video")
-    with closing(oak.OakSource(replay_output(bad, 0.0), HOST)) as source:
-        assert list(source) == []
 
 
 @pytest.mark.parametrize(
@@ -190,10 +149,10 @@ class Calls:
     def __init__(self, log: dict[str, Any], name: str = "") -> None:
         self._log, self._name = log, name
 
-    def __getattr__(self, name: str) -> Calls:
+    def __getattr__(self, name: str) -> "Calls":
         return Calls(self._log, name)
 
-    def __call__(self, *positional: Any, **named: Any) -> Calls:
+    def __call__(self, *positional: Any, **named: Any) -> "Calls":
         self._log[self._name] = (positional, named)
         return Calls(self._log)
 

@@ -1,7 +1,5 @@
 """CSI cameras, over a stand-in with picamera2's own signatures: no Pi is needed, and none was used."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -28,7 +26,7 @@ COLOUR = {"format": "SRGGB10_CSI2P", "unpacked": "SRGGB10", "size": SIZE}
 class Request:
     """A `CompletedRequest`."""
 
-    def __init__(self, camera: Camera, pixels: np.ndarray, number: int) -> None:
+    def __init__(self, camera: "Camera", pixels: np.ndarray, number: int) -> None:
         self._camera, self._pixels, self._number = camera, pixels, number
 
     def make_array(self, name: str) -> np.ndarray:

@@ -464,11 +464,3 @@ def test_a_replay_delivers_its_last_frame_and_ends() -> None:
     assert sequences[-1] == 20
     assert paced.dropped_n + len(sequences) == 3
     assert paced.ended
-
-
-def test_the_address_sets_whether_pins_are_dark(data_dir: Path) -> None:
-    source = open_source(f"mcap:{data_dir / 'press.mcap'}?pins=dark")
-    paced = Paced(source)
-    assert source.polarity is paced.polarity is Polarity.DARK
-    assert open_source(str(data_dir / "press.mcap")).polarity is Polarity.FOUND
-    paced.close()

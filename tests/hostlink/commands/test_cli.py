@@ -6,9 +6,7 @@ import resource
 import struct
 import subprocess
 import sys
-import threading
 from collections.abc import Callable, Iterator
-from contextlib import closing
 from importlib.metadata import version
 from math import isnan
 from pathlib import Path
@@ -17,18 +15,17 @@ from typing import Any
 import click
 import pytest
 
-from edge.link.node import Node
 from hostlink import RestFrameOutcome, RestFrameReason, RestFrameState, Sample, decode_recording
 from hostlink.commands.cli import COMMANDS, cli
 from hostlink.interrupt import ENDING
 from hostlink.output_file import find_unfinished
 from hostlink.recording import read_log
 from hostlink.wire import VERSION, State, pack_state
-from tests.hostlink.test_client import Application, make_node, need_multicast, state
 from tests.hostlink.test_recording import as_candump, write_buses, write_edge
 from tests.support.commands import Done, run_host_without
 from tests.support.commands import run_host as run
 from tests.support.environment import uncounted
+from tests.support.fingers import Application, Fingers, need_multicast
 from tests.support.ptys import Ptys
 from tests.support.waiting import SOON_S, size_of, until
 
@@ -36,34 +33,11 @@ PORT = 20_000 + os.getpid() % 20_000
 HOST = f"udp:239.0.0.8?port={PORT}"
 
 
-class Feed:
-    """A finger that sends, until the test is over."""
-
-    def __init__(self, address: str) -> None:
-        self.node: Node
-        self.node, self.application = make_node(address)
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run)
-        self._thread.start()
-
-    def _run(self) -> None:
-        k = 0
-        while not self._stop.wait(0.005):
-            self.node.send(state(k))
-            k += 1
-
-    def close(self) -> None:
-        self._stop.set()
-        self._thread.join(SOON_S)
-        self.node.close()
-
-
 @pytest.fixture
 def finger() -> Iterator[Application]:
     need_multicast()
-    feed = Feed(f"{HOST}&node=6")
-    yield feed.application
-    feed.close()
+    with Fingers(HOST, (6,)) as fingers:
+        yield fingers.applications[6]
 
 
 def until_enough(command: Callable[[str], bool]) -> None:
@@ -424,7 +398,7 @@ def test_a_log_without_times_is_decoded(
 @pytest.mark.parametrize(("query", "number"), [("", 1), ("?node=3", 3)])
 def test_record_a_serial_line(tmp_path: Path, query: str, number: int) -> None:
     pty, file = Ptys(tmp_path), tmp_path / "press.serial"
-    with closing(Feed(f"serial:{pty.paths[0]}")):
+    with Fingers(f"serial:{pty.paths[0]}"):
         recorded = record(f"serial:{pty.paths[1]}{query}", file)
     rows = [json.loads(text) for text in run("decode", file, "--finger", str(number)).out.splitlines()]
     assert recorded.endswith(f" {len(rows)} samples\n")

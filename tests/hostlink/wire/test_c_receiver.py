@@ -33,9 +33,9 @@ from hostlink.wire import (
 )
 from hostlink.wire.parts import Assembler, unpack_part
 from hostlink.wire.serial import BODY_MAX, decode_frame
-from tests.hostlink.test_client import make_node
 from tests.support import processes
 from tests.support.c_programs import C, compiled
+from tests.support.fingers import make_node
 from tests.support.states import random_state, same
 from tests.support.waiting import SOON_S
 

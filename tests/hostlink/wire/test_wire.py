@@ -247,12 +247,6 @@ def test_any_body_parses_or_is_refused(body: bytes) -> None:
             continue
 
 
-def test_emergency_round_trip() -> None:
-    data = wire.pack_emergency(0x5001, 0x81, 1, Status.CAMERA_FAULT)
-    assert len(data) == 8
-    assert wire.unpack_emergency(data) == (0x5001, 0x81, 1, Status.CAMERA_FAULT)
-
-
 def test_identifiers() -> None:
     ids = CanIds()
     assert ids.state(5) == 0x185
