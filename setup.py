@@ -49,7 +49,6 @@ KERNELS = {
     "edge.geometry.select": FAST,
     "edge.geometry.views": SMALL,
     "edge.pins.centroids": FAST,
-    "edge.pins.rejection": FAST,
     "edge.faults.frame_counts": FAST,
     "edge.link.state_packer": SMALL,
     "edge.tracking.follow": FAST,
