@@ -80,7 +80,7 @@ _SLANT = cython.declare(cython.double, 0.3)
 
 @cython.cclass
 class CentroidFilter:
-    """Rejects those of the n centroids of one tip that do not count: spots unlike their pin, or two on a blob.
+    """Rejects those of the n centroids of one tip that do not count: spots unlike their pin, two on a blob.
 
     The disc must explain enough of its window, and be bright enough beside the pin at rest. Illumination may
     have changed for all pins at once: brightness is compared after the gain that they share. Of a pair closer
