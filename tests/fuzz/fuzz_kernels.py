@@ -178,6 +178,7 @@ def play() -> None:
     counts.moved(motion, 1.0, 0.0, True)
     corners = np.rint(rest.xy_img[20:24]).astype(np.int32)
     frame_counts.FocusWindows(corners, 7, 20).measure(image, np.empty((4, 2)))
+    StatePacker().pack(vars(State(displacement_mm=1.0, contacts=(Contact(1.0, -1.0),))))
     select.kth_smallest(motion[:, 0].copy(), 3)
     StatePacker().pack(vars(State(sample=1, contact_n=1, contacts=(Contact(1.0, -1.0, 0.5),))))
     ProcessKernel(INPUTS, MODELS)
