@@ -47,7 +47,6 @@ KERNELS = {
     "edge.features.slip": SMALL,
     "edge.geometry.neighbours": FAST,
     "edge.geometry.select": FAST,
-    "edge.geometry.views": SMALL,
     "edge.pins.centroids": FAST,
     "edge.faults.frame_counts": FAST,
     "edge.link.state_packer": SMALL,
