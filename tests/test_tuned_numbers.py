@@ -12,7 +12,7 @@ AT_MOST = {
     "edge": 6,
     "faults": 4,
     "features": 21,
-    "geometry": 5,
+    "geometry": 7,
     "link": 5,
     "pins": 27,
     "recording": 2,
@@ -20,7 +20,7 @@ AT_MOST = {
     "runtime": 1,
     "shared": 13,
     "sources": 7,
-    "tracking": 22,
+    "tracking": 23,
     "view": 5,
     "worker": 5,
 }
