@@ -146,7 +146,8 @@ def test_a_search_ends_after_a_bounded_number_of_matches(monkeypatch: pytest.Mon
     for _ in range(4):
         regions.clear()
         Tracker(rest_of(xy)).identify(pins_at(spoiled(pressed(xy, rng), 0.7, 50, rng)))
-        assert 4 < len(regions) <= TrackingParams().regions_max + 1
+        # Every start has one alternative at least; a better one of these, which has its own, is rare.
+        assert 4 < len(regions) <= 3 * (2 * TrackingParams().coarse_n + 1)
 
 
 def test_a_lattice_that_may_have_slipped_by_a_step_has_low_confidence() -> None:
