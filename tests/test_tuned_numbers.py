@@ -20,7 +20,7 @@ AT_MOST = {
     "runtime": 1,
     "shared": 13,
     "sources": 7,
-    "tracking": 23,
+    "tracking": 22,
     "view": 5,
     "worker": 5,
 }
