@@ -320,21 +320,6 @@ def test_faults_have_readable_messages_and_a_stalled_camera_is_reported(live: Li
     watch(live, look)
 
 
-def test_tare(live: Live) -> None:
-    async def press(viewer: Viewer) -> None:
-        assert viewer.hello["may"] == ["record", "tare"]
-        answer = await viewer.do("tare")
-        assert not answer["ok"]
-        assert "touches" in answer["message"]
-        tares_n = (await viewer.packet())["tares_n"]
-        await viewer.meanwhile(lambda: live.show(0))
-        assert (await viewer.do("tare"))["ok"]
-        await viewer.until(lambda p: p["tares_n"] == tares_n + 1)
-
-    live.show(PRESSED)
-    watch(live, press, TOKEN)
-
-
 def test_record_loses_nothing(live: Live) -> None:
     async def press(viewer: Viewer) -> str:
         answer = await viewer.do("record")
