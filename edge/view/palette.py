@@ -82,7 +82,7 @@ def _ramp(palette: Palette) -> NDArray[np.uint8]:
     expanded, paper, compressed = _oklab(np.array([palette.expanded, palette.paper, palette.compressed]))
     share = np.linspace(-1.0, 1.0, 2 * COLOUR_STEPS + 1)
     end = np.where(share[:, None] < 0, expanded, compressed)
-    return _bgr(paper + (end - paper) * (np.abs(share) ** PARAMS.change_exponent)[:, None])
+    return _bgr(paper + (end - paper) * np.abs(share)[:, None])
 
 
 def _oklab(bgr: NDArray[np.int_]) -> Array:
@@ -107,5 +107,5 @@ def cell_rgba(
     rgba = []
     for s in share.tolist():
         b, g, r = palette.compressed if s >= 0 else palette.expanded
-        rgba.append((r / 255, g / 255, b / 255, 0.7 * float(abs(s) ** PARAMS.change_exponent)))
+        rgba.append((r / 255, g / 255, b / 255, 0.7 * abs(s)))
     return rgba

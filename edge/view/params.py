@@ -9,7 +9,6 @@ class ViewParams:
 
     # --- colours of the cells
     full_change: float = 0.5  # area change that gets the full colour
-    change_exponent: float = 0.7  # of an area change; below 1 it emphasises small ones, where a touch begins
     # --- vectors
     local_gain: float = 2.0  # of each pin's motion
     global_gain: float = 6.0  # of the mean motion, which is small beside the largest
