@@ -184,18 +184,6 @@ def test_a_lost_pin_keeps_its_place_among_those_that_move_on_together() -> None:
     assert 0.2 < errors[0] == pytest.approx(errors[1] / 2, rel=1e-6)
 
 
-def test_rows_of_lost_pins_are_not_read() -> None:
-    """A tracker may leave a stale place where `seen` is false."""
-    rest = hexagonal(4)
-    tracks = tracks_of(np.where((np.arange(len(rest)) == 7)[:, None], np.nan, rest))
-    stale = tracks.xy_img.copy()
-    stale[7] = 1e9
-    tessellator = Tessellator(rest_of(rest))
-    a = tessellator.cells(tracks)
-    b = tessellator.cells(type(tracks)(stale, tracks.sigma_px, tracks.seen, 1.0))
-    assert np.array_equal(a.area_px2, b.area_px2, equal_nan=True)
-
-
 @pytest.mark.parametrize(
     ("rest", "message"),
     [

@@ -20,32 +20,6 @@ def follower(rest: Rest) -> Follower:
     return Follower(tip.lattice, tip.photometric, tip.params)
 
 
-def off_by(pitches: float, step: float) -> int:
-    """For how many steps a pin is seen that moves off its neighbours, `step` a frame; pitches."""
-    rest = small_tip(4)
-    n = len(rest)
-    kernel = follower(rest)
-    kernel.settle(rest.xy_img, np.zeros((n, 2)), np.ones(n, bool))
-    # Towards the middle of two neighbours, where it comes near to none.
-    angle = np.deg2rad(30.0)
-    away = 19.0 * np.array([np.cos(angle), np.sin(angle)])
-    seen_n = 0
-    for off in np.arange(step, pitches + 0.5 * step, step):
-        found = rest.xy_img + 0.3
-        found[0] += off * away
-        _, _, seen, *_ = kernel.follow(found, rest.pins.sigma_px, rest.pins.brightness)
-        kernel.accept(0.7)
-        assert seen[1:].all()
-        seen_n += int(seen[0])
-    return seen_n
-
-
-def test_a_pin_may_move_more_than_half_a_pitch_off_its_neighbours_if_it_was_never_lost() -> None:
-    assert off_by(0.75, 0.05) == 15
-    assert off_by(0.75, 0.75) == 0  # at once it may be another one
-    assert 15 < off_by(1.3, 0.05) < 20  # a pitch off it is in another one's place
-
-
 @pytest.mark.parametrize("left", [0.0, 0.5, 1.0])
 def test_the_autocorrelation_is_what_is_left_of_the_residuals_and_a_lost_pin_keeps_as_much(
     left: float,
