@@ -66,6 +66,13 @@ def code(answer: bytes) -> int:
     return int.from_bytes(answer[4:], "little") if answer[0] == 0x80 else 0
 
 
+def test_a_stray_download_segment_after_a_read_writes_nothing(bench: Bench) -> None:
+    bench.ask(head(0x40, LONG))
+    assert code(bench.ask(segment(0, b"{}", last=True)))
+    assert bench.objects.written == []
+    assert code(bench.ask(bytes((0x60,)))) == Abort.TOGGLE  # the read has ended
+
+
 @pytest.mark.parametrize(
     ("between", "last"),
     [
