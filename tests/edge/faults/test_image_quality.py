@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from edge.faults.frame_counts import PinCounts
+from edge.faults.frame_counts import FocusWindows, PinCounts
 from edge.faults.image_quality import ImageQuality, common_step_px, image_checks
 from edge.faults.judge import Facts, Judge
 from edge.faults.registry import FaultRegistry
-from edge.types import Frame
+from edge.types import Frame, Image
 from hostlink.wire import FaultCode
 from tests.support.layouts import rest_of
 
@@ -52,6 +52,29 @@ def test_counts_of_pins_are_numpy_s(n: int, lost: int) -> None:
         assert [new_n, hole_n] == [(bad & ~were_bad).sum(), bad[near].all(axis=1).sum()]
         assert noise == pytest.approx(sigma[seen].mean() if seen.any() else np.nan, nan_ok=True)
         were_bad = bad
+
+
+@pytest.mark.parametrize(("kind", "top"), [(np.uint8, 256), (np.uint16, 4096)])
+@pytest.mark.parametrize("side", [7, 20, 21])
+def test_windows_are_numpy_s(kind: type, top: int, side: int) -> None:
+    rng = np.random.default_rng(side)
+    image: Image = rng.integers(0, top, (120, 160)).astype(kind)
+    image[40:80, 40:90] = 7  # flat
+    corners = rng.integers(0, 120 - side, (32, 2)).astype(np.int32)
+    corners[0] = (160 - side, 120 - side)
+    corners[1] = (45, 45)
+    out = np.empty((32, 2))
+    level = FocusWindows(corners, side, 20).measure(image, out)
+    cut = np.array([image[y : y + side, x : x + side] for x, y in corners]).astype(np.float64)
+    energy = (np.diff(cut, axis=1) ** 2).mean(axis=(1, 2)) + (np.diff(cut, axis=2) ** 2).mean(axis=(1, 2))
+    ordered = np.sort(cut.reshape(32, -1), axis=1)
+    k = side * side // 20
+    np.testing.assert_allclose(out[:, 0], energy, rtol=1e-12)
+    np.testing.assert_array_equal(out[:, 1], ordered[:, -1 - k] - ordered[:, k])
+    assert level == pytest.approx(cut.mean(), rel=1e-12)
+    corners[3, 0] = 160 - side + 1
+    with pytest.raises(ValueError, match="within"):
+        FocusWindows(corners, side, 20).measure(image, out)
 
 
 def test_a_step_that_all_pins_make_is_common() -> None:
