@@ -20,7 +20,7 @@ from edge.pins import take_rest
 from edge.rest.tare import tare
 from edge.rest.tip_match import in_order_of
 from edge.sources import open_source
-from edge.types import Array, Feature, Frame, Image, Rest, Tracks
+from edge.types import Array, Feature, Frame, Image, Rest
 
 TARE = 8
 
@@ -167,21 +167,6 @@ def test_fits_of_several_contacts_can_be_left_out(data_dir: Path, several: bool)
     pairs = [contacts for contacts in found if contacts is not None and len(contacts) == 2]
     assert pairs
     assert any(contact.fitted is not None for contacts in pairs for contact in contacts) is several
-
-
-def test_after_dark_frames_the_same_pins_are_held(frames: list[Frame], rest: Rest) -> None:
-    pipeline = Pipeline(rest)
-    for frame in frames[:20]:
-        before = pipeline.process(frame)
-    black = replace(frames[20], image=np.zeros_like(frames[20].image))
-    dark = [pipeline.process(black) for _ in range(5)]
-    assert all(result.features is None for result in dark)
-    assert all(result.tracks.confidence < Tracks.LOW_CONFIDENCE for result in dark)
-    after = pipeline.process(frames[20])
-    assert after.searched
-    assert after.tracks.n_seen == len(rest)
-    moved = np.hypot(*(after.tracks.xy_img - before.tracks.xy_img).T)
-    assert moved.max() < rest.pattern.pitch_px / 2
 
 
 def grey_frames(path: Path, n: int = 10_000) -> list[Image]:
