@@ -106,7 +106,7 @@ class ViewFeed:
         loop = self._loop
         return {
             "faults": [[_MEANING[code], message] for code, message in loop.faults.active.items()],
-            "taring": loop.taring,
+            "taring": loop.measurement.tare.busy,
             "tares_n": loop.tares_n,
             "calibrated": loop.calibration is not None,
             "dropped_n": loop.source.dropped_n,

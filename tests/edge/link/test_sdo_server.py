@@ -141,23 +141,6 @@ def test_a_value_of_another_length_than_announced_is_refused(bench: Bench, size:
     assert bench.objects.written == []
 
 
-def test_whole_values_pass(bench: Bench) -> None:
-    assert bench.ask(head(0x2B, SHORT, b"\7\0\0\0"))[0] == 0x60
-    bench.ask(head(0x20, LONG))
-    bench.ask(segment(0, b"1234567"))
-    bench.ask(segment(1, b"", last=True))
-    assert bench.objects.written == [(SHORT, b"\7\0"), (LONG, b"1234567")]
-    back, toggle = b"", 0
-    assert bench.ask(head(0x40, LONG))[4:] == (100).to_bytes(4, "little")
-    while True:
-        answer = bench.ask(bytes((0x60 | toggle << 4,)))
-        back += answer[1 : 8 - (answer[0] >> 1 & 7)]
-        toggle ^= 1
-        if answer[0] & 1:
-            break
-    assert back == CONTENT[LONG]
-
-
 TARE = (0x2010, 0)
 
 

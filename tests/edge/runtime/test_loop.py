@@ -60,12 +60,6 @@ def test_noise_over_a_contact_gives_no_wrong_value(finger: Finger, seed: int) ->
     assert_right_or_flagged(finger.see(noisy), truth)
 
 
-def test_of_many_blocks_of_noise_some_are_flagged(finger: Finger) -> None:
-    random, truth = np.random.default_rng(5), finger.show(25)
-    noisy = [_PICTURES["corrupt"](finger.frames[25].image, random) for _ in range(20)]
-    assert sum(assert_right_or_flagged(finger.see(image), truth) for image in noisy) > 0
-
-
 def test_pins_are_searched_for_after_a_gap(finger: Finger) -> None:
     pressed = finger.frames[25].image
     true = finger.see(pressed).displacement_mm
@@ -355,18 +349,6 @@ class Recorder:
         return lambda *_, **__: True
 
 
-def test_a_recorder_s_fault_is_reported(finger: Finger) -> None:
-    recorder: Any = Recorder()
-    finger.loop.session.recorder = recorder
-    assert finger.loop.session.trouble() == ""
-    recorder.dropped_n = 5
-    assert "too slow" in finger.loop.session.trouble()
-    recorder.fault = "no space left"
-    assert "no space left" in finger.loop.session.trouble()
-    finger.loop.session.recorder = None
-    assert finger.loop.session.trouble() == ""
-
-
 def test_a_failing_recorder_ends_only_the_recording(finger: Finger) -> None:
     class Broken(Recorder):
         def take(self, *_: object) -> None:
@@ -388,7 +370,7 @@ def test_drift_is_learnt_at_rest_and_can_be_forgotten(frames: list[Frame], calib
     for _ in range(1000):  # 10 s at 100 frames/s
         finger.see(grey(moved))
     assert 0.005 < finger.loop.statistics().drift_px <= 0.3
-    finger.loop.forget_drift()
+    finger.loop.measurement.forget_drift()
     assert finger.loop.statistics().drift_px == 0.0
 
 
