@@ -78,6 +78,6 @@ def to_state(
             frame["pins_tracked"] = tracks.n_seen / n
         if len(found):
             frame["contact_n"] = len(found)
-            frame["contacts"] = tuple(starmap(Contact, found[:CONTACTS_MAX].tolist()))
+            frame["contacts"] = tuple(starmap(Contact, found.tolist()[:CONTACTS_MAX]))
     frame["status"] = status_of(status)
     return State.of(frame)

@@ -279,7 +279,7 @@ class Loop:
         since_ns = frame.capture_ns if ours else begun_ns
         state = self._send(result, frame.capture_ns, (computed_ns - since_ns) / 1e3)
         latency_us, compute_us = (self._clock_ns() - since_ns) / 1e3, (computed_ns - begun_ns) / 1e3
-        pins_n = nan if result is None else state.pins_tracked * len(result.tracks.seen)
+        pins_n = nan if result is None else result.tracks.n_seen
         self._counters.add(compute_us, latency_us, pins_n)
         self._notifier.frame()
         if self.session.recorder is not None:
