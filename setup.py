@@ -127,6 +127,7 @@ class BuildKernels(build_ext):
         with (self.place / "lock").open("w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
             wanted, self.build_lib = self.build_lib, str(self.place)
+            self._remove_others()
             super().run()
             made, self.build_lib = self.get_outputs(), wanted
             for source in made:
@@ -134,6 +135,14 @@ class BuildKernels(build_ext):
                 if target != Path(source):
                     self.mkpath(str(target.parent))
                     self.copy_file(source, str(target))
+
+    def _remove_others(self) -> None:
+        """Python would load a compiled module that KERNELS no longer has in place of its source."""
+        known = {f"{name.replace('.', '/')}.abi3.so" for name in (*KERNELS, SHARED)}
+        for folder in [self.place, *([Path()] if self.inplace else [])]:
+            for path in (folder / "edge").rglob("*.abi3.so"):
+                if path.relative_to(folder).as_posix() not in known:
+                    path.unlink()
 
     def build_extensions(self) -> None:
         self._translate()
