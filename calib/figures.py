@@ -38,7 +38,7 @@ def _rgb(colour: Bgr) -> tuple[float, float, float]:
 def _colour_map(palette: Palette) -> Any:
     from matplotlib.colors import ListedColormap
 
-    return ListedColormap(cell_colours(np.linspace(-1, 1, 257), palette, 1.0)[:, ::-1] / 255)
+    return ListedColormap(cell_colours(np.linspace(-1, 1, 257) * PARAMS.full_change, palette)[:, ::-1] / 255)
 
 
 def _origin(xy_img: Array, mm_per_px: float) -> tuple[Array, float, str]:

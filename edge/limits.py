@@ -62,7 +62,7 @@ def decode_json(raw: bytes, kind: type[T]) -> T:
     try:
         return msgspec.json.decode(raw, type=kind)
     except msgspec.ValidationError as error:
-        raise BadContent(explain(str(error))) from None
+        raise BadContent(explain(str(error), kind)) from None
     except msgspec.DecodeError as error:
         reason = str(error).removeprefix("JSON is malformed: ")
         raise BadContent(f"no JSON: {reason[:1].lower() + reason[1:]}") from None
@@ -120,7 +120,7 @@ def read_toml_as(path: Path, kind: type[T], **added: object) -> tuple[dict[str, 
     except OSError as error:
         raise BadContent(f"cannot be read: {error.strerror}") from None
     except msgspec.ValidationError as error:
-        raise BadContent(explain(str(error))) from None
+        raise BadContent(explain(str(error), kind)) from None
 
 
 def check_numbers(value: object, place: str = "") -> None:
@@ -165,12 +165,29 @@ _FIELD = re.compile(r"Object (?P<what>missing required|contains unknown) field `
 _VALUE = re.compile(r"Invalid (?:enum )?value (?P<value>.*)", re.DOTALL)
 
 
-def explain(message: str) -> str:
-    """A message of msgspec in plain English: `models[0].sigma: must be more than 0`."""
+def explain(message: str, kind: Any) -> str:
+    """A message of msgspec on this type in plain English: `models[0].sigma: must be more than 0`."""
     found = _PATH.search(message)
     place = found["path"] if found else ""
     what = _what(message[: found.start()] if found else message)
+    if what.startswith("unknown") and (known := _known(kind, place)):
+        what += f"; known: {', '.join(known)}"
     return f"{place}: {what}" if place else what
+
+
+def _known(kind: Any, place: str) -> list[str]:
+    """The keys or values that a place may have; empty where it may be one of several tables."""
+    at: Any = msgspec.inspect.type_info(kind)
+    for step in re.findall(r"\w+", place):
+        if isinstance(at, msgspec.inspect.StructType):
+            at = {field.encode_name: field.type for field in at.fields}.get(step, at)
+        else:
+            at = getattr(at, "item_type", None) or getattr(at, "value_type", at)
+    if isinstance(at, msgspec.inspect.StructType):
+        return [field.encode_name for field in at.fields]
+    if isinstance(at, msgspec.inspect.EnumType):
+        return [member.value for member in at.cls if member.value]
+    return list(map(str, getattr(at, "values", ())))
 
 
 def _what(message: str) -> str:

@@ -164,9 +164,10 @@ def _frame(
     return Frame(image, about.capture_ns, about.sequence, Clock.RECORDED, bits, truth), about.clock
 
 
+class RecordingKeys(msgspec.Struct):
+    topic: str | None = None  # image topic
+
+
 def open_recording(where: str, options: Options) -> RecordingSource:
     """The scheme `mcap:FILE?topic=...`, and files that end in .mcap. Raises SourceError."""
-    for key in options.extra:
-        if key != "topic":
-            raise SourceError(f"recording {where}: unknown key {key!r}; known: topic")
-    return RecordingSource(where, options.extra.get("topic"))
+    return RecordingSource(where, options.own(where, RecordingKeys).topic)

@@ -242,9 +242,11 @@ def rest_of_source(
 def rest_if_touched(source: FrameSource, calibration: Calibration | None = None) -> GivenRest | None:
     """An untouched rest frame for a recording that begins under a touch.
 
-    Returns  None: it begins untouched, as far as can be seen, or it has no image that surely is
+    Returns  None: it is live, it begins untouched, as far as can be seen, or it has no image that surely is
     Raises   SourceError, CalibrationError
     """
+    if source.live:
+        return None
     images = [frame.image for frame in islice(source, TARE.frames_n)]
     try:
         take_rest_frame(

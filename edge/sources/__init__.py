@@ -26,7 +26,7 @@ from edge.limits import RATE_MIN_HZ
 from edge.sources.files import IMAGE_SUFFIXES, FolderSource, VideoSource, read_image
 from edge.sources.lens_file import lens_for
 from edge.sources.live import ThreadedSource
-from edge.sources.options import Options, Spec, convert, parse_spec
+from edge.sources.options import NoKeys, Options, Spec, parse_spec
 from edge.sources.paced import Paced
 from edge.types import FrameSource
 
@@ -35,11 +35,11 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FolderSource",
+    "NoKeys",
     "Options",
     "Paced",
     "ThreadedSource",
     "VideoSource",
-    "convert",
     "known_schemes",
     "open_source",
     "read_image",
@@ -47,6 +47,11 @@ __all__ = [
 
 GROUP = "voronoi_touch.sources"
 Opener = Callable[[str, Options], FrameSource]
+
+
+def _opened(kind: Callable[[str, float], FrameSource], where: str, options: Options) -> FrameSource:
+    options.own(where, NoKeys)
+    return kind(where, options.rate_hz)
 
 
 def _later(module: str, name: str) -> Opener:
@@ -60,8 +65,8 @@ def _later(module: str, name: str) -> Opener:
 
 
 _BUILT_IN: dict[str, Opener] = {
-    "images": lambda where, options: FolderSource(where, options.without_extra(where).rate_hz),
-    "video": lambda where, options: VideoSource(where, options.without_extra(where).rate_hz),
+    "images": lambda where, options: _opened(FolderSource, where, options),
+    "video": lambda where, options: _opened(VideoSource, where, options),
     "v4l2": _later("edge.sources.v4l2", "open_v4l2"),
     "oak": _later("edge.sources.oak", "open_oak"),
     "picamera": _later("edge.sources.picamera", "open_picamera"),

@@ -21,10 +21,11 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import timedelta
 from typing import TYPE_CHECKING, Any, Literal
 
+import msgspec
 import numpy as np
 
 from edge.errors import SourceError
@@ -276,25 +277,27 @@ class OakSource(CameraSource):
         self._hand_over(Frame(image, stamp // timedelta(microseconds=1) * 1000, sequence, clock))
 
 
+class OakKeys(msgspec.Struct):
+    """The scheme's own keys; `crop` is x,y,width,height."""
+
+    socket: str = "CAM_B"
+    clock: Literal["host", "device"] = "host"
+    crop: str | None = None
+    sync: Literal["", "output", "input", "ptp"] = ""
+
+
 def open_oak(where: str, options: Options) -> OakSource:
-    """The scheme `oak:`; its own keys: socket=CAM_B, clock=device, crop=x,y,width,height, sync=output."""
-    extra = dict(options.extra)
-    socket, clock = extra.pop("socket", "CAM_B"), extra.pop("clock", "host")
-    crop_text, sync = extra.pop("crop", None), extra.pop("sync", "")
-    options = replace(options, extra=extra).without_extra(f"oak:{where}")
-    if clock not in ("host", "device"):
-        raise SourceError(f"source oak: no clock {clock!r}; known: host, device")
-    if sync and sync not in SYNC_MODES:
-        raise SourceError(f"source oak: no sync {sync!r}; known: {', '.join(SYNC_MODES)}")
-    crop = None if crop_text is None else Crop.parse(crop_text, options.size_or(LIVE.size_px))
+    """The scheme `oak:`; its own keys: `OakKeys`."""
+    keys = options.own(f"oak:{where}", OakKeys)
+    crop = None if keys.crop is None else Crop.parse(keys.crop, options.size_or(LIVE.size_px))
     load_depthai()
-    _socket(socket)
+    _socket(keys.socket)
     return OakSource(
-        camera_output(options, socket, crop, sync),
+        camera_output(options, keys.socket, crop, keys.sync),
         options,
         name=f"camera oak:{where}".rstrip(":"),
         module=lambda: find_module(where),
-        socket=socket,
-        own_clock=clock == "device",
+        socket=keys.socket,
+        own_clock=keys.clock == "device",
         crop=crop,
     )

@@ -22,7 +22,7 @@ from edge.errors import SourceError
 from edge.params import PARAMS as RUNTIME
 from edge.sources.camera import CameraSource
 from edge.sources.live import PARAMS as LIVE
-from edge.sources.options import Options
+from edge.sources.options import NoKeys, Options
 from edge.types import Array, Image
 
 _MONO = re.compile(r"^R(8|10|12)$")
@@ -188,5 +188,5 @@ def open_picamera(where: str, options: Options) -> PiCameraSource:
     if where and not (where.isdecimal() and len(where) < 10):
         raise SourceError(f"source picamera:{where}: no such camera; give a number: picamera:0, picamera:1")
     number = int(where or 0)
-    options = options.without_extra(f"picamera:{where}")
+    options.own(f"picamera:{where}", NoKeys)
     return PiCameraSource(lambda: load_picamera2(number), options, name=f"camera picamera:{number}")

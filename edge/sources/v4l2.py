@@ -16,18 +16,19 @@ Source: OpenCV modules/videoio/src/cap_v4l.cpp (for what each property does); V4
 import os
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
+from msgspec.structs import replace
 
 from edge.errors import SourceError
 from edge.params import PARAMS as RUNTIME
 from edge.sources.camera import CameraSource
 from edge.sources.live import PARAMS as LIVE
-from edge.sources.options import Options
+from edge.sources.options import NoKeys, Options
 from edge.types import Image
 
 
@@ -267,4 +268,5 @@ class V4l2Source(CameraSource):
 
 
 def open_v4l2(where: str, options: Options) -> V4l2Source:
-    return V4l2Source(where, options.without_extra(f"v4l2:{where}"))
+    options.own(f"v4l2:{where}", NoKeys)
+    return V4l2Source(where, options)

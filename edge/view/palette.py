@@ -54,14 +54,14 @@ SAFE = replace(  # Okabe and Ito: orange, blue, bluish green, black
 )
 
 
-def cell_colours(
-    area_change: Array, palette: Palette = PAPER, full: float = PARAMS.full_change
-) -> NDArray[np.uint8]:
-    """BGR of each cell, (n, 3); a lost pin's cell is grey like an edge.
+def _share(area_change: Array) -> Array:
+    """Of the change that gets the full colour; beyond it the colour stays."""
+    return np.clip(np.nan_to_num(area_change) / PARAMS.full_change, -1.0, 1.0)
 
-    full  area change that gets the full colour; beyond it the colour stays
-    """
-    share = np.clip(np.nan_to_num(area_change) / full, -1.0, 1.0)
+
+def cell_colours(area_change: Array, palette: Palette = PAPER) -> NDArray[np.uint8]:
+    """BGR of each cell, (n, 3); a lost pin's cell is grey like an edge."""
+    share = _share(area_change)
     colours = _ramp(palette)[np.rint((share + 1.0) * COLOUR_STEPS).astype(np.intp)]
     colours[~np.isfinite(area_change)] = palette.edge
     return colours
@@ -99,13 +99,10 @@ def _bgr(lab: Array) -> NDArray[np.uint8]:
     return np.rint(255.0 * c[:, ::-1]).astype(np.uint8)
 
 
-def cell_rgba(
-    area_change: Array, palette: Palette = PAPER, full: float = PARAMS.full_change
-) -> list[tuple[float, float, float, float]]:
+def cell_rgba(area_change: Array, palette: Palette = PAPER) -> list[tuple[float, float, float, float]]:
     """The same as an overlay on the camera's image: r, g, b, opacity in 0..1; opacity shows the change."""
-    share = np.clip(np.nan_to_num(area_change) / full, -1.0, 1.0)
     rgba = []
-    for s in share.tolist():
+    for s in _share(area_change).tolist():
         b, g, r = palette.compressed if s >= 0 else palette.expanded
         rgba.append((r / 255, g / 255, b / 255, 0.7 * float(abs(s) ** PARAMS.change_exponent)))
     return rgba

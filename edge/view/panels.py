@@ -61,16 +61,14 @@ def draw_touch(
     tracks: Tracks,
     features: Features | None,
     palette: Palette = PAPER,
-    full: float = PARAMS.full_change,
 ) -> Canvas:
     """Cells shaded by area change, pins, local and global shear, contact stars.
 
     polygons  (k, 2) px, row i the cell of pin i; empty where there is none
-    full      area change that gets the full colour
     """
     canvas = np.full((view.size[1], view.size[0], 3), palette.paper, np.uint8)
     if features is not None:
-        _cells(canvas, view, polygons, cell_colours(features.area_change, palette, full), palette)
+        _cells(canvas, view, polygons, cell_colours(features.area_change, palette), palette)
         _local_shear(canvas, view, tracks, features, palette)
     seen = tracks.xy_img[tracks.seen]
     for x, y in view.fixed(seen).tolist():
@@ -206,18 +204,17 @@ def picture(
     features: Features | None,
     *,
     palette: Palette = PAPER,
-    full: float = PARAMS.full_change,
     caption: str = "",
 ) -> Canvas:
     """Both panels side by side, with legend, scale bar and caption; BGR, same size for every frame."""
-    touch = draw_touch(view, polygons, tracks, features, palette, full)
+    touch = draw_touch(view, polygons, tracks, features, palette)
     camera = draw_camera(view, frame.image, frame.bits, tracks, palette)
     width, height = view.size
     gap, foot = max(4, height // 80), round(0.12 * height)
     canvas = np.full((height + foot, 2 * width + gap, 3), palette.paper, np.uint8)
     canvas[:height, :width] = touch
     canvas[:height, width + gap :] = camera
-    _legend(canvas[height:, :width], view, palette, full)
+    _legend(canvas[height:, :width], view, palette)
     _caption(canvas[height:, width + gap :], frame, tracks, features, caption, palette)
     return canvas
 
@@ -231,11 +228,11 @@ def _text(canvas: Canvas, at: tuple[float, float], text: str, size: float, colou
     return float(width)
 
 
-def _legend(foot: Canvas, view: View, palette: Palette, full: float) -> None:
+def _legend(foot: Canvas, view: View, palette: Palette) -> None:
     """Colour bar of the area change, scale bar, and the factors of the vectors."""
     h, w = foot.shape[:2]
-    size = h * 0.17
-    bar = cell_colours(np.linspace(-full, full, round(0.34 * w)), palette, full)
+    size, full = h * 0.17, PARAMS.full_change
+    bar = cell_colours(np.linspace(-full, full, round(0.34 * w)), palette)
     top, bottom, left = round(0.18 * h), round(0.36 * h), round(0.03 * w)
     foot[top:bottom, left : left + len(bar)] = bar
     cv2.rectangle(foot, (left, top), (left + len(bar) - 1, bottom - 1), palette.edge, 1)

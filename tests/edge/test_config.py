@@ -26,25 +26,23 @@ def test_keys_are_read_and_an_empty_file_is_the_defaults(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("[source]\nspeck = 'v4l2:0'\n", "unknown key 'speck' in [source]; known keys: spec, "),
-        ("[sauce]\n", "unknown key 'sauce' in the top level; known keys: sensor, "),
-        ("[sensor]\nnode_id = 128\n", ": [sensor] node_id = 128: give a whole number from 1 to 127"),
-        ("[sensor]\nnode_id = 'one'\n", '[sensor] node_id = "one": give a whole number from 1 to 127'),
-        ("[sensor]\nserial = 42\n", "[sensor] serial = 42: give text in quotes, 32 characters at most"),
-        ("sensor = 3\n", "sensor = 3: a table is written [sensor], with keys below it"),
-        ("[source]\nrate_hz = nan\n", "[source] rate_hz = NaN: give a number from 0 to 100000"),
-        ("[tare]\nsteady_px = 0\n", "[tare] steady_px = 0: give a number from 0.01 to 100"),
-        ("[tare]\nsteady_px = inf\n", "[tare] steady_px = Infinity: give a number from 0.01 to 100"),
-        ("[tare]\nsteady_px = nan\n", "[tare] steady_px = NaN: give a number from 0.01 to 100"),
+        ("[source]\nspeck = 'v4l2:0'\n", "source: unknown key 'speck'; known: spec, "),
+        ("[sauce]\n", "unknown key 'sauce'; known: sensor, "),
+        ("[sensor]\nnode_id = 128\n", ": sensor.node_id: must be at most 127"),
+        ("[sensor]\nnode_id = 'one'\n", "sensor.node_id: must be a whole number, is text"),
+        ("[sensor]\nserial = 42\n", "sensor.serial: must be text, is a whole number"),
+        ("sensor = 3\n", "sensor: must be a table {...}, is a whole number"),
+        ("[source]\nrate_hz = nan\n", "source.rate_hz = nan: give a finite number"),
+        ("[tare]\nsteady_px = 0\n", "tare.steady_px: must be at least 0.01"),
+        ("[tare]\nsteady_px = inf\n", "tare.steady_px = inf: give a finite number"),
         ("[source]\nspec = " + "[" * 20_000, "nested too deeply"),
         ("#" * (FILE_BYTES + 1), "larger than 2048 KiB"),
-        ('"a\\nb" = 1\n', r"unknown key 'a\nb' in the top level"),
-        ("[link]\nsinks = 'can:can0'\n", '[link] sinks = "can:can0": give a list, each of it text in quotes'),
-        ("[link]\nsinks = ['memory:', 2]\n", "[link] sinks[1] = 2: give text in quotes"),
-        ("[features]\ndemand = ['taste']\n", '[features] demand[0] = "taste": give one of displacement, '),
+        ('"a\\nb" = 1\n', r"unknown key 'a\nb'; known: "),
+        ("[link]\nsinks = 'can:can0'\n", "link.sinks: must be a list, is text"),
+        ("[link]\nsinks = ['memory:', 2]\n", "link.sinks[1]: must be text, is a whole number"),
         (
-            "[features]\ndemand = 2020-01-01\n",
-            '[features] demand = "2020-01-01": give a list, each of it one',
+            "[features]\ndemand = ['taste']\n",
+            "features.demand[0]: unknown value 'taste'; known: displacement, ",
         ),
         ("[sensor\n", "not TOML"),
         ("\x00", "not TOML"),
@@ -58,14 +56,13 @@ def test_a_mistake_is_one_line_with_file_and_key(tmp_path: Path, text: str, expe
     assert expected in message
 
 
-def test_every_key_names_its_values(tmp_path: Path) -> None:
+def test_every_key_is_checked_and_named(tmp_path: Path) -> None:
     """No key accepts a datetime."""
     path = tmp_path / "edge.toml"
     for section in Config.__struct_fields__:
         for key in getattr(Config(), section).__struct_fields__:
             path.write_text(f"[{section}]\n{key} = 2020-01-01\n")
-            refusal = rf"\[{section}\] {key} = \"2020-01-01\": give (a|one|text|true) "
-            with pytest.raises(ConfigError, match=refusal):
+            with pytest.raises(ConfigError, match=rf"{section}\.{key}: must be (a|text|true)"):
                 load_config(path)
     message = one_line(ConfigError, load_config, tmp_path / "absent.toml")
     assert "absent.toml: cannot be read: No such file" in message

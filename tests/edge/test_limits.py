@@ -47,7 +47,7 @@ class Table(msgspec.Struct):
         ('{"items":[{"x":NaN}]}', "no JSON: invalid character (byte 15)"),
         ('{"items":[{"x":"1"}]}', "items[0].x: must be a number, is text"),
         ('{"items":[{"x":true}]}', "items[0].x: must be a number, is true or false"),
-        ('{"items":[{"y":1}]}', "items[0]: unknown key 'y'"),
+        ('{"items":[{"y":1}]}', "items[0]: unknown key 'y'; known: x, names, kind"),
         ('{"items":[{}]}', "items[0]: lacks x"),
         ('{"items":[{"x":1,"names":["a","b","c"]}]}', "items[0].names: must have at most 2 items"),
         ('{"items":[{"x":1,"kind":3}]}', "items[0].kind: must be text or null, is a whole number"),
