@@ -86,11 +86,6 @@ class SdoServer:
             Sdo.BLOCK_UPLOAD: self._block_upload,
         }
 
-    @property
-    def held_bytes(self) -> int:
-        """Memory taken by the transfer under way."""
-        return len(self._transfer.data) if self._transfer else 0
-
     def reset(self) -> None:
         """Forget the transfer under way."""
         self._transfer, self._repeated = None, _NO_REPEAT

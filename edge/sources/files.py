@@ -106,7 +106,6 @@ def read_image(path: str | Path) -> Image:
 class FileSource:
     """What all recordings have in common. Each iteration starts from the beginning.
 
-    kind    what it is, for messages
     faults  how often each kind of damage was met, in the last reading
     """
 
@@ -120,11 +119,6 @@ class FileSource:
         self.lens: Lens | None = None
         self.faults: Counter[str] = Counter()
         self._closed = False
-
-    @property
-    def truncated(self) -> bool:
-        """Whether the file is truncated; known once it has been read to its end."""
-        return self.faults["truncated"] > 0
 
     def close(self) -> None:
         self._closed = True

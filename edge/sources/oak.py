@@ -82,7 +82,6 @@ def camera_output(
 ) -> MakeOutput:
     """Mono camera of a module: manual exposure and focus, no anti-banding, one chunk a frame.
 
-    crop  of the image of the options' size; None: all of it
     sync  what the camera's frame sync pin is: a key of `SYNC_MODES`; "": as depthai has it
     """
 
@@ -196,9 +195,7 @@ class OakSource(CameraSource):
 
     make_output  builds the nodes; called again when a lost module is back
     module       gives the module to open; None: host only, and the source ends with the stream
-    socket       of the camera, for checks and lens
     own_clock    the module's clock instead of the host's
-    crop         that the nodes make
     Raises       SourceError: no module, no such camera, no frames, too slow
     """
 

@@ -47,9 +47,7 @@ def load_picamera2(number: int) -> Any:
 
 
 class PiCameraSource(CameraSource):
-    """A CSI camera.
-
-    open_camera  gives a `picamera2.Picamera2`, again after each loss
+    """open_camera  gives a `picamera2.Picamera2`, again after each loss
     Raises       SourceError: no camera, a size that it does not have, no frames, too slow
     """
 
@@ -75,10 +73,11 @@ class PiCameraSource(CameraSource):
         try:
             self._configure(camera)
             camera.start()
-        except (RuntimeError, ValueError, KeyError, SourceError) as error:
+        except SourceError:
             camera.close()
-            if isinstance(error, SourceError):
-                raise
+            raise
+        except (RuntimeError, ValueError, KeyError) as error:
+            camera.close()
             advice = "other program? ask for another size or format"
             raise SourceError(f"{self.name}: {error}; {advice}") from error
         return camera

@@ -181,15 +181,12 @@ def save_pins_overlay(path: str | Path, image: Image, pins: Pins) -> None:
     for (x, y), r in zip(view.fixed(pins.xy_img).tolist(), pins.radius_px.tolist(), strict=True):
         cv2.circle(canvas, (x, y), round(r * scale * _ONE), _RING, 1, cv2.LINE_AA, _SHIFT)
         cv2.drawMarker(canvas, (round(x / _ONE), round(y / _ONE)), _CROSS, cv2.MARKER_CROSS, 5, 1)
-    if not _write(Path(path), canvas):
-        raise SinkError(f"picture {path}: cannot be written; give a folder that exists and may be written to")
-
-
-def _write(path: Path, canvas: Canvas) -> bool:
     try:
-        return bool(cv2.imwrite(str(path), canvas))
+        written = cv2.imwrite(str(path), canvas)
     except cv2.error:  # no encoder for this suffix
-        return False
+        written = False
+    if not written:
+        raise SinkError(f"picture {path}: cannot be written; give a folder that exists and may be written to")
 
 
 _CROSS: Bgr = (60, 60, 255)

@@ -81,10 +81,6 @@ class WorkerClient:
         assert self._listen is not None
         return self._listen.port
 
-    @property
-    def connected(self) -> bool:
-        return self._outbox is not None
-
     def start(self) -> None:
         """Start the process, and begin to send to it. Raises InputError."""
         self._start_process(self._config.record)

@@ -3,24 +3,19 @@
 Both run in the loop's thread after the sample has left, and never wait.
 """
 
-from __future__ import annotations
-
 import time
 from collections import deque
 from collections.abc import Callable
 from math import nan
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from edge.view.chart import CHARTED
+from edge.runtime.loop import Loop
+from edge.types import Features, Frame, Rest, Result
+from edge.view.scene import CHARTED
 from edge.worker.messages import Event, RecordingReport, Show, Take
 from edge.worker.params import PARAMS
 from hostlink.web.limits import WebLimits
-from hostlink.wire import FAULTS
-
-if TYPE_CHECKING:
-    from edge.runtime.loop import Loop
-    from edge.types import Features, Frame, Rest, Result
-    from hostlink.wire import State
+from hostlink.wire import FAULTS, State
 
 _MEANING = {fault.code: fault.meaning for fault in FAULTS}
 
@@ -73,7 +68,13 @@ class ViewFeed:
             result if is_new else None,
             state if is_new else None,
             None if rest is rest_shown else rest,
-            self._about(),
+            {
+                "faults": [[_MEANING[code], message] for code, message in loop.faults.active.items()],
+                "taring": loop.taring,
+                "tares_n": loop.tares_n,
+                "calibrated": loop.calibration is not None,
+                "dropped_n": loop.source.dropped_n,
+            },
         )
         # Due by the clock, not a period after this frame: so as many are sent as the page draws.
         period_s = 1.0 / WebLimits().rate_hz
@@ -99,20 +100,9 @@ class ViewFeed:
         """A new worker needs a complete message."""
         self._shown = (None, None, None)
 
-    def _about(self) -> dict[str, Any]:
-        """The data that do not come from a frame."""
-        loop = self._loop
-        return {
-            "faults": [[_MEANING[code], message] for code, message in loop.faults.active.items()],
-            "taring": loop.taring,
-            "tares_n": loop.tares_n,
-            "calibrated": loop.calibration is not None,
-            "dropped_n": loop.source.dropped_n,
-        }
-
 
 def _row(at_s: float, state: State, features: Features | None) -> tuple[float, ...]:
-    """One sample in the order of `edge.view.chart.CHART`."""
+    """One sample in the order of `edge.view.scene.CHART`."""
     volume_px2, shear_px = nan, [nan, nan]
     if features is not None:
         volume_px2 = nan if features.volume_px2 is None else features.volume_px2

@@ -14,8 +14,7 @@ import numpy as np
 
 from edge.errors import InputError
 from edge.types import Frame, Rest, Result
-from edge.view.chart import CHART
-from edge.view.scene import Arrays, camera, hello, touch
+from edge.view.scene import CHART, Arrays, camera, hello, touch
 from edge.worker.messages import Show
 from edge.worker.params import PARAMS
 from hostlink.web import Listen, PageServer, WebError, pack_packet
