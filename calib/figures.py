@@ -11,8 +11,7 @@ import numpy as np
 
 from edge.errors import InputError
 from edge.types import Array, Features, Frame, Tracks
-from edge.view.palette import PAPER, Bgr, Palette, cell_colours
-from edge.view.params import PARAMS
+from edge.view.palette import PAPER, PARAMS, Bgr, Palette, cell_colours
 
 _COLUMN_IN = 7.16  # both columns of an IEEE page
 #: Left, bottom, width, height of the surface's box in the figure: it fills it, with space for the label of z.

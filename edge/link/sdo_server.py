@@ -60,11 +60,7 @@ class _Transfer:
 
 
 class SdoServer:
-    """Answers the SDO requests to one node.
-
-    objects  what is read and written
-    send     sends the 8 bytes of an answer
-    """
+    """Answers the SDO requests to one node; `send` sends the 8 bytes of an answer."""
 
     def __init__(
         self,

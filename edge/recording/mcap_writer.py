@@ -33,10 +33,8 @@ PARAMS = RecordingParams()
 class McapWriter:
     """One open file; used by one thread.
 
-    path         must not exist, unless `overwrite`
-    metadata     about the whole recording
     written_n    messages by topic, in chunks that are closed or open
-    Raises       SinkError: the file exists or cannot be created
+    Raises       SinkError: the file exists and `overwrite` is not set, or it cannot be created
     """
 
     def __init__(

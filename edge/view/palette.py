@@ -12,8 +12,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edge.types import Array
-from edge.view.params import PARAMS
 
+
+@dataclass(frozen=True, slots=True)
+class ViewParams:
+    """Every chosen number of the pictures; the evidence for each is in docs/tuning.md, "Pictures"."""
+
+    full_change: float = 0.5  # area change that gets the full colour
+    change_exponent: float = 0.7  # of an area change; below 1 it emphasises small ones, where a touch begins
+    local_gain: float = 2.0  # of each pin's motion, as a vector
+    global_gain: float = 6.0  # of the mean motion, which is small beside the largest
+    jpeg_quality: int = 80  # of the live page's camera image
+    side_max_px: int = 720
+
+
+PARAMS = ViewParams()
 COLOUR_STEPS = 255  # on each side of no change: as many as a colour of 8 bits has
 
 Bgr = tuple[int, int, int]

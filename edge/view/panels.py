@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from edge.errors import SinkError
 from edge.types import Array, Features, Frame, Image, Pins, Tracks
-from edge.view.palette import PAPER, Bgr, Palette, cell_colours
-from edge.view.params import PARAMS
+from edge.view.palette import PAPER, PARAMS, Bgr, Palette, cell_colours
 
 Canvas = NDArray[np.uint8]
 _SHIFT = 4

@@ -11,8 +11,7 @@ import numpy as np
 
 from edge.cells import cell_polygons
 from edge.types import Array, Frame, Image, Rest, Result
-from edge.view.palette import COLOUR_STEPS, PAPER, SAFE, Palette, cell_colours, cell_rgba
-from edge.view.params import PARAMS
+from edge.view.palette import COLOUR_STEPS, PAPER, PARAMS, SAFE, Palette, cell_colours, cell_rgba
 from hostlink.wire import FIELDS
 from hostlink.wire.shown import live_charts, live_fields, page_numbers
 

@@ -52,11 +52,7 @@ log = logging.getLogger("edge.worker")
 
 
 class Worker:
-    """The worker process.
-
-    control  to the loop's process
-    inbox    from it
-    """
+    """control, inbox  to and from the loop's process"""
 
     def __init__(self, control: socket.socket, inbox: Inbox, begin: Begin) -> None:
         self._control, self._inbox, self._begin = control, inbox, begin
@@ -91,12 +87,9 @@ class Worker:
             match message:
                 case Show():
                     self._page.show(message)
-                case Take(frame, result, state, lost_n):
-                    if self._page is not None:
-                        self._page.take(frame, result, state)
-                    if recording is not None:
-                        recording.count_lost(lost_n)
-                        recording.take(frame, result, state)
+                case Take(frame, result, state, lost_n) if recording is not None:
+                    recording.count_lost(lost_n)
+                    recording.take(frame, result, state)
                 case Event(level, text) if recording is not None:
                     recording.event(level, text)
                 case Attach(name, data) if recording is not None:

@@ -61,7 +61,7 @@ class WorkerClient:
         self._listen = config.listen
         self.page = PageReport()
         self.view = ViewFeed(loop, self._put)
-        self.recording = RecordingFeed(self._put, self.view.was_recorded)
+        self.recording = RecordingFeed(self._put)
         self.process: subprocess.Popen[bytes] | None = None
         self._closing = False
         self._recorded = False  # the process may still have something to write

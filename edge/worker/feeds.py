@@ -84,11 +84,6 @@ class ViewFeed:
             self._shown = (frame, result, rest)
             self._rows.clear()
 
-    def was_recorded(self, frame: Frame, result: Result | None) -> None:
-        """The worker has received this frame for the recording: it need not be sent again for viewing."""
-        if self.watched:
-            self._shown = (frame, result or self._shown[1], self._shown[2])
-
     def set_watched(self, watched: bool) -> None:
         """The first viewer came, or the last one left; the next message is complete."""
         if not (watched and self.watched):
@@ -114,15 +109,12 @@ def _row(at_s: float, state: State, features: Features | None) -> tuple[float, .
 class RecordingFeed:
     """Sends each turn of the loop to the recorder, and keeps its state.
 
-    put          sends a message to the worker; False: the memory is full
-    on_recorded  called with each turn that was sent: the worker has its image and result
-    report       the worker's last report on the recording
+    put     sends a message to the worker; False: the memory is full
+    report  the worker's last report on the recording
     """
 
-    def __init__(
-        self, put: Callable[[Any], bool], on_recorded: Callable[[Frame, Result | None], None]
-    ) -> None:
-        self._put, self._on_recorded = put, on_recorded
+    def __init__(self, put: Callable[[Any], bool]) -> None:
+        self._put = put
         self.begin()
 
     def begin(self) -> None:
@@ -137,7 +129,6 @@ class RecordingFeed:
             self.lost_n += 1
             return
         self._lost_reported_n += lost_n
-        self._on_recorded(frame, result)
 
     def event(self, level: str, text: str) -> None:
         """Record a line of the log; from any thread."""

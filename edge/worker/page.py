@@ -25,9 +25,7 @@ VALUES = tuple(f.name for f in FIELDS if not f.plain)
 
 
 class LivePage:
-    """The live page.
-
-    source, serial  names of camera and tip
+    """source, serial  names of camera and tip
     commands        of viewers, by name
     on_wants        called with what all viewers request together when that changes; None: nobody watches
     recording       the state of a recording for viewers, while there is one
@@ -86,12 +84,6 @@ class LivePage:
         self._recent.extend(show.rows)
         self._last_s = show.last_s
         self._seen_n = show.seen_n
-
-    def take(self, frame: Frame, result: Result | None, state: State) -> None:
-        """Show frames that are recorded."""
-        self._frame = frame
-        if result is not None:
-            self._latest = (result, state)
 
     # ---- the server's thread ------------------------------------------------------------------------
 
