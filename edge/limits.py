@@ -150,13 +150,7 @@ _KINDS = {
     "object": "a table {...}",
     "null": "null",
 }
-_COMPARED = {
-    ">=": "must be at least",
-    ">": "must be more than",
-    "<=": "must be at most",
-    "<": "must be less than",
-}
-_AMOUNT = {"<=": "at most {}", ">=": "at least {}", None: "exactly {}"}
+_COMPARED = {">=": "at least", ">": "more than", "<=": "at most", "<": "less than", None: "exactly"}
 _PATH = re.compile(r" - at `\$\.?(?P<path>.*)`$", re.DOTALL)
 _LENGTH = re.compile(r"Expected `(?P<kind>\w+)` of length (?P<op>[<>]=?)? ?(?P<n>\d+)")
 _RANGE = re.compile(r"Expected `\w+` (?P<op>[<>]=?) (?P<limit>\S+)")
@@ -193,9 +187,9 @@ def _known(kind: Any, place: str) -> list[str]:
 def _what(message: str) -> str:
     if m := _LENGTH.match(message):
         unit = "character" if m["kind"] == "str" else "item"
-        return f"must have {_AMOUNT[m['op']].format(m['n'])} {unit}{'s' * (m['n'] != '1')}"
+        return f"must have {_COMPARED[m['op']]} {m['n']} {unit}{'s' * (m['n'] != '1')}"
     if m := _RANGE.match(message):
-        return f"{_COMPARED[m['op']]} {float(m['limit']):g}"
+        return f"must be {_COMPARED[m['op']]} {float(m['limit']):g}"
     if m := _KIND.match(message):
         return f"must be {_named(m['wanted'])}, is {_named(m['found'])}"
     if m := _FIELD.match(message):

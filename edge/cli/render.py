@@ -1,7 +1,6 @@
 """`edge render`: a recording as the paper's video: every frame through the pipeline and into a picture.
 
-The rest frame is the recording's first frames, as in a replay; they are in the video, too. A frame whose pins
-cannot be identified is shown with its image and without cells.
+A frame whose pins cannot be identified is shown with its image and without cells.
 """
 
 import logging

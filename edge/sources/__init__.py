@@ -49,28 +49,14 @@ GROUP = "voronoi_touch.sources"
 Opener = Callable[[str, Options], FrameSource]
 
 
-def _opened(kind: Callable[[str, float], FrameSource], where: str, options: Options) -> FrameSource:
-    options.own(where, NoKeys)
-    return kind(where, options.rate_hz)
-
-
-def _later(module: str, name: str) -> Opener:
-    """An opener that imports its module when first used."""
-
-    def open_it(where: str, options: Options) -> FrameSource:
-        source: FrameSource = getattr(import_module(module), name)(where, options)
-        return source
-
-    return open_it
-
-
-_BUILT_IN: dict[str, Opener] = {
-    "images": lambda where, options: _opened(FolderSource, where, options),
-    "video": lambda where, options: _opened(VideoSource, where, options),
-    "v4l2": _later("edge.sources.v4l2", "open_v4l2"),
-    "oak": _later("edge.sources.oak", "open_oak"),
-    "picamera": _later("edge.sources.picamera", "open_picamera"),
-    "mcap": _later("edge.recording.reader", "open_recording"),
+#: Module and function of each scheme, imported when it is first used.
+_BUILT_IN = {
+    "images": "edge.sources.files:open_images",
+    "video": "edge.sources.files:open_video",
+    "v4l2": "edge.sources.v4l2:open_v4l2",
+    "oak": "edge.sources.oak:open_oak",
+    "picamera": "edge.sources.picamera:open_picamera",
+    "mcap": "edge.recording.reader:open_recording",
 }
 _FROM_EXTRA = {"sim": "voronoi-touch[calib]"}
 
@@ -88,11 +74,14 @@ def known_schemes() -> list[str]:
 
 
 def _opener(spec: Spec) -> Opener:
+    opener: Opener
     if spec.scheme in _BUILT_IN:
-        return _BUILT_IN[spec.scheme]
+        module, _, name = _BUILT_IN[spec.scheme].partition(":")
+        opener = getattr(import_module(module), name)
+        return opener
     for point in _from_packages(name=spec.scheme):
         try:
-            opener: Opener = point.load()
+            opener = point.load()
         except ImportError as error:
             hint = _FROM_EXTRA.get(spec.scheme, f"the package of {point.value}")
             raise SourceError(f"source {spec.text}: {error}; install {hint}") from error

@@ -20,6 +20,7 @@ from cv2.utils import logging
 from edge.errors import SourceError
 from edge.limits import RATE_MAX_HZ
 from edge.sources.image_header import check_size, image_size
+from edge.sources.options import NoKeys, Options
 from edge.types import Clock, Frame, Image, Lens, Polarity
 from hostlink.input_file import read_bounded
 
@@ -241,3 +242,13 @@ class VideoSource(FileSource):
                 yield Frame(to_grey(image), capture_ns, at, Clock.RECORDED)
         finally:
             capture.release()
+
+
+def open_images(where: str, options: Options) -> FolderSource:
+    options.own(where, NoKeys)
+    return FolderSource(where, options.rate_hz)
+
+
+def open_video(where: str, options: Options) -> VideoSource:
+    options.own(where, NoKeys)
+    return VideoSource(where, options.rate_hz)

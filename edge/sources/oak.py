@@ -23,7 +23,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import timedelta
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import msgspec
 import numpy as np
@@ -110,8 +110,7 @@ def camera_output(
 SYNC_MODES = {"output": "OUTPUT", "input": "INPUT", "ptp": "TIME_PTP"}
 
 
-@dataclass(frozen=True, slots=True)
-class Crop:
+class Crop(NamedTuple):
     """A part of the image, px."""
 
     x: int
@@ -123,8 +122,8 @@ class Crop:
     def parse(cls, text: str, size_px: tuple[int, int]) -> Crop:
         """Of "x,y,width,height". Raises SourceError: not that, or not within an image of this size."""
         width, height = size_px
-        match = re.fullmatch(r"(\d{1,5}),(\d{1,5}),(\d{1,5}),(\d{1,5})", text)
-        crop = cls(*(int(number) for number in match.groups())) if match else cls(0, 0, 0, 0)
+        match = re.fullmatch(r"\d{1,5}(,\d{1,5}){3}", text)
+        crop = cls(*map(int, text.split(","))) if match else cls(0, 0, 0, 0)
         within = crop.x + crop.width <= width and crop.y + crop.height <= height
         if not (crop.width and crop.height and within):
             raise SourceError(

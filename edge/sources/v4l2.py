@@ -95,17 +95,8 @@ def find_device(where: str, sys_root: Path = Path("/sys"), dev_root: Path = Path
     return os.path.realpath(path)
 
 
-def _grey8(raw: Any, size: tuple[int, int]) -> Image:
-    return np.ascontiguousarray(raw.reshape(size[1], size[0]), dtype=np.uint8)
-
-
 def _grey16(raw: Any, size: tuple[int, int]) -> Image:
-    data = np.ascontiguousarray(raw)
-    return data.view("<u2").reshape(size[1], size[0]).astype(np.uint16, copy=False)
-
-
-def _yuyv(raw: Any, size: tuple[int, int]) -> Image:
-    return np.ascontiguousarray(raw.reshape(size[1], size[0], 2)[:, :, 0], dtype=np.uint8)
+    return np.ascontiguousarray(raw).view("<u2").reshape(size[1], size[0]).astype(np.uint16, copy=False)
 
 
 def _mjpg(raw: Any, size: tuple[int, int]) -> Image:
@@ -116,13 +107,13 @@ def _mjpg(raw: Any, size: tuple[int, int]) -> Image:
 
 
 #: By name: bits that count, and how the image is made of the camera's bytes.
-_FORMATS: dict[str, tuple[int, Callable[[Any, tuple[int, int]], Image]]] = {
-    "GREY": (8, _grey8),
+_FORMATS: dict[str, tuple[int, Callable[[Any, tuple[int, int]], Any]]] = {
+    "GREY": (8, lambda raw, size: raw.reshape(size[1], size[0])),
     "Y10": (10, _grey16),
     "Y12": (12, _grey16),
     "Y16": (16, _grey16),
     "MJPG": (8, _mjpg),
-    "YUYV": (8, _yuyv),
+    "YUYV": (8, lambda raw, size: raw.reshape(size[1], size[0], 2)[:, :, 0]),
 }
 _AUTO = ("GREY", "MJPG", "YUYV")  # in the order in which they are tried: no colour, no loss first
 
@@ -240,7 +231,7 @@ class V4l2Source(CameraSource):
         try:
             if not ok or raw is None:
                 raise ValueError("no image")
-            image = self._to_grey(raw, self.size_px)
+            image: Image = np.ascontiguousarray(self._to_grey(raw, self.size_px))
         except (ValueError, cv2.error):
             self.faults["damaged frame"] += 1
         else:

@@ -1,7 +1,4 @@
-"""What the loop sends to the worker: new results for viewers, and every turn for the recorder.
-
-Both run in the loop's thread after the sample has left, and never wait.
-"""
+"""What the loop's thread sends to the worker: new results for viewers, and every turn for the recorder."""
 
 import time
 from collections import deque
