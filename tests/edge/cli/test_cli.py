@@ -361,7 +361,7 @@ def mistaken(data_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
             "give the calibration of this tip",
         ),
         (["run", "--source", "sim:tour?paced=x"], "sim:tour: paced: must be true or false, is text"),
-        (["run", "--source", "sim:tour?pins=many"], "sim:tour: pins=many: give a whole number"),
+        (["run", "--source", "sim:tour?pins=many"], "sim:tour: pins: must be a whole number, is text"),
         (["run", "--source", "v4l2:abc"], "v4l2:abc: no such camera; give v4l2:NUMBER"),
         (
             ["run", "--source", "v4l2:0?width=wide"],
