@@ -79,7 +79,7 @@ slow: $(READY)
 test-browser: $(READY)
 	$(PYTEST) tests/browser
 
-## make bench      time per frame and stage, against the reference
+## make bench      time per frame, against the reference
 bench: $(READY)
 	OMP_NUM_THREADS=1 $(BIN)/python -m tests.bench
 

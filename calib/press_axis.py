@@ -21,7 +21,7 @@ from calib.axes import CERTAIN
 from calib.errors import FitError, TableError
 from calib.extract import Extract
 from calib.fit_params import PARAMS
-from calib.targets import MOST, Targets
+from calib.targets import LEAST_DEPTH_MM, MOST, Targets
 from edge.calibration.inputs import FRAME_INPUTS
 from edge.types import Array, Mask
 
@@ -30,6 +30,7 @@ __all__ = ["PressAxis", "along_press", "check_press", "recognise_press"]
 #: What grows with the press, and the table's column of it.
 COLUMNS = {"displacement_mm": "pose_z", "contact_depth_mm": "contact_depth", "force_n": "force_z"}
 TOUCH_MM = 0.5  # a depth's zero is known to this: a touch is seen from 0.1 to 0.3 mm on
+IDLE_REL = 0.1  # share of a force's range: touches that are not seen have less
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,12 +41,14 @@ class PressAxis:
     sign   1: it grows with the press; -1: it falls; 0: the frames do not show it
     touch  the least and the largest reading times sign at the first touch; None: not known, or a force
     seen   whether frames on both sides of the first touch show that, closely enough to count from there
+    idle   of a force, the reading where nothing touches; NaN: as good as 0, or not known
     """
 
     name: str
     sign: int
     touch: tuple[float, float] | None = None
     seen: bool = False
+    idle: float = math.nan
 
     @property
     def from_zero(self) -> bool:
@@ -66,6 +69,8 @@ class PressAxis:
         text = f"{'-' if self.sign < 0 else ''}{column}"
         if self.zero:
             text = f"{-self.zero:g} - {column}" if self.sign < 0 else f"{column} {-self.zero:+g}"
+        if self.idle == self.idle:
+            text += f" ({self.idle:.3g} N where nothing touches: is the gauge tared?)"
         return f"{self.name} = {text}" + (f" (first touch at {self._at_touch})" if self.touch else "")
 
     @property
@@ -90,17 +95,24 @@ class PressAxis:
 
 
 def recognise_press(targets: Targets, extract: Extract) -> list[PressAxis]:
-    """How each column that grows with a press is counted."""
+    """How each column that grows with a press is counted. Raises TableError: a depth in metres."""
     inputs = extract.inputs[:, [FRAME_INPUTS.index("c10"), FRAME_INPUTS.index("volume")]].real
     known = extract.trusted & np.isfinite(inputs).all(axis=1)
     found = []
     for name in COLUMNS.keys() & targets.values.keys():
         rows = known & np.isfinite(targets.values[name])
         column, apart, volume = targets.values[name][rows], *inputs[rows].T
-        sign, touch, seen = _sign(column, apart), None, False
-        if sign and name != "force_n":
+        sign, touch, seen, idle = _sign(column, apart), None, False, math.nan
+        if sign and name == "force_n":
+            idle = _idle(column, extract.in_contact[rows])
+        elif sign:
+            if (span := np.ptp(column)) < LEAST_DEPTH_MM:
+                raise TableError(
+                    f"{targets.where}: column {COLUMNS[name]} changes by {span:.2g} mm where the pins move "
+                    "apart; its unit is mm"
+                )
             touch, seen = _first_touch(sign * column, volume, extract.in_contact[rows])
-        found.append(PressAxis(name, sign, touch, seen))
+        found.append(PressAxis(name, sign, touch, seen, idle))
     return sorted(found, key=lambda axis: list(COLUMNS).index(axis.name))
 
 
@@ -155,6 +167,14 @@ def _sign(column: Array, apart: Array) -> int:
         1 - r * r
     )
     return int(math.copysign(certain, r))
+
+
+def _idle(force: Array, in_contact: Mask) -> float:
+    """A force (n,) N where nothing touches, if it is more than a light touch could be."""
+    if (~in_contact).sum() < PARAMS.known_rows_min:
+        return math.nan
+    idle = float(np.median(force[~in_contact]))
+    return idle if abs(idle) > IDLE_REL * np.ptp(force) else math.nan
 
 
 def _first_touch(z: Array, volume: Array, in_contact: Mask) -> tuple[tuple[float, float] | None, bool]:

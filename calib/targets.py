@@ -28,7 +28,7 @@ from calib.errors import TableError
 from calib.table import number, read_table, shown
 from edge.types import Array
 
-__all__ = ["COLUMNS", "MOST", "Targets", "join", "read_targets", "targets_of_capture"]
+__all__ = ["COLUMNS", "LEAST_DEPTH_MM", "MOST", "Targets", "join", "read_targets", "targets_of_capture"]
 
 #: Column of the table -> calibrated value, and the column's unit.
 COLUMNS: dict[str, tuple[str, str]] = {
@@ -50,7 +50,7 @@ COLUMNS: dict[str, tuple[str, str]] = {
 _IMAGE = "sensor_image"
 #: By unit: largest plausible truth of a fingertip; a depth that never exceeds the smallest is not in mm.
 MOST = {"mm": 100.0, "deg": 180.0, "N": 1000.0, "Nmm": 1e4, "mm2": 1e4}
-_LEAST_DEPTH_MM = 0.05
+LEAST_DEPTH_MM = 0.05
 #: Columns that an arm may give as its position, and how far an arm reaches.
 _DEPTHS = {"pose_z", "contact_depth"}
 _MOST_REACH_MM = 1e4
@@ -160,8 +160,8 @@ def _check_depths(table: Path, columns: Mapping[str, list[float]]) -> None:
             raise TableError(
                 f"{table}: column {name} spans {span:g} mm; that is not possible, its unit is mm"
             )
-    if "pose_z" in columns and max(map(abs, columns["pose_z"])) < _LEAST_DEPTH_MM:
-        raise TableError(f"{table}: column pose_z never exceeds {_LEAST_DEPTH_MM} mm; its unit is mm")
+    if "pose_z" in columns and max(map(abs, columns["pose_z"])) < LEAST_DEPTH_MM:
+        raise TableError(f"{table}: column pose_z never exceeds {LEAST_DEPTH_MM} mm; its unit is mm")
 
 
 def targets_of_capture(where: str, rows: Sequence[Mapping[str, str]]) -> Targets:

@@ -4,9 +4,9 @@ Idea: while the tip is certainly untouched, its pins are at rest. Their offset f
 very slowly and subtracted before anything is computed from their motion.
 
 Rules
-- Only while certainly untouched: no touch for `untouched_s` without a break, nearly all pins seen, no pin
+- Only while certainly untouched: no touch in this frame and the one before, nearly all pins seen, no pin
   further from its adapted place than a small part of the pitch, no fault of camera, image or tracker.
-- Slow: a time constant of minutes. A touch of seconds is never learnt.
+- Slow: a time constant of minutes. What creeps back in seconds after a touch leaves no trace above noise.
 - Bounded: no pin's offset exceeds `limit_px`. A larger one is a camera that moved, or a tip that needs a
   tare, and is reported (`limit_share`).
 - Reported (`offset_px`, `limit_share`) and reversible: `forget` restores the rest frame as it was taken.
@@ -32,7 +32,6 @@ class DriftParams:
 
     limit_px: float = 0.3  # largest offset of a pin in x and in y; 0: nothing is learnt
     time_s: float = 120.0  # time constant
-    untouched_s: float = 3.0  # without a touch, before anything is learnt
     near_pitches: float = RUNTIME.still_pitches  # of a pin from its adapted place, beyond the limit
     period_s: float = RUNTIME.check_s  # of learning: faster has no benefit
 
@@ -53,8 +52,7 @@ class Drift:
         self.limit_share = 0.0
         self._offset = np.zeros_like(rest.xy_img)
         self._learnt = False
-        self._since_ns: int | None = None
-        self._last_ns = 0
+        self._last_ns: int | None = None  # the last untouched frame; None: the one before was none
 
     @property
     def offset_px(self) -> float:
@@ -75,18 +73,14 @@ class Drift:
         if p.limit_px == 0.0:
             return
         if not quiet:
-            self._since_ns = None
+            self._last_ns = None
             return
-        gap_s = (capture_ns - self._last_ns) * 1e-9
+        gap_s = -1.0 if self._last_ns is None else (capture_ns - self._last_ns) * 1e-9
         if 0.0 <= gap_s < p.period_s:
             return
-        self._last_ns = capture_ns
         away = tracks.xy_img - self._rest.xy_img
-        if not (gap_s > 0.0 and self._fit(tracks, away)):
-            self._since_ns = None
-        elif self._since_ns is None:
-            self._since_ns = capture_ns
-        elif capture_ns - self._since_ns >= p.untouched_s * 1e9:
+        self._last_ns = capture_ns if self._fit(tracks, away) else None
+        if gap_s > 0.0 and self._last_ns is not None:
             wanted = np.where(tracks.seen[:, None], away, self._offset)
             self._offset += (wanted - self._offset) * min(1.0, gap_s / p.time_s)
             beyond = np.abs(self._offset).max(axis=1) > p.limit_px
@@ -98,7 +92,7 @@ class Drift:
         """Restore the rest frame as it was taken."""
         self._offset = np.zeros_like(self._offset)
         self._learnt, self.limit_share = False, 0.0
-        self._since_ns = None
+        self._last_ns = None
 
     def _fit(self, tracks: Tracks, away: Array) -> bool:
         if tracks.n_seen < (1.0 - RUNTIME.astray_rel) * len(tracks.seen):

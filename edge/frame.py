@@ -145,9 +145,7 @@ class Pipeline:
             cells = self._tessellator.cells(moved) if plan.cells and not holds else None
         except DegenerateLayout:  # the pins that remain span no plane: treat them as lost
             return Result(frame, tracks, None, None, uncalibrated(), searched)
-        features = self._extractor.extract(
-            moved, cells, plan.features, contact_holds=holds, capture_ns=frame.capture_ns
-        )
+        features = self._extractor.extract(moved, cells, plan.features, holds, frame.capture_ns)
         if self.calibration is None:
             reading = uncalibrated(features)
         else:

@@ -19,8 +19,9 @@ FILE_BYTES = 2 << 20  # of a calibration, configuration or settings; 1000 pins w
 
 IMAGE_SIDE_PX = 8192  # width or height
 IMAGE_PIXELS = 1 << 24  # 4096 x 4096, more than any camera that fits behind a fingertip
-RATE_MAX_HZ = 100e3  # images a second; a file that states more is damaged
-RATE_MIN_HZ = 0.01  # of a camera or of samples, where 0 has a meaning of its own: less is a mistake
+TICK_HZ = 1_000_000  # of the time in a sample, in microseconds: 32 bits, then it wraps
+RATE_MAX_HZ = float(TICK_HZ)  # images a second; more would share their times
+RATE_MIN_HZ = TICK_HZ / 2**32  # of a camera or of samples, where 0 has a meaning of its own
 PINS_MIN = 12  # the fewest that `edge.pins` accepts as a pattern
 PINS_MAX = detail.PINS_MAX  # the most that a detail stream can name
 POINTS_MAX = 1_000_000  # a plane's; of a triangulation, every index of a half-edge then fits in 32 bits

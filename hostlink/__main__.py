@@ -10,9 +10,10 @@ from hostlink.interrupt import exit_on_interrupt
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run a command and exit, with the exit codes of `hostlink.cli_exit`."""
-    with exit_on_interrupt():  # imports take a part of a second
+    with exit_on_interrupt():  # imports take a part of a second; `run` takes over from here
         from hostlink.commands.cli import main as run
-    run(arguments)
+
+        run(arguments)
 
 
 if __name__ == "__main__":

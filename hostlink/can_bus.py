@@ -13,6 +13,8 @@ from __future__ import annotations
 
 import logging
 import os
+import socket
+import sys
 from typing import TYPE_CHECKING, Any
 
 from hostlink.wire.address import Address
@@ -25,8 +27,7 @@ __all__ = ["OpenBus", "open_can_bus"]
 
 FD_CLOCK_HZ = 80_000_000  # CiA 601-3's recommended CAN FD clock
 FD_SAMPLE_POINT = 80.0  # percent, both phases; CiA 601-3
-
-
+IP_MULTICAST_ALL, IPV6_MULTICAST_ALL = 49, 29  # linux/in.h, linux/in6.h; Python names neither
 JUNK_LINES = 100  # 0.1 s of five fingers at 250 Hz
 LINE_BYTES = 256  # the longest frame of slcan takes 143
 
@@ -114,6 +115,15 @@ def _check_line(message: can.Message | None, rest: bytes) -> None:
         raise ValueError("bytes are missing")
 
 
+def _hear_own_group_alone(number: int) -> None:
+    """Linux else gives a socket whatever another of this machine has joined: two buses would be one."""
+    with socket.socket(fileno=os.dup(number)) as same:
+        if same.family == socket.AF_INET6:
+            same.setsockopt(socket.IPPROTO_IPV6, IPV6_MULTICAST_ALL, 0)
+        else:
+            same.setsockopt(socket.IPPROTO_IP, IP_MULTICAST_ALL, 0)
+
+
 def open_can_bus(address: Address) -> OpenBus:
     """The bus of an address.
 
@@ -143,6 +153,8 @@ def open_can_bus(address: Address) -> OpenBus:
             # An interface that goes down reports it once, to the reader or to a writer: a reader that was
             # woken for it after the writer got it would wait for ever.
             os.set_blocking(bus.fileno(), False)
+        if address.interface == "udp_multicast" and sys.platform == "linux":
+            _hear_own_group_alone(bus.fileno())
     except BaseException:
         if lock is not None:
             lock.close()

@@ -216,6 +216,7 @@ class Connection:
         """Call this with every sample, from the link's thread; returns a function that ends it.
 
         It must not ask a finger: that raises UsageError. What it raises is logged, and the link goes on.
+        While it runs nothing is received: behind one that takes long, samples come late, as `age_s` tells.
         """
         return _add(self._callbacks, callback)
 

@@ -1,7 +1,7 @@
 """Signals that end a program: Ctrl-C, the end of a session or of a service, a lost terminal.
 
 All of them do what Ctrl-C does: they raise KeyboardInterrupt in the main thread, so that files are completed
-or removed. Its argument is the signal's number, if it was not Ctrl-C.
+or removed. Its argument is the signal's number; Python's own for Ctrl-C has none.
 
     while a program starts      it ends at once, without a traceback: `exit_on_interrupt`
     while a command runs        KeyboardInterrupt: `interrupting`, in `hostlink.cli_exit`
@@ -16,9 +16,11 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from types import FrameType
 from typing import Any
 
@@ -33,17 +35,43 @@ __all__ = [
 ]
 
 _SHELL = 128  # a shell adds the number of the signal
+_AGAIN_S = 0.01  # a callback is over by then, or the signal comes once more
 #: `timeout` and service managers send SIGTERM; SIGHUP: the terminal has gone; SIGQUIT: Ctrl-\\.
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 
+_came: list[int] = []  # those of the command that runs
 
-def _interrupt(number: int, _frame: FrameType | None) -> None:
-    if number in (
-        signal.SIGHUP,
-        signal.SIGTERM,
-    ):  # the shell and the kernel both report a lost terminal
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    _came.append(number)
+    while frame is not None:
+        if frame.f_code is _report_ignored.__code__:  # what is raised here is ignored, too
+            _send_again(number)
+            return
+        frame = frame.f_back
+    if number in (signal.SIGHUP, signal.SIGTERM):  # the shell and the kernel both report a lost terminal
         signal.signal(number, signal.SIG_IGN)
     raise KeyboardInterrupt(number)
+
+
+def _report_ignored(otherwise: Callable[[Any], Any], ignored: sys.UnraisableHookArgs) -> None:
+    """Called for an exception that Python ignores: a signal comes again, all else is reported as usual."""
+    if isinstance(ignored.exc_value, KeyboardInterrupt):
+        number = exit_code(ignored.exc_value) - _SHELL
+        signal.signal(number, _interrupt)
+        _send_again(number)
+    else:
+        otherwise(ignored)
+
+
+def _send_again(number: int) -> None:
+    again = threading.Timer(_AGAIN_S, os.kill, (os.getpid(), number))
+    again.daemon = True
+    again.start()
+
+
+def _end(number: int, _frame: FrameType | None) -> None:
+    os._exit(_SHELL + number)
 
 
 def exit_code(interrupt: BaseException | None) -> int:
@@ -71,20 +99,37 @@ def _of_ours() -> list[signal.Signals]:
 
 @contextmanager
 def exit_on_interrupt() -> Iterator[None]:
-    """Until the block ends, these signals end the process. For imports: no file is open that must be closed.
+    """Until the block ends, or `interrupting` begins, these signals end the process. For imports: no file is
+    open that must be closed.
 
     In the middle of an import, KeyboardInterrupt is a traceback, or another error: compiled modules turn it
     into an ImportError.
     """
-    with _handling(_of_ours(), lambda number, _: os._exit(_SHELL + number)):
+    with _handling(_of_ours(), _end):
         yield
 
 
 @contextmanager
 def interrupting() -> Iterator[None]:
-    """All ending signals raise KeyboardInterrupt, until the block ends."""
-    with _handling([n for n in ENDING if signal.getsignal(n) == signal.SIG_DFL], _interrupt):
-        yield
+    """All ending signals raise KeyboardInterrupt, until the block ends.
+
+    Python ignores what is raised in a finalizer or in a weak reference's callback, such as those of imports.
+    A signal that comes there comes again when it is over. Libraries make another error of it, as NumPy does
+    where it reads a format: that is KeyboardInterrupt, too.
+    """
+    _came.clear()
+    report = sys.unraisablehook
+    sys.unraisablehook = partial(_report_ignored, report)
+    ours = (signal.SIG_DFL, signal.default_int_handler, _end)
+    try:
+        with _handling([n for n in ENDING if signal.getsignal(n) in ours], _interrupt):
+            yield
+    except Exception as error:
+        if _came:
+            raise KeyboardInterrupt(_came[0]) from error
+        raise
+    finally:
+        sys.unraisablehook = report
 
 
 @contextmanager

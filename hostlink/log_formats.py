@@ -32,6 +32,7 @@ __all__ = ["HEAD_N", "Skipped", "read_asc", "read_blf", "read_candump"]
 
 HEAD_N: Final = 256  # messages at the beginning of a log that show what its times are
 LINE_MAX: Final = 1024  # characters; the longest line, CAN FD with 64 bytes in an .asc, has some 350
+FOREIGN_MAX: Final = 64 << 20  # characters; a foreign line as long as that is no text
 DATA_MAX: Final = 64  # bytes
 CONTAINER_MAX: Final = 32 << 20  # bytes; Vector's tools and python-can write containers of 128 KiB
 _PIECE: Final = 1024  # bytes unpacked at once: what comes before damage is kept
@@ -40,7 +41,7 @@ _RELATIVE_MAX_S: Final = 1e8  # three years; a larger time counts from 1970
 _TEXT: Final = re.ASCII | re.IGNORECASE | re.VERBOSE
 _CANDUMP: Final = re.compile(
     r"""
-    \s*(?:\((?P<time>\d{1,12}(?:\.\d{1,9})?)\)\s*|\((?P<date>\d{4}-\d\d-\d\d\ \d\d:\d\d:\d\d\.\d{6})\)\s*)?
+    \s*(?:\((?P<time>\d{1,12}(?:\.\d{1,9})?)\)\s*|\((?P<date>\d{4}-\d\d-\d\d\ \d\d:\d\d:\d\d\.\d{6,9})\)\s*)?
     (?P<channel>[^\s()\#]{1,64})\s+
     (?:(?P<way>[RT])X\s+(?P<switch>[-B])\s+(?P<passive>[-E])\s+)?
     (?P<id>[\dA-F]{8}|[\dA-F]{3})
@@ -52,6 +53,7 @@ _CANDUMP: Final = re.compile(
     )\s*""",
     _TEXT,
 )
+_CANDUMP_TIME: Final = re.compile(r"\s*\((\d{1,12}(?:\.\d{1,9})?)\)", re.ASCII)
 _ERROR_FLAG: Final = 1 << 29  # linux/can.h
 _ID_MASK: Final = _ERROR_FLAG - 1
 _BRS, _ESI = 1, 2
@@ -97,39 +99,53 @@ class Skipped:
 
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
-    """The lines with something on them and their numbers; a longer one than LINE_MAX is cut off there."""
-    with path.open(encoding="utf-8", errors="replace") as file:
+    """The lines with something on them and their numbers; a longer one than LINE_MAX is cut off there.
+
+    Raises  ValueError: a line without an end
+    """
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
         number = 0
         while line := file.readline(LINE_MAX):
             number += 1
-            rest = line
+            rest, read_n = line, 0
             while rest and not rest.endswith("\n"):
-                rest = file.readline(LINE_MAX)
+                rest = file.readline(1 << 16)
+                read_n += len(rest)
+                if read_n > FOREIGN_MAX:
+                    raise ValueError(f"line {number} has no end")
             if line.strip():
                 yield number, line
 
 
 def read_candump(path: Path, skipped: Skipped) -> Iterator[can.Message]:
     """The messages in a log of `candump`."""
-    messages = _candump_messages(path, skipped)
-    head = list(islice(messages, HEAD_N))
-    adding = _are_differences([m.timestamp for m in head if m.timestamp == m.timestamp])
-    time_s = 0.0
-    for message in chain(head, messages):
-        if adding:
-            time_s += message.timestamp
-            message.timestamp = time_s
-        yield message
+    lines, damage = _candump_lines(path, skipped), None
+    head: list[tuple[float, can.Message | None]] = []
+    try:
+        head.extend(islice(lines, HEAD_N))
+    except (ValueError, OSError) as error:  # what comes before it is read
+        damage = error
+    adding, sum_s = _are_differences([stated_s for stated_s, _ in head if stated_s == stated_s]), 0.0
+    for stated_s, message in chain(head, lines):
+        sum_s += stated_s if stated_s == stated_s else 0.0
+        if message is not None:
+            message.timestamp = sum_s if adding else stated_s
+            yield message
+    if damage is not None:
+        raise damage
 
 
-def _candump_messages(path: Path, skipped: Skipped) -> Iterator[can.Message]:
+def _candump_lines(path: Path, skipped: Skipped) -> Iterator[tuple[float, can.Message | None]]:
+    """Of each line the time that it states, for a difference counts whatever it is of; and its message."""
     for number, line in _lines(path):
         found = _CANDUMP.fullmatch(line)
         message = None if found is None else _candump_message(found)
         if message is None:
             skipped.add(number, line)
+            stamp = _CANDUMP_TIME.match(line)
+            yield float(stamp[1]) if stamp else nan, None
         else:
-            yield message
+            yield message.timestamp, message
 
 
 def _candump_message(found: re.Match[str]) -> can.Message | None:
@@ -274,7 +290,7 @@ def read_blf(path: Path, _: Skipped) -> Iterator[can.Message]:
         if len(head) < _FILE.size:
             raise ValueError("it is shorter than a BLF header")
         signature, at, *begin = _FILE.unpack(head)
-        if signature != b"LOGG" or not _FILE.size <= at <= _FILE_HEADER_MAX:
+        if signature != b"LOGG" or not _FILE.size <= at <= min(_FILE_HEADER_MAX, size):
             raise ValueError("it does not begin as a BLF file")
         begin_s, rest = _system_time(begin), b""
         while at < size:

@@ -161,12 +161,13 @@ def _is_same(path: Path, other: Path) -> bool:
 def _try_folder(path: Path) -> None:
     """Write and remove one block: permissions are not enough (read-only or full disk)."""
     probe = _unfinished_name(path)
-    try:
-        probe.write_bytes(_PROBE)
-    except OSError as error:
-        raise _cannot(path, error) from None
-    finally:
-        _remove(probe)
+    with interrupts_held():
+        try:
+            probe.write_bytes(_PROBE)
+        except OSError as error:
+            raise _cannot(path, error) from None
+        finally:
+            _remove(probe)
 
 
 def _force_to_disk(path: Path) -> None:
@@ -198,13 +199,12 @@ def _rename(unfinished: Path, target: Path, overwrite: bool) -> None:
 
 
 def _give_up(unfinished: Path, target: Path, overwrite: bool, keep: bool) -> None:
-    """After an error, remove the partial file or give it its name."""
-    with interrupts_held():
-        if not keep:
-            _remove(unfinished)
-        elif unfinished.exists():
-            with suppress(OSError, WriteError):  # it stays beside the target
-                _rename(unfinished, target, overwrite)
+    """After an error, remove the partial file or give it its name, if there is anything in it."""
+    with interrupts_held(), suppress(OSError, WriteError):  # then it stays beside the target
+        if keep and unfinished.stat().st_size:
+            _rename(unfinished, target, overwrite)
+        else:
+            unfinished.unlink()
 
 
 def _remove(path: Path) -> None:

@@ -1,7 +1,5 @@
 """Shared fixtures: where the published recordings are, and the bundled ones."""
 
-from __future__ import annotations
-
 import os
 import signal
 import threading

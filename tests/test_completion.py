@@ -1,15 +1,12 @@
 """Shells complete the installed commands: subcommands and options come from the program itself."""
 
-from __future__ import annotations
-
 import os
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from tests.support.waiting import SOON_S
+from tests.support.processes import program
 
 SCRIPTS = {
     "voronoi-touch-edge": ("replay", "render"),
@@ -20,8 +17,7 @@ SCRIPTS = {
 def run(script: str, **environment: str) -> str:
     path = Path(sys.executable).with_name(script)
     assert path.exists(), f"{path} is not installed"
-    env = {**os.environ, **environment}
-    return subprocess.run([path], env=env, capture_output=True, text=True, timeout=SOON_S).stdout
+    return program(path, env=os.environ | environment).stdout
 
 
 @pytest.mark.parametrize("script", SCRIPTS)

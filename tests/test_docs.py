@@ -1,17 +1,15 @@
 """The documentation builds without a warning, and every link within the project has a target."""
 
-from __future__ import annotations
-
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
+from tests.support.processes import program, python
+
 ROOT = Path(__file__).resolve().parent.parent
 LINK = re.compile(r"(?<!!)\[[^\]]+\]\(([^)\s]+)\)|!\[[^\]]*\]\(([^)\s]+)\)")
-TRACKED = subprocess.run(["git", "ls-files", "*.md"], capture_output=True, text=True, cwd=ROOT).stdout.split()
+TRACKED = program("git", "ls-files", "*.md", cwd=ROOT).stdout.split()
 PAGES = sorted(ROOT / name for name in TRACKED if (ROOT / name).is_file())
 
 
@@ -35,9 +33,8 @@ def test_links_have_targets(page: Path) -> None:
 
 
 def test_pages_build_without_a_warning(tmp_path: Path) -> None:
-    sphinx = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-n", "-q", "-b", "html"]
-    places = ["-d", str(tmp_path / "trees"), "docs", str(tmp_path / "html")]
-    build = subprocess.run([*sphinx, *places], cwd=ROOT, capture_output=True, text=True)
+    sphinx = ("-m", "sphinx", "-W", "--keep-going", "-n", "-q", "-b", "html")
+    build = python(*sphinx, "-d", tmp_path / "trees", "docs", tmp_path / "html", cwd=ROOT)
     assert build.returncode == 0, build.stderr
     assert (tmp_path / "html" / "api.html").is_file()
 

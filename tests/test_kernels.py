@@ -1,7 +1,5 @@
 """The kernels come from the build that the environment selects, and each is listed once."""
 
-from __future__ import annotations
-
 import importlib
 import os
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Recorded frames through the whole chain and back: the host decodes what the edge computed."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from threading import Event
@@ -11,7 +9,7 @@ import pytest
 from rich.console import Console
 
 import hostlink
-from calib.demo import RECORDINGS, demo, on_wire, play, serial_line
+from calib.demo import RECORDINGS, demo, on_wire, play
 from edge.calibration import Calibration
 from edge.link.node import Node
 from edge.link.sinks import CanSink, MemorySink, SerialSink, open_sink
@@ -110,11 +108,6 @@ def test_a_log_written_and_read_back(
         event.state.sample: event.state for event in decode_recording(log) if isinstance(event, Decoded)
     }
     check(computed, logged)
-
-
-def test_serial(pressed: tuple[Path, Path]) -> None:
-    with serial_line() as (near, far):
-        check(*send(*pressed, f"serial:{near}", f"serial:{far}"))
 
 
 @pytest.mark.parametrize("name", RECORDINGS)

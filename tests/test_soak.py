@@ -1,7 +1,5 @@
 """A short soak: every kind of fault of the schedule, and the promises. The long one is `make soak`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from random import Random
 

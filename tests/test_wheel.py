@@ -1,7 +1,5 @@
 """The wheel is one for all releases of CPython, and runs where there is neither compiler nor Cython."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

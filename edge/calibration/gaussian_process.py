@@ -35,7 +35,6 @@ import cython
 import numpy as np
 
 from edge.calibration.file import Process
-from edge.calibration.polynomial import FIELDS
 from edge.types import Array, Mask
 
 if cython.compiled:
@@ -44,13 +43,13 @@ else:
     from math import exp, isnan, log, sqrt
     from math import nan as NAN  # noqa: N812
 
-_FIELDS = cython.declare(cython.Py_ssize_t, FIELDS)
 #: Rows of L are padded to whole blocks of so many, for vector instructions.
 BLOCK = 4
 LOST_MAX = cython.declare(cython.double, 100.0)  # of the logarithm: more is no number any more
 VOLUME_MIN = cython.declare(cython.double, 1e-6)  # of the tip's circle times its radius: no load at all
 
 
+@cython.final
 @cython.cclass
 class ProcessKernel:
     """The processes of one calibration.
@@ -59,35 +58,6 @@ class ProcessKernel:
     models  in the order of their outputs
     Raises  KeyError: a term names an unknown input
     """
-
-    n_inputs: cython.Py_ssize_t
-    n_models: cython.Py_ssize_t
-    n_outputs: cython.Py_ssize_t
-    _n_nodes: cython.Py_ssize_t
-    _n_active: cython.Py_ssize_t
-    _width: cython.Py_ssize_t  # rows of L, the same for all models: shorter ones end in zeros
-    _gap: cython.Py_ssize_t
-    _volume: cython.Py_ssize_t
-    _parent: cython.int[::1]  # of each product; the root, 1, is its own
-    _letter: cython.int[::1]  # input that the parent is multiplied by; from n_inputs on its conjugate
-    _active: cython.int[::1]
-    _needed: cython.uchar[::1]
-    _wanted: cython.uchar[::1]
-    _first: cython.int[:, ::1]  # (models + 1, 4) first term, noise term, output, term of `lost`
-    _node: cython.int[::1]  # of each term
-    _weight: cython.double[:, ::1]
-    _factor: cython.double[:, :, ::1]  # (terms, 2, width): real parts, imaginary parts
-    _noise_node: cython.int[::1]
-    _noise_weight: cython.double[::1]
-    _across_weight: cython.double[::1]  # for the same terms
-    _lost_node: cython.int[::1]
-    _lost_weight: cython.double[::1]
-    # (models, 9) far, range of the noise's logarithm, and across; scale, gap_power, volume_power, gap_max
-    _limits: cython.double[:, ::1]
-    _valid: cython.double[:, ::1]  # (outputs, 3) low, high, sigma
-    _re: cython.double[::1]  # products of the current frame
-    _im: cython.double[::1]
-    _sums: cython.double[:, ::1]  # (2, width)
 
     def __init__(self, inputs: Sequence[str], models: Sequence[Process]) -> None:
         for model in models:
@@ -131,36 +101,20 @@ class ProcessKernel:
         self._sums = np.zeros((2, self._width))
         self._active = np.zeros(self._n_nodes, np.int32)
         self._needed = np.zeros(self._n_nodes, np.uint8)
-        self._wanted = np.zeros(self.n_models, np.uint8)
-        self._n_active = 0
+        self.want(np.ones(self.n_models, np.bool_))
 
-    def run(
-        self,
-        z: cython.const[cython.double][::1],
-        wanted: cython.const[cython.uchar][::1],
-        out: cython.double[:, ::1],
-    ) -> None:
+    def want(self, wanted: Mask) -> None:
+        """Evaluate from now on the models of which this is true, (models,) bool; others become NaN."""
+        self._wanted = wanted.astype(np.uint8)
+        self._select()
+
+    def run(self, z: Array, out: Array) -> None:
         """Write value, sigma, and whether out of range, of the outputs of one frame.
 
         z        (2 inputs,) float64: real and imaginary part of each input
-        wanted   (models,) uint8: 1 where a model's outputs are wanted; those of others become NaN
         out      (outputs, 3) float64, written
-        Raises   ValueError: other sizes
         """
-        n: cython.Py_ssize_t = self.n_inputs
-        if z.shape[0] != 2 * n or wanted.shape[0] != self.n_models:
-            raise ValueError(
-                f"run: {n} complex inputs and a flag for each of {self.n_models} models are wanted"
-            )
-        if out.shape[0] != self.n_outputs or out.shape[1] != _FIELDS:
-            raise ValueError(f"run: {self.n_outputs} outputs of {FIELDS} fields each are wanted")
         m: cython.Py_ssize_t
-        changed: cython.bint = False
-        for m in range(self.n_models):
-            changed |= self._wanted[m] != wanted[m]
-            self._wanted[m] = wanted[m]
-        if changed:
-            self._select()
         self._multiply(z)
         for m in range(self.n_models):
             if self._wanted[m]:
@@ -168,9 +122,7 @@ class ProcessKernel:
             else:
                 self._leave_out(m, out)
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _select(self) -> cython.void:
+    def _select(self) -> None:
         """Which products the wanted models need."""
         m: cython.Py_ssize_t
         k: cython.Py_ssize_t
@@ -193,9 +145,7 @@ class ProcessKernel:
                 self._active[self._n_active] = cython.cast(cython.int, k)
                 self._n_active += 1
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _multiply(self, z: cython.const[cython.double][::1]) -> cython.void:
+    def _multiply(self, z: Array) -> None:
         i: cython.Py_ssize_t
         k: cython.Py_ssize_t
         p: cython.Py_ssize_t
@@ -218,11 +168,7 @@ class ProcessKernel:
             self._re[k] = self._re[p] * x - self._im[p] * y
             self._im[k] = self._re[p] * y + self._im[p] * x
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _evaluate(
-        self, m: cython.Py_ssize_t, gap: cython.double, volume: cython.double, out: cython.double[:, ::1]
-    ) -> cython.void:
+    def _evaluate(self, m: cython.Py_ssize_t, gap: float, volume: float, out: Array) -> None:
         first: cython.Py_ssize_t = self._first[m, 2]
         two: cython.bint = self._first[m + 1, 2] - first == 2
         value_re: cython.double = 0.0
@@ -263,11 +209,7 @@ class ProcessKernel:
         self._write(first, value_re, spread + share * along + (1.0 - share) * across, known, out)
         self._write(first + 1, value_im, spread + share * across + (1.0 - share) * along, known, out)
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _noise(
-        self, m: cython.Py_ssize_t, weight: cython.double[::1], limit: cython.Py_ssize_t
-    ) -> cython.double:
+    def _noise(self, m: cython.Py_ssize_t, weight: Array, limit: cython.Py_ssize_t) -> float:
         """Variance of the noise, in units of sigma^2. limit: where its range stands."""
         h: cython.double = 0.0
         k: cython.Py_ssize_t
@@ -279,9 +221,7 @@ class ProcessKernel:
             h = self._limits[m, limit + 1]
         return exp(h)
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _lost(self, m: cython.Py_ssize_t, gap: cython.double, volume: cython.double) -> cython.double:
+    def _lost(self, m: cython.Py_ssize_t, gap: float, volume: float) -> float:
         """Variance from pins that are not seen, in units of sigma^2; NaN: more than the fit tried."""
         if gap <= 0.0:
             return 0.0
@@ -296,16 +236,7 @@ class ProcessKernel:
         h += self._limits[m, 6] * log(gap) + self._limits[m, 7] * log(volume)
         return exp(min(h, LOST_MAX))
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _write(
-        self,
-        o: cython.Py_ssize_t,
-        value: cython.double,
-        variance: cython.double,
-        known: cython.bint,
-        out: cython.double[:, ::1],
-    ) -> cython.void:
+    def _write(self, o: cython.Py_ssize_t, value: float, variance: float, known: bool, out: Array) -> None:
         if isnan(variance):
             value = NAN
         elif value < self._valid[o, 0]:
@@ -318,19 +249,12 @@ class ProcessKernel:
         out[o, 1] = self._valid[o, 2] * sqrt(variance)
         out[o, 2] = 0.0 if known or isnan(value) else 1.0
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _leave_out(self, m: cython.Py_ssize_t, out: cython.double[:, ::1]) -> cython.void:
+    def _leave_out(self, m: cython.Py_ssize_t, out: Array) -> None:
         o: cython.Py_ssize_t
         for o in range(self._first[m, 2], self._first[m + 1, 2]):
             out[o, 0] = NAN
             out[o, 1] = NAN
             out[o, 2] = 0.0
-
-
-def wanted_models(models: Sequence[Process], outputs: frozenset[str] | None) -> Mask:
-    """Which models have one of these outputs; None: all. (models,) uint8."""
-    return np.array([outputs is None or not outputs.isdisjoint(m.outputs) for m in models], np.uint8)
 
 
 class _Tree:

@@ -13,7 +13,7 @@ Rules
 - The GIL is held: the scratch belongs to the object, and the work is short.
 """
 
-# mypy: disable-error-code="valid-type,no-untyped-call,untyped-decorator,misc,name-defined"
+# mypy: disable-error-code="no-any-return,untyped-decorator,valid-type"
 
 from __future__ import annotations
 
@@ -28,71 +28,16 @@ from edge.calibration.inputs import term_columns
 from edge.types import Array, Mask
 
 if cython.compiled:
-    from cython.cimports.edge.geometry.views import PointsView
-    from cython.cimports.libc.math import NAN, isfinite, isnan, sqrt
+    from cython.cimports.libc.math import NAN, isnan, sqrt
 else:
-    from math import isfinite, isnan, sqrt
+    from math import isnan, sqrt
     from math import nan as NAN  # noqa: N812
 
-    from edge.geometry.views import PointsView
-
-#: Each output has a value, a sigma, and whether the model is out of its range (0 or 1).
-FIELDS = 3
-_NONE: frozenset[str] = frozenset()
-_FIELDS = cython.declare(cython.Py_ssize_t, FIELDS)
 #: Rows of a factor L that are summed together.
 ROWS = 4
 
 
-@cython.cclass
-class OutputRow:
-    """Outputs of models, in the same memory again and again.
-
-    A frame reads a dozen numbers of them one by one: an array's own reading and a call for each name would
-    cost more than the models do.
-
-    names  of the n outputs
-    rows   (n, FIELDS) float64, to be written by models
-    """
-
-    names = cython.declare(tuple, visibility="readonly")
-    rows = cython.declare(object, visibility="readonly")
-    _numbers: cython.double[:, ::1]  # the same memory
-
-    def __init__(self, names: Sequence[str]) -> None:
-        self.names = tuple(names)
-        self.rows = self._numbers = np.zeros((len(self.names), FIELDS))
-
-    def by_name(self) -> tuple[dict[str, float], dict[str, float], frozenset[str]]:
-        """Values and sigmas, and the names of the known values that are out of range; all new."""
-        values: dict[str, float] = {}
-        sigmas: dict[str, float] = {}
-        outside = _NONE
-        i: cython.Py_ssize_t
-        for i in range(self._numbers.shape[0]):
-            name = self.names[i]
-            values[name] = self._numbers[i, 0]
-            sigmas[name] = self._numbers[i, 1]
-            if self._numbers[i, 2] != 0.0 and isfinite(self._numbers[i, 0]):
-                outside |= {name}
-        return values, sigmas, outside
-
-    def write_into(self, numbers: list[float], places: Sequence[int]) -> None:
-        """Set the value of each output to its place in `numbers`.
-
-        Raises  ValueError: another number of places, or one beyond
-        """
-        i: cython.Py_ssize_t
-        place: cython.Py_ssize_t
-        if len(places) != self._numbers.shape[0]:
-            raise ValueError(f"places of {self._numbers.shape[0]} outputs are wanted, not of {len(places)}")
-        for i in range(self._numbers.shape[0]):
-            place = places[i]
-            if not 0 <= place < len(numbers):
-                raise ValueError(f"places of 0 to {len(numbers) - 1} are wanted, not {place}")
-            numbers[place] = self._numbers[i, 0]
-
-
+@cython.final
 @cython.cclass
 class ModelKernel:
     """Curves and polynomials of the same inputs.
@@ -101,32 +46,6 @@ class ModelKernel:
     models   in the order of their outputs
     Raises   ValueError: arrays of a model of sizes that do not fit, an unknown input
     """
-
-    n_inputs: cython.Py_ssize_t
-    n_outputs: cython.Py_ssize_t
-    _n_models: cython.Py_ssize_t
-    _wanted: cython.uchar[::1]  # of each model
-    # Each model's row says where its part of the arrays below begins. Row n_models marks the end.
-    _first_output: cython.Py_ssize_t[::1]
-    _first_knot: cython.Py_ssize_t[::1]  # a model without knots is a polynomial
-    _first_term: cython.Py_ssize_t[::1]
-    _first_spread: cython.Py_ssize_t[::1]
-    _curve_input: cython.Py_ssize_t[::1]
-    _knots: cython.double[:, ::1]  # input, output
-    _shorter: cython.int[::1]  # of each product but the first, which is 1: that without its last factor
-    _column: cython.int[::1]  # and this factor
-    _products: cython.double[:, ::1]  # their values
-    _product_of: cython.int[::1]  # of each term
-    _weights: cython.double[:, ::1]
-    _spread: cython.float[:, ::1]  # four rows of a factor, term by term: their real, then imaginary parts
-    _low: cython.double[::1]  # of each output
-    _high: cython.double[::1]
-    _sigma: cython.double[::1]
-    _z_view: PointsView
-    _out: cython.double[:, :, ::1]  # given last
-    _out_array: Array | None  # the same memory
-    _row: cython.double[:, ::1]  # inputs, then their conjugates
-    _terms: cython.double[:, ::1]  # values of one model's terms
 
     def __init__(self, inputs: Sequence[str], models: Sequence[Curve | Polynomial]) -> None:
         self.n_inputs, self._n_models = len(inputs), len(models)
@@ -162,54 +81,35 @@ class ModelKernel:
         self._weights = np.array(weights, np.float64).reshape(-1, 2)
         self._spread = spread
         self._low, self._high, self._sigma = np.array(outputs, np.float64).reshape(-1, 3).T.copy()
-        self._z_view, self._out_array = PointsView(), None
         self._row = np.zeros((2 * len(inputs), 2))
         self._terms = np.zeros((np.diff(begins[2]).max(initial=1), 2))
 
     def want(self, wanted: Mask) -> None:
-        """Evaluate from now on the models of which this is true, (models,) bool; those of others become NaN.
-
-        Raises   ValueError: another number of models
-        """
-        if wanted.shape != (self._n_models,):
-            raise ValueError(f"want: a flag for each of {self._n_models} models is wanted")
+        """Evaluate from now on the models of which this is true, (models,) bool; others become NaN."""
         self._wanted = wanted.astype(np.uint8)
 
     def run(self, z: Array, out: Array) -> None:
-        """Write value, sigma, and whether out of range, of every output.
+        """Write value, sigma, and whether out of range, of every output of one frame.
 
-        z        (rows, 2 inputs) float64: real and imaginary part of each input
-        out      (rows, outputs, 3) float64, written
-        Raises   ValueError: other sizes
+        z        (2 inputs,) float64: real and imaginary part of each input
+        out      (outputs, 3) float64, written
         """
         n: cython.Py_ssize_t = self.n_inputs
-        rows: cython.const[cython.double][:, ::1] = self._z_view.of(z)
-        if out is not self._out_array:
-            self._out = self._out_array = out
-        results: cython.double[:, :, ::1] = self._out
-        if rows.shape[1] != 2 * n or results.shape[0] != rows.shape[0]:
-            raise ValueError(f"run: rows of {n} complex inputs and as many rows of results are wanted")
-        if results.shape[1] != self.n_outputs or results.shape[2] != _FIELDS:
-            raise ValueError(f"run: {self.n_outputs} outputs of {FIELDS} fields each are wanted")
-        r: cython.Py_ssize_t
         i: cython.Py_ssize_t
-        for r in range(rows.shape[0]):
-            for i in range(n):
-                self._row[i, 0] = self._row[n + i, 0] = rows[r, 2 * i]
-                self._row[i, 1] = rows[r, 2 * i + 1]
-                self._row[n + i, 1] = -rows[r, 2 * i + 1]
-            self._multiply()
-            for i in range(self._n_models):
-                if not self._wanted[i]:
-                    self._leave_out(i, results[r])
-                elif self._first_knot[i] < self._first_knot[i + 1]:
-                    self._run_curve(i, results[r])
-                else:
-                    self._run_polynomial(i, results[r])
+        for i in range(n):
+            self._row[i, 0] = self._row[n + i, 0] = z[2 * i]
+            self._row[i, 1] = z[2 * i + 1]
+            self._row[n + i, 1] = -z[2 * i + 1]
+        self._multiply()
+        for i in range(self._n_models):
+            if not self._wanted[i]:
+                self._leave_out(i, out)
+            elif self._first_knot[i] < self._first_knot[i + 1]:
+                self._run_curve(i, out)
+            else:
+                self._run_polynomial(i, out)
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _multiply(self) -> cython.void:
+    def _multiply(self) -> None:
         """The products of this row."""
         i: cython.Py_ssize_t
         k: cython.Py_ssize_t
@@ -229,18 +129,14 @@ class ModelKernel:
             self._products[i + 1, 0] = re * q_re - im * q_im
             self._products[i + 1, 1] = re * q_im + im * q_re
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _leave_out(self, m: cython.Py_ssize_t, out: cython.double[:, ::1]) -> cython.void:
+    def _leave_out(self, m: cython.Py_ssize_t, out: Array) -> None:
         output: cython.Py_ssize_t
         for output in range(self._first_output[m], self._first_output[m + 1]):
             out[output, 0] = NAN
             out[output, 1] = NAN
             out[output, 2] = 0.0
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _run_curve(self, m: cython.Py_ssize_t, out: cython.double[:, ::1]) -> cython.void:
+    def _run_curve(self, m: cython.Py_ssize_t, out: Array) -> None:
         """Linear between the knots, flat beyond them."""
         k: cython.Py_ssize_t = self._first_knot[m]
         last: cython.Py_ssize_t = self._first_knot[m + 1] - 1
@@ -261,9 +157,7 @@ class ModelKernel:
         out[output, 1] = self._sigma[output]
         out[output, 2] = 0.0 if inside else 1.0
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _run_polynomial(self, m: cython.Py_ssize_t, out: cython.double[:, ::1]) -> cython.void:
+    def _run_polynomial(self, m: cython.Py_ssize_t, out: Array) -> None:
         """Sum of weighted terms; sigma widened by |L psi|^2, psi being the terms."""
         begin: cython.Py_ssize_t = self._first_term[m]
         n: cython.Py_ssize_t = self._first_term[m + 1] - begin
@@ -287,9 +181,7 @@ class ModelKernel:
         if output + 1 < self._first_output[m + 1]:
             self._write(output + 1, y_im, sqrt(1.0 + away), out)
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _square_of_spread(self, m: cython.Py_ssize_t, n: cython.Py_ssize_t) -> cython.double:
+    def _square_of_spread(self, m: cython.Py_ssize_t, n: cython.Py_ssize_t) -> float:
         """|L psi|^2, ROWS rows of L at a time."""
         by_re: cython.float[8] = [0.0] * 8
         by_im: cython.float[8] = [0.0] * 8
@@ -315,12 +207,7 @@ class ModelKernel:
                 total += cython.cast(cython.double, re) * re + cython.cast(cython.double, im) * im
         return total
 
-    @cython.cfunc
-    @cython.inline
-    @cython.exceptval(check=False)
-    def _write(
-        self, output: cython.Py_ssize_t, y: cython.double, widened: cython.double, out: cython.double[:, ::1]
-    ) -> cython.void:
+    def _write(self, output: cython.Py_ssize_t, y: float, widened: float, out: Array) -> None:
         """One output: its value within its range, its sigma, whether it was out of range."""
         below: cython.bint = y < self._low[output]
         above: cython.bint = y > self._high[output]

@@ -117,14 +117,12 @@ def _exposed(middle: Array, half: Array) -> list[tuple[float, float]]:
     return [(float(r), float(s - r)) for r, s in zip(reach, start, strict=True) if s - r > ARC_MIN]
 
 
-def make_fence(boundary: Array, pitch_px: float, params: CellsParams = PARAMS) -> Array:
-    """(f, 2) px, a circle of points round the boundary."""
+def make_fence(boundary: Array) -> Array:
+    """(f, 2) px, a circle of points of twice the boundary's reach, that far apart from it and each other."""
     centre = boundary.min(axis=0) + np.ptp(boundary, axis=0) / 2
-    gap = params.ball_pitches * pitch_px
-    radius = float(np.hypot(*(boundary - centre).T).max()) + gap
-    steps = int(np.ceil(2 * np.pi * radius / gap))
-    angle = 2 * np.pi * np.arange(steps) / steps
-    fence: Array = centre + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    reach = float(np.hypot(*(boundary - centre).T).max())
+    steps = int(np.ceil(2 * np.pi * 2))
+    fence: Array = centre + 2 * reach * _direction(2 * np.pi * np.arange(steps) / steps)
     return fence
 
 

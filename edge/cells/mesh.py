@@ -48,7 +48,6 @@ from __future__ import annotations
 import cython
 import numpy as np
 
-from edge.cells.params import PARAMS, CellsParams
 from edge.limits import POINTS_MAX
 from edge.types import Array, Index
 
@@ -121,7 +120,6 @@ class Mesh:
     marked: cython.Py_ssize_t  # changes when it was last looked which cells reach the fence
     reached: cython.bint  # a pin's does
     busy: cython.bint
-    guard_reach: cython.double
     predicates: Predicates
     x: cython.double[::1]  # per point
     y: cython.double[::1]
@@ -141,7 +139,7 @@ class Mesh:
     areas_array: Array | None  # the same memory
     total_area = cython.declare(cython.double, visibility="readonly")  # of the pins; NaN if one's is
 
-    def __init__(self, n_pins: int, n_boundary: int, n_fence: int = 0, params: CellsParams = PARAMS) -> None:
+    def __init__(self, n_pins: int, n_boundary: int, n_fence: int = 0) -> None:
         if not (0 < n_pins <= POINTS_MAX and 0 <= n_boundary <= POINTS_MAX and 0 <= n_fence <= POINTS_MAX):
             raise ValueError(
                 f"need 1 <= n_pins and 0 <= n_boundary, n_fence, each <= {POINTS_MAX}, "
@@ -157,7 +155,6 @@ class Mesh:
         self.flips = self.builds = self.changes = 0
         self.marked, self.reached = -1, False
         self.busy = self.has_bounds = False
-        self.guard_reach = params.guard_reach
         x, y = np.zeros(n_all), np.zeros(n_all)
         self.predicates = Predicates(x, y)
         self.x = x
@@ -319,7 +316,8 @@ class Mesh:
             x, y = points[i, 0], points[i, 1]
             x_of[i] = x if fabs(x) >= tiny else 0.0
             y_of[i] = y if fabs(y) >= tiny else 0.0
-        half: cython.double = 0.5 * size * self.guard_reach
+        # The more points, the flatter triangles their outline can have, and the further out the guards are.
+        half: cython.double = size * n
         x_mid: cython.double = left + 0.5 * (right - left)
         y_mid: cython.double = top + 0.5 * (bottom - top)
         self.x[n] = self.x[n + 3] = x_mid - half

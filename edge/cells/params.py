@@ -9,9 +9,8 @@ from dataclasses import dataclass
 class CellsParams:
     """Parameters by name. Units: pitches of the pins; rel, a share."""
 
-    ball_pitches: float = 3.0  # radius of the ball that rolls round the pins; from them to the fence
+    ball_pitches: float = 3.0  # radius of the ball that rolls round the pins
     step_pitches: float = 0.7  # largest distance of boundary points along an arc
-    guard_reach: float = 16.0  # of the guard points from the middle, in half-widths of the point set
 
 
 PARAMS = CellsParams()

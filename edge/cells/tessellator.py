@@ -31,7 +31,7 @@ class Tessellator:
         must_span(xy, "rest frame")
         pitch_px = _side_length(xy)
         boundary, rim = make_boundary(xy, pitch_px, params)
-        fence = make_fence(boundary, pitch_px, params)
+        fence = make_fence(boundary)
         n, b, f = len(xy), len(boundary), len(fence)
         self._rest_img = xy
         motion = rim_motion(xy, rim, boundary, fence, pitch_px)

@@ -15,7 +15,6 @@ from edge.faults.judge import Check, Facts, Judge
 from edge.faults.pin_visibility import PinVisibility
 from edge.faults.registry import FaultRegistry
 from edge.params import PARAMS as RUNTIME
-from edge.sources.live import PARAMS as LIVE
 from edge.sources.live import stalled_after_s
 from edge.types import Array, Clock, Features, Frame, FrameSource, LiveSource, Reading, Rest, Result
 from hostlink.clock import DRIFT_MAX
@@ -27,6 +26,7 @@ from hostlink.wire import Status
 class FaultParams:
     """Parameters by name; evidence in docs/tuning.md."""
 
+    step_s: float = 0.5  # by which an image comes too early where its clock was set, and not late before
     search_s: float = RUNTIME.wait_s  # a frame that takes longer is one whose pins are being searched for
     moved_pitches: float = RUNTIME.still_pitches  # if all pins are off by more, the camera moved
     load_pitches: float = RUNTIME.load_pitches  # motion of a pin beyond which it counts as overloaded
@@ -44,21 +44,19 @@ _MOVED = "the pins stand {off_px:.1f} px off the rest frame, all alike; tare"
 def fault_checks(p: FaultParams = PARAMS) -> tuple[Check, ...]:
     """All that is judged once a frame."""
     return (
-        Check(F.CAMERA_LOST, "camera_lost", 1.0, "yes or no", "{camera}"),
-        Check(F.CAMERA_STALLED, "camera_stalled", 1.0, "yes or no", "{camera}"),
+        Check(F.CAMERA_LOST, "camera_lost", "{camera}"),
+        Check(F.CAMERA_STALLED, "camera_stalled", "{camera}"),
         *image_checks(),
+        Check(F.CLOCK_STEP, "clock_stepped", "images' clock jumped by {clock_jump_s:+.3f} s"),
+        Check(F.TRACKER_LOST, "failed", "image cannot be measured: {failure}"),
+        Check(F.TRACKER_LOST, "unidentified", "pins cannot be identified"),
+        Check(F.PINS_LOST, "pins_missing", "{why_missing}"),
         Check(
-            F.CLOCK_STEP, "clock_stepped", 1.0, "yes or no", "images' clock jumped by {clock_jump_s:+.3f} s"
+            F.OVERLOAD, "far_share", "{far_n} pins moved by more than {limit_px:.0f} px",
+            p.astray_rel, "of the pins",
         ),
-        Check(F.TRACKER_LOST, "failed", 1.0, "yes or no", "image cannot be measured: {failure}"),
-        Check(F.TRACKER_LOST, "unidentified", 1.0, "yes or no", "pins cannot be identified"),
-        Check(F.PINS_LOST, "pins_missing", 1.0, "yes or no", "{why_missing}"),
-        Check(
-            F.OVERLOAD, "far_share", p.astray_rel, "of the pins",
-            "{far_n} pins moved by more than {limit_px:.0f} px",
-        ),
-        Check(F.CAMERA_MOVED, "off_pitches", p.moved_pitches, "pitches", _MOVED),
-        Check(F.CAMERA_MOVED, "drifted_share", p.astray_rel, "of the pins", _MOVED),
+        Check(F.CAMERA_MOVED, "off_pitches", _MOVED, p.moved_pitches, "pitches"),
+        Check(F.CAMERA_MOVED, "drifted_share", _MOVED, p.astray_rel, "of the pins"),
     )  # fmt: skip
 
 
@@ -66,10 +64,15 @@ def fault_checks(p: FaultParams = PARAMS) -> tuple[Check, ...]:
 _STALLED = ("stalled", "frozen")
 #: Faults that a new rest frame clears.
 _OF_THE_REST = (F.TARE_IMPLAUSIBLE, F.CALIBRATION_FOREIGN, F.CAMERA_MOVED, F.TRACKER_LOST, F.PINS_LOST)
+#: Status bits as plain integers: to take a member of an enumeration, or its flags, takes long.
+_CAMERA_FAULT, _TOUCHED, _NOT_LIVE, _FRAMES_DROPPED = map(
+    int, (Status.CAMERA_FAULT, Status.TOUCHED, Status.NOT_LIVE, Status.FRAMES_DROPPED)
+)
 #: Faults under which no drift is learnt.
-_NOT_QUIET = (
+_NOT_QUIET = int(
     Status.CAMERA_FAULT | Status.IMAGE_FAULT | Status.PINS_LOST | Status.TRACKER_LOST | Status.CAMERA_MOVED
 )
+_DARK_OR_BRIGHT = {F.IMAGE_DARK, F.IMAGE_BRIGHT}
 
 
 class FaultDetector:
@@ -150,19 +153,22 @@ class FaultDetector:
         step_ns, passed_ns = frame.capture_ns - before.capture_ns, now_ns - before_ns
         # A delay (a busy processor) makes images older, and no two of them change places: only an image that
         # is too young, or older than the one before it, shows a step. A recording is read at our own pace.
-        back_ns = max(0, -step_ns)
-        if live := self._source.live:
+        facts, live = self._facts, self._source.live
+        if live:
             self._least_age_ns += DRIFT_MAX * passed_ns
-        ahead_ns = max(0.0, self._least_age_ns - age_ns) if live else float(back_ns)
-        facts = self._facts
-        stepped = ahead_ns >= LIVE.same_clock_s * 1e9 or (live and back_ns > 0)
+            ahead_ns, stepped = self._least_age_ns - age_ns, step_ns < 0
+        else:
+            ahead_ns, stepped = -step_ns, False
+        stepped |= ahead_ns >= self._params.step_s * 1e9
         facts.clock_stepped = stepped
         facts.clock_jump_s = (step_ns - (passed_ns if live else 0)) / 1e9
-        self._least_age_ns = float(age_ns) if stepped else min(self._least_age_ns, age_ns)
+        if stepped or age_ns < self._least_age_ns:
+            self._least_age_ns = float(age_ns)
         gap_ns = passed_ns if stepped else step_ns
         if gap_ns > self._gap_ns:
             self.after_gap |= gap_ns > stalled_after_s(self._source.rate_hz) * 1e9
-        self.gaps_n += max(0, frame.sequence - before.sequence - 1)
+        if frame.sequence > before.sequence:
+            self.gaps_n += frame.sequence - before.sequence - 1
 
     @overload
     def judge(self, frame: Frame, result: Result, drifted_share: float = 0.0) -> Result: ...
@@ -194,7 +200,7 @@ class FaultDetector:
                 self._note_motion(pins.counts, result.features, drifted_share)
         self._note_image(frame, look_closer)
         self._end()
-        blind = self.frozen or Status.CAMERA_FAULT in self._registry.status
+        blind = self.frozen or self._registry.status & _CAMERA_FAULT
         if result is not None and (facts.unidentified or facts.pins_missing or blind):
             result = replace(result, reading=Reading({}, {}, _NOWHERE, calibrated=self._calibrated))
         return result
@@ -216,10 +222,9 @@ class FaultDetector:
         facts = self._facts
         facts.black = self._live is not None and self._live.frame_condition == "black"
         self._image.brightness(frame, facts)
-        if look_closer or self._image.focus_due(frame):
-            held = self._verdict.would_hold(facts)
-            if F.IMAGE_DARK not in held and F.IMAGE_BRIGHT not in held:
-                self._image.measure_focus(frame, facts)
+        due = look_closer or self._image.focus_due(frame)
+        if due and _DARK_OR_BRIGHT.isdisjoint(self._verdict.would_hold(facts)):
+            self._image.measure_focus(frame, facts)
 
     def slow(self, begun_ns: int | None) -> None:
         """Whether the current frame takes long, and the brightness of the next one. For another thread.
@@ -241,26 +246,26 @@ class FaultDetector:
         An untouched tip shows by the places of its pins whether the camera moved; under a touch, the step
         common to all pins shows a knock.
         """
-        facts = self._facts
+        facts, p, in_contact = self._facts, self._params, features.in_contact
         before_px, self._motion_px = self._motion_px, features.displacement_px
-        motion_px, limit_px = self._motion_px, self._params.moved_pitches * self._pitch_px
-        if features.in_contact:
-            facts.limit_px = self._params.load_pitches * self._pitch_px
-            facts.far_n = counts.moved(motion_px, facts.limit_px)[0]  # a lost pin does not count
-            facts.far_share = facts.far_n / len(motion_px)
-            step_px = motion_px - before_px
-            common_px = common_step_px(step_px) if counts.moved(step_px, limit_px)[1] >= limit_px else None
+        far_px, limit_px = p.load_pitches * self._pitch_px, p.moved_pitches * self._pitch_px
+        least_px = limit_px * (1.0 - RUNTIME.hysteresis_rel)
+        far_n, middle_px = counts.moved(self._motion_px, far_px, least_px, in_contact)
+        if in_contact:
+            facts.limit_px, facts.far_n = far_px, far_n  # a lost pin does not count
+            facts.far_share = far_n / len(before_px)
+            common_px = common_step_px(self._motion_px - before_px) if middle_px >= limit_px else None
             if common_px is None:
                 return
             self._offset_px = self._offset_px + common_px
             facts.off_px, drifted_share = float(np.hypot(*self._offset_px)), 0.0
         else:
-            facts.off_px = counts.moved(motion_px, limit_px)[1]
-            off = self._registry.holds(F.CAMERA_MOVED) or facts.off_px > limit_px
-            self._offset_px = np.nanmedian(motion_px, axis=0) if off else np.zeros(2)
+            facts.off_px = middle_px
+            off = middle_px > limit_px or self._registry.holds(F.CAMERA_MOVED)
+            self._offset_px = np.nanmedian(self._motion_px, axis=0) if off else np.zeros(2)
         facts.off_pitches, facts.drifted_share = facts.off_px / self._pitch_px, drifted_share
 
-    def status(self, result: Result | None, skipped_n: int) -> Status:
+    def status(self, result: Result | None, skipped_n: int) -> int:
         """The sample's status bits.
 
         skipped_n  frames lost so far, for any reason
@@ -268,14 +273,12 @@ class FaultDetector:
         status = self._registry.status
         if result is not None:
             if self.frozen:
-                status |= Status.CAMERA_FAULT
+                status |= _CAMERA_FAULT
             if result.features is not None and result.features.in_contact:
-                status |= Status.TOUCHED
-            if result.reading.saturated:
-                status |= Status.SATURATED
+                status |= _TOUCHED
         if not self._source.live or (self._live is not None and self._live.recorded):
-            status |= Status.NOT_LIVE
+            status |= _NOT_LIVE
         if skipped_n != self._skipped_n:
             self._skipped_n = skipped_n
-            status |= Status.FRAMES_DROPPED
+            status |= _FRAMES_DROPPED
         return status

@@ -23,6 +23,8 @@ else:
 
     from edge.geometry.select import select_kth
 
+_LEVELS = np.dtype(np.uint8), np.dtype(np.uint16)
+
 
 def sample_levels(image: Image, step: int, top: int) -> tuple[int, int, int]:
     """Of every step-th pixel of every step-th row: the sum, how many reach `top`, how many were sampled.
@@ -33,7 +35,7 @@ def sample_levels(image: Image, step: int, top: int) -> tuple[int, int, int]:
     _check_image(image)
     if step < 1:
         raise ValueError(f"a step of {step}: 1 or more is wanted")
-    if image.dtype == np.uint8:
+    if image.itemsize == 1:
         return _sum_bytes(image, step, top)
     return _sum_levels(np.array(image[::step, ::step], np.int32, order="C"), top)
 
@@ -42,6 +44,7 @@ def sample_levels(image: Image, step: int, top: int) -> tuple[int, int, int]:
 def _sum_bytes(
     image: cython.const[cython.uchar][:, :], step: cython.Py_ssize_t, top: cython.long
 ) -> tuple[int, int, int]:
+    level: cython.long
     total: cython.longlong = 0
     full: cython.Py_ssize_t = 0
     x: cython.Py_ssize_t
@@ -50,8 +53,9 @@ def _sum_bytes(
     columns: cython.Py_ssize_t = (image.shape[1] + step - 1) // step
     for y in range(rows):
         for x in range(columns):
-            total += image[y * step, x * step]
-            full += image[y * step, x * step] >= top
+            level = cython.cast(cython.long, image[y * step, x * step])
+            total += level
+            full += level >= top
     return total, full, rows * columns
 
 
@@ -85,6 +89,7 @@ class PinCounts:
     is_bad: cython.uchar[::1]
     is_new: cython.uchar[::1]
     length2: cython.double[::1]
+    last_px: cython.double[:, ::1]
 
     def __init__(self, rest_img: Array, near: Index) -> None:
         n = len(rest_img)
@@ -96,7 +101,7 @@ class PinCounts:
         self.near = np.array(near, np.int32, order="C")
         self.bad, self.new = np.zeros(n, np.uint8), np.zeros(n, np.uint8)
         self.is_bad, self.is_new = self.bad, self.new
-        self.length2 = np.empty(n)
+        self.length2, self.last_px = np.empty(n), np.zeros((n, 2))
 
     def seen(
         self,
@@ -153,31 +158,44 @@ class PinCounts:
         return many
 
     def moved(
-        self, motion_px: cython.const[cython.double][:, :], limit_px: cython.double
+        self,
+        motion_px: cython.const[cython.double][:, :],
+        far_px: cython.double,
+        least_px: cython.double,
+        since_last: cython.bint,
     ) -> tuple[int, float]:
-        """How many of the vectors (n, 2) are longer than the limit, and the median length of those without
-        NaN, as numpy.nanmedian; 0 if there is none.
+        """How many pins have moved further than `far_px`; and the median length of the motions, or of their
+        changes since the last call, as numpy.nanmedian: 0 unless half of the lengths reach `least_px`.
 
-        Raises  ValueError: shapes do not fit
+        motion_px  (n, 2) since rest; NaN where lost
+        Raises     ValueError: shapes do not fit
         """
         if motion_px.shape[0] != self.length2.shape[0] or motion_px.shape[1] != 2:
             raise ValueError(f"vectors ({self.length2.shape[0]}, 2) are wanted")
         i: cython.Py_ssize_t
         m: cython.Py_ssize_t = 0
+        far_n: cython.Py_ssize_t = 0
         long_n: cython.Py_ssize_t = 0
         square: cython.double
         for i in range(motion_px.shape[0]):
-            square = motion_px[i, 0] * motion_px[i, 0] + motion_px[i, 1] * motion_px[i, 1]
-            long_n += square > limit_px * limit_px
+            dx: cython.double = motion_px[i, 0]
+            dy: cython.double = motion_px[i, 1]
+            square = dx * dx + dy * dy
+            far_n += square > far_px * far_px
+            if since_last:
+                dx, dy = dx - self.last_px[i, 0], dy - self.last_px[i, 1]
+                square = dx * dx + dy * dy
+            self.last_px[i, 0], self.last_px[i, 1] = motion_px[i, 0], motion_px[i, 1]
             if not isnan(square):
                 self.length2[m] = square
                 m += 1
-        if m == 0:
-            return long_n, 0.0
+                long_n += square >= least_px * least_px
+        if m == 0 or 2 * long_n < m:
+            return far_n, 0.0
         middle: cython.double = sqrt(select_kth(self.length2, m, m // 2))
         if m % 2 == 0:
             middle = 0.5 * (middle + sqrt(select_kth(self.length2, m, m // 2 - 1)))
-        return long_n, middle
+        return far_n, middle
 
 
 @cython.cclass
@@ -230,7 +248,7 @@ class FocusWindows:
                 raise ValueError("a window that is not within the image")
         if self.corners.shape[0] == 0:
             return 0.0
-        wide: cython.bint = image.dtype != np.uint8
+        wide: cython.bint = image.itemsize != 1
         if wide:
             self.image16 = image
         else:
@@ -301,5 +319,5 @@ class FocusWindows:
 
 
 def _check_image(image: Image) -> None:
-    if image.ndim != 2 or image.dtype not in (np.uint8, np.uint16):
+    if image.ndim != 2 or image.dtype not in _LEVELS:
         raise ValueError(f"an image (h, w) of uint8 or uint16 is wanted, not {image.shape} of {image.dtype}")

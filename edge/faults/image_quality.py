@@ -105,16 +105,16 @@ def image_checks(p: ImageParams = PARAMS) -> tuple[Check, ...]:
     """Brightness, the camera's own "black", and focus."""
     dark = "mean level {level:.1%} of full scale, {rest_level:.1%} at rest"
     return (
-        Check(F.IMAGE_DARK, "level", ONE_LEVEL, "full scale", dark, below=True),
-        Check(F.IMAGE_DARK, "level_rel", p.least_rel, "rest level", dark, below=True),
-        Check(F.IMAGE_DARK, "black", 1.0, "yes or no", "black"),
+        Check(F.IMAGE_DARK, "level", dark, ONE_LEVEL, "full scale", below=True),
+        Check(F.IMAGE_DARK, "level_rel", dark, p.least_rel, "rest level", below=True),
+        Check(F.IMAGE_DARK, "black", "black"),
         Check(
-            F.IMAGE_BRIGHT, "newly_saturated", 1.0 - p.half_rel, "of the others",
-            "{saturated:.0%} of the image is at full scale",
+            F.IMAGE_BRIGHT, "newly_saturated", "{saturated:.0%} of the image is at full scale",
+            1.0 - p.half_rel, "of the others",
         ),
         Check(
-            F.IMAGE_BLURRED, "sharpness", p.half_rel, "that at rest",
-            "sharpness {sharpness:.0%} of that at rest", below=True,
+            F.IMAGE_BLURRED, "sharpness", "sharpness {sharpness:.0%} of that at rest",
+            p.half_rel, "that at rest", below=True,
         ),
     )  # fmt: skip
 

@@ -12,11 +12,11 @@ from collections import Counter
 from collections.abc import Callable
 
 from edge.params import PARAMS
-from hostlink.wire import FAULTS, FaultCode, Status
+from hostlink.wire import FAULTS, FaultCode
 
 log = logging.getLogger(__name__)
 
-_STATUS = {fault.code: fault.status for fault in FAULTS}
+_STATUS = {fault.code: int(fault.status) for fault in FAULTS}
 
 
 class FaultRegistry:
@@ -25,7 +25,7 @@ class FaultRegistry:
     listeners  called with (code, active, message) at each appearance and clearing, from the thread that
                reported it, one at a time
     appeared   how often each fault has appeared
-    status     status bits of the active faults
+    status     status bits of the active faults: a plain integer, as operations on flags take long
     changes_n  how often the set has changed
     """
 
@@ -34,7 +34,7 @@ class FaultRegistry:
         self._lock = threading.RLock()  # a listener may ask what is active
         self.listeners: list[Callable[[FaultCode, bool, str], None]] = []
         self.appeared: Counter[FaultCode] = Counter()
-        self.status = Status(0)
+        self.status = 0
         self.changes_n = 0
 
     def report(self, code: FaultCode, active: bool, message: str | Callable[[], str] = "") -> None:
@@ -52,7 +52,7 @@ class FaultRegistry:
                 self.appeared[code] += 1
             else:
                 message = self._active.pop(code)
-            status = Status(0)
+            status = 0
             for held in self._active:
                 status |= _STATUS[held]
             self.status = status

@@ -1,25 +1,26 @@
 """Touch features from pin positions, cell areas and the rest frame.
 
-    extract               the order of the steps: only what the demand asks for
+    plan                  what a demand needs
+    extract               the order of the steps, in one call a frame
     contact_detector      is the tip in contact? if not, nothing further is computed
-    pin_motion, slip      motion since rest, pins in the contact, torsion; slip
+    pin_motion            motion since rest, pins in the contact, torsion; noise of a pin, by its neighbours
+    area_change           of the cells since rest; the volume
+    slip, vibration       of the pins in the contact
     modes                 the motion as polynomial coefficients that turn with the tip
     surface               the grid over the tip, and the constant matrices onto it (`quantized_operator`)
     contact_field         a frame's fields on that grid; their volume
-    contacts              the order of the steps from the field to the contacts:
+    contacts              from the field to the contacts, and where each is, by the pins round it:
       peaks               regional maxima, and the valleys between them
       regions             peaks that make one contact; its area and axes
-      split               two close contacts, or one long one?
-      contact_place       where a contact is, by the pins round it
-      pin_noise           noise of a pin, estimated from its neighbours
       several             what fits of a few contacts decide; can be left out
     params                every chosen number
 
 The modules of this package are one stage and may import each other.
 """
 
-from edge.features.extract import FeatureExtractor, FeaturePlan
+from edge.features.extract import FeatureExtractor
 from edge.features.modes import MODE_NAMES
+from edge.features.plan import FeaturePlan
 from edge.features.several import Fits
 
 __all__ = ["MODE_NAMES", "FeatureExtractor", "FeaturePlan", "Fits"]

@@ -27,14 +27,12 @@ from edge.geometry.lattice import slope_stencil
 from edge.types import Array
 
 if cython.compiled:
-    from cython.cimports.edge.geometry.views import NumbersView, PointsView
     from cython.cimports.libc.math import isnan
 else:
     from math import isnan
 
-    from edge.geometry.views import NumbersView, PointsView
 
-
+@cython.final
 @cython.cclass
 class AreaChange:
     """Area changes of one frame of one tip with n pins; `values` (n,) float64, good until the next frame.
@@ -44,64 +42,42 @@ class AreaChange:
     Raises             ValueError: sizes that do not fit
     """
 
-    values = cython.declare(cython.double[::1], visibility="readonly")
-    _n: cython.Py_ssize_t
-    _change_view: NumbersView
-    _xy_view: PointsView
-    _rest: cython.const[cython.double][:, ::1]
-    _rest_area: cython.double[::1]
-    _inverse_area: cython.double[::1]
-    _out: cython.double[::1]  # of `since_rest`, given last
-    _out_array: Array | None  # the same memory
-    _ring: cython.int[:, ::1]
-    _slope: cython.double[:, :, ::1]
-
     def __init__(self, rest_xy: Array, pitch_px: float, rest_area_px2: Array) -> None:
         n = len(rest_xy)
         if rest_xy.shape != (n, 2) or rest_area_px2.shape != (n,):
             raise ValueError(f"rest_xy (n, 2) and rest_area_px2 (n,) are wanted, not {rest_area_px2.shape}")
         self._n = n
-        self._change_view, self._xy_view = NumbersView(), PointsView()
         self._rest = np.ascontiguousarray(rest_xy, np.float64)
         self._rest_area = np.array(rest_area_px2, np.float64)
         self._inverse_area = 1.0 / rest_area_px2
-        self._out_array = None
         self._ring, self._slope = slope_stencil(rest_xy, pitch_px)
         self.values = np.zeros(n)
 
-    def since_rest(self, area_px2: cython.const[cython.double][:], change: Array) -> None:
-        """Relative change of each cell's area, written to `change`.
+    def since_rest(self, area_px2: Array, out: Array) -> None:
+        """Relative change of each cell's area, written to `out`; NaN where lost.
 
-        area_px2, change  (n,) float64; NaN where lost
-        Raises            ValueError: sizes that do not fit
+        area_px2, out  (n,) float64
+        Raises         ValueError: another number of cells
         """
-        if change is not self._out_array:
-            self._out = self._out_array = change
-        if area_px2.shape[0] != self._n or self._out.shape[0] != self._n:
-            raise ValueError(f"area_px2 and change ({self._n},) are wanted")
+        if area_px2.shape[0] != self._n:
+            raise ValueError(f"area_px2 ({self._n},) is wanted")
         i: cython.Py_ssize_t
-        out: cython.double[::1] = self._out
         for i in range(self._n):
             out[i] = area_px2[i] * self._inverse_area[i] - 1.0
 
-    def fill(self, area_change: Array, xy: Array) -> None:
+    def fill(self, change: Array, xy: Array) -> None:
         """`values`: the area changes, gaps filled.
 
-        area_change  (n,) float64, relative; NaN where lost
-        xy           (n, 2) float64 px, where the pins are; finite
-        Raises       ValueError: sizes that do not fit
+        change  (n,) float64, relative; NaN where lost
+        xy      (n, 2) float64 px, where the pins are; finite
         """
-        change: cython.const[cython.double][::1] = self._change_view.of(area_change)
-        at: cython.const[cython.double][:, ::1] = self._xy_view.of(xy)
-        if change.shape[0] != self._n or at.shape[0] != self._n or at.shape[1] != 2:
-            raise ValueError(f"area_change ({self._n},) and xy ({self._n}, 2) are wanted")
         i: cython.Py_ssize_t
         for i in range(self._n):
             self.values[i] = change[i]
             if isnan(change[i]):
-                self.values[i] = self._between(at, i)
+                self.values[i] = self._between(xy, i)
 
-    def volume(self, threshold: cython.double) -> float:
+    def volume(self, threshold: float) -> float:
         """Integral of the compressed part of `values`, px2; changes below the threshold are noise."""
         i: cython.Py_ssize_t
         ramp: cython.double
@@ -112,9 +88,7 @@ class AreaChange:
                 total += self._rest_area[i] * min(ramp + ramp, self.values[i])
         return total
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _between(self, xy: cython.const[cython.double][:, ::1], i: cython.Py_ssize_t) -> cython.double:
+    def _between(self, xy: Array, i: cython.Py_ssize_t) -> float:
         """Area change at pin i by the motion of its ring: the determinant of the gradient, less 1."""
         j: cython.Py_ssize_t
         k: cython.Py_ssize_t

@@ -48,59 +48,26 @@ from edge.types import Array, Rest
 
 if cython.compiled:
     from cython.cimports.edge.geometry.select import median
-    from cython.cimports.edge.geometry.views import NumbersView, PointsView
     from cython.cimports.libc.math import NAN, fabs, hypot, isfinite, isnan, sqrt
 else:
     from math import fabs, hypot, isfinite, isnan, sqrt
     from math import nan as NAN  # noqa: N812
 
     from edge.geometry.select import median
-    from edge.geometry.views import NumbersView, PointsView
 
 #: Standard deviation of normal noise over the median of its size.
 _SIGMA_OF_MAD = cython.declare(cython.double, SIGMA_OF_MAD)
 
 
+@cython.final
 @cython.cclass
 class ContactDetector:
     """In contact or not, frame by frame, for the n pins of one tip."""
-
-    _n: cython.Py_ssize_t
-    _width: cython.Py_ssize_t  # pins of a ring
-    _change_view: NumbersView
-    _xy_view: PointsView
-    _rest: cython.const[cython.double][:, ::1]
-    _ring: cython.ushort[:, ::1]
-    _slope: cython.double[:, :, ::1]
-    _pitch_px: cython.double
-    _noise_ratio: cython.double  # of a cell: measured over predicted noise
-    _ring_noise_ratio: cython.double  # of a ring's mean
-    _turn: cython.Py_ssize_t  # which rings it is learnt from next
-    _in_contact: cython.bint
-    _root: cython.double[::1]  # sqrt(known pins of a ring / all of them)
-    _peak_row: cython.Py_ssize_t  # the ring of `_highest_mean`
-    _begins: cython.double  # area change that begins a contact, of the last `by_area`
-    _middle: cython.double[:, ::1]  # ring medians of the motion; NaN: not looked up yet
-    _looked_up: cython.int[::1]  # the first n_looked_up: rows of those that were
-    _n_looked_up: cython.Py_ssize_t
-    _sorted_x: cython.double[::1]  # motion of one ring, in order
-    _sorted_y: cython.double[::1]
-    _values: cython.double[::1]
-    _ring_values: cython.double[::1]
-    _cell_noise: cython.double
-    _ring_noise: cython.double
-    _median_noise: cython.double
-    _raise_sigma: cython.double
-    _clear_sigma: cython.double
-    _min_ring_known: cython.Py_ssize_t
-    _noise_ratio_max: cython.double
-    _noise_frames_n: cython.double
 
     def __init__(self, rest: Rest, params: FeatureParams = PARAMS) -> None:
         ring, slope = slope_stencil(rest.xy_img, rest.pattern.pitch_px)
         n, width = ring.shape
         self._n, self._width = n, width
-        self._change_view, self._xy_view = NumbersView(), PointsView()
         self._rest = np.ascontiguousarray(rest.xy_img, np.float64)
         self._ring, self._slope = short_rows(ring), slope
         self._pitch_px = rest.pattern.pitch_px
@@ -120,36 +87,30 @@ class ContactDetector:
         self._noise_ratio_max = params.noise_ratio_max
         self._noise_frames_n = params.noise_frames_n
 
-    def cell_noise(self, sigma_px: cython.double) -> float:
+    def cell_noise(self, sigma_px: float) -> float:
         """One-sigma noise of a single cell's relative area change."""
         return self._cell_noise / self._pitch_px * sigma_px * self._noise_ratio
 
-    def by_area(self, area_change: Array, xy: Array, sigma_px: cython.double) -> bool:
+    def by_area(self, area_change: Array, xy: Array, sigma_px: float) -> bool:
         """Decide on one frame's area changes, and learn from them if nothing touches.
 
         area_change  (n,) float64, relative; NaN where lost
         xy           (n, 2) float64, px, where the pins are; finite
         sigma_px     noise of one coordinate of a pin's motion since rest
-        Raises       ValueError: sizes that do not fit
         """
-        n: cython.Py_ssize_t = self._n
-        change: cython.const[cython.double][::1] = self._change_view.of(area_change)
-        at: cython.const[cython.double][:, ::1] = self._xy_view.of(xy)
-        if change.shape[0] != n or at.shape[0] != n or at.shape[1] != 2:
-            raise ValueError(f"area_change ({n},) and xy ({n}, 2) are wanted")
-        highest: cython.double = self._highest_mean(change)
+        highest: cython.double = self._highest_mean(area_change)
         if isnan(highest):
             return self._in_contact  # a dark frame is no evidence
         predicted: cython.double = sigma_px / self._pitch_px
         noise: cython.double = self._ring_noise * predicted * self._ring_noise_ratio
         limit: cython.double = self._limit_sigma() * noise
         self._begins = self._raise_sigma * noise
-        self._in_contact = highest > limit and self._is_coherent(at, limit)
+        self._in_contact = highest > limit and self._is_coherent(xy, limit)
         if not self._in_contact:
-            self._learn(change, predicted)
+            self._learn(area_change, predicted)
         return self._in_contact
 
-    def holds(self, xy: cython.const[cython.double][:, ::1]) -> bool:
+    def holds(self, xy: Array) -> bool:
         """Whether the contact of the last `by_area` is there in this frame, too; False: areas must decide.
 
         xy      (n, 2) float64, px, where the pins are; NaN where lost
@@ -167,21 +128,18 @@ class ContactDetector:
         self._forget_medians()
         return self._median_area_change(xy, self._peak_row) > self._begins
 
-    def by_motion(self, xy: cython.const[cython.double][:, ::1], sigma_px: cython.double) -> bool:
+    def by_motion(self, xy: Array, sigma_px: float) -> bool:
         """Decide without areas: do pins move against each other beyond their noise?
 
         xy        (n, 2) float64, px, where the pins are; NaN where lost
         sigma_px  noise of one coordinate of a pin's motion since rest
-        Raises    ValueError: sizes that do not fit
         """
-        n: cython.Py_ssize_t = self._n
-        if xy.shape[0] != n or xy.shape[1] != 2:
-            raise ValueError(f"xy ({n}, 2) is wanted")
         shift_x: cython.double = self._median_motion(xy, 0)
         shift_y: cython.double = self._median_motion(xy, 1)
         if isnan(shift_x) or isnan(shift_y):
             return self._in_contact
         i: cython.Py_ssize_t
+        n: cython.Py_ssize_t = self._n
         known: cython.Py_ssize_t
         size: cython.double
         highest: cython.double = 0.0
@@ -196,14 +154,10 @@ class ContactDetector:
         self._in_contact = highest > limit
         return self._in_contact
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _limit_sigma(self) -> cython.double:
+    def _limit_sigma(self) -> float:
         return self._clear_sigma if self._in_contact else self._raise_sigma
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _highest_mean(self, area_change: cython.const[cython.double][::1]) -> cython.double:
+    def _highest_mean(self, area_change: Array) -> float:
         """Highest mean over a ring, scaled down where not all of it is known; NaN if no cell is known."""
         i: cython.Py_ssize_t
         j: cython.Py_ssize_t
@@ -238,9 +192,7 @@ class ContactDetector:
                 self._peak_row = i
         return NAN if nothing else highest / self._width
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _is_coherent(self, xy: cython.const[cython.double][:, ::1], limit: cython.double) -> cython.bint:
+    def _is_coherent(self, xy: Array, limit: float) -> bool:
         """Whether the area still increases by enough when each pin moves as the median of its ring does.
 
         The ring of the highest mean is tried first, then all.
@@ -256,20 +208,14 @@ class ContactDetector:
                 return True
         return False
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _forget_medians(self) -> cython.void:
+    def _forget_medians(self) -> None:
         """Ring medians of an earlier frame are none of this one."""
         i: cython.Py_ssize_t
         for i in range(self._n_looked_up):
             self._middle[self._looked_up[i], 0] = NAN
         self._n_looked_up = 0
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _median_area_change(
-        self, xy: cython.const[cython.double][:, ::1], i: cython.Py_ssize_t
-    ) -> cython.double:
+    def _median_area_change(self, xy: Array, i: cython.Py_ssize_t) -> float:
         """Area change at pin i by the slope of the ring medians round it."""
         j: cython.Py_ssize_t
         k: cython.Py_ssize_t
@@ -287,15 +233,7 @@ class ContactDetector:
             yy += self._slope[i, 1, k] * self._middle[j, 1]
         return (1.0 + xx) * (1.0 + yy) - xy_ * yx - 1.0
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _ring_median(
-        self,
-        xy: cython.const[cython.double][:, ::1],
-        i: cython.Py_ssize_t,
-        shift_x: cython.double,
-        shift_y: cython.double,
-    ) -> cython.Py_ssize_t:
+    def _ring_median(self, xy: Array, i: cython.Py_ssize_t, shift_x: float, shift_y: float) -> int:
         """Median of the motion, less a shift, over ring i, by component; how many of its pins are known."""
         j: cython.Py_ssize_t
         k: cython.Py_ssize_t
@@ -330,11 +268,7 @@ class ContactDetector:
             self._n_looked_up += 1
         return known
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _median_motion(
-        self, xy: cython.const[cython.double][:, ::1], component: cython.Py_ssize_t
-    ) -> cython.double:
+    def _median_motion(self, xy: Array, component: cython.Py_ssize_t) -> float:
         """Of the known pins; NaN where fewer than `min_ring_known` are."""
         i: cython.Py_ssize_t
         known: cython.Py_ssize_t = 0
@@ -344,9 +278,7 @@ class ContactDetector:
                 known += 1
         return median(self._values, known) if known >= self._min_ring_known else NAN
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _learn(self, area_change: cython.const[cython.double][::1], predicted: cython.double) -> cython.void:
+    def _learn(self, area_change: Array, predicted: float) -> None:
         """Move the learnt noise towards that of this untouched frame; `predicted` is the pins' own, in
         pitches.
         """
@@ -373,11 +305,7 @@ class ContactDetector:
             self._ring_noise_ratio, self._ring_values, known_rings, self._ring_noise * predicted
         )
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _moved(
-        self, learnt: cython.double, sizes: cython.double[::1], n: cython.Py_ssize_t, predicted: cython.double
-    ) -> cython.double:
+    def _moved(self, learnt: float, sizes: Array, n: cython.Py_ssize_t, predicted: float) -> float:
         """A learnt ratio, moved towards that of the first n sizes to the predicted noise."""
         ratio: cython.double = 1.0
         if n == 0:

@@ -26,12 +26,6 @@ from numpy.typing import NDArray
 from edge.features.params import PARAMS, FeatureParams
 from edge.types import Array, Index
 
-if cython.compiled:
-    from cython.cimports.edge.geometry.views import NumbersView, PointsView
-else:
-    from edge.geometry.views import NumbersView, PointsView
-
-
 _NOTHING = cython.declare(cython.float, -np.inf)
 
 
@@ -63,16 +57,6 @@ class QuantizedOperator:
     result   (k,) float32; of `apply` or `apply_rows`
     """
 
-    values = cython.declare(cython.float[::1], visibility="readonly")
-    result = cython.declare(cython.float[::1], visibility="readonly")
-    _weights: cython.short[::1]  # of `_in_runs`, as the next three
-    _start: cython.int[::1]
-    _begin: cython.int[::1]
-    _ahead: cython.int[::1]
-    _row_step: cython.float[::1]
-    _vector: cython.short[::1]  # (w,), the values in whole steps
-    _all: cython.int[::1]  # (k,), every row
-
     def __init__(self, matrix: Array) -> None:
         """Raises ValueError: the matrix is empty, or a weight is not finite."""
         if matrix.ndim != 2 or not matrix.size or not np.isfinite(matrix).all():
@@ -88,32 +72,12 @@ class QuantizedOperator:
         self.values = np.zeros(m, np.float32)
         self.result = np.empty(k, np.float32)
 
-    @cython.ccall
-    @cython.exceptval(check=True)
-    def apply(self) -> cython.void:
+    def apply(self) -> None:
         """`result`: the matrix times `values`."""
-        self._multiply(self._all, self._all.shape[0])
+        self.apply_rows(self._all, self._all.shape[0])
 
-    @cython.ccall
-    @cython.exceptval(check=True)
-    def apply_rows(self, which: cython.const[cython.int][::1], n: cython.Py_ssize_t) -> cython.void:
-        """The first n of `result`: the first n of these rows times `values`.
-
-        which    (at least n,) int32
-        Raises   ValueError: n beyond `which`, or no such row
-        """
-        p: cython.Py_ssize_t
-        k: cython.Py_ssize_t = self._row_step.shape[0]
-        if n < 0 or n > which.shape[0] or n > k:
-            raise ValueError(f"n: 0 to {min(which.shape[0], k)} rows are wanted, not {n}")
-        for p in range(n):
-            if which[p] < 0 or which[p] >= k:
-                raise ValueError(f"which: rows of 0 to {k - 1} are wanted, not {which[p]}")
-        self._multiply(which, n)
-
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _multiply(self, which: cython.const[cython.int][::1], n: cython.Py_ssize_t) -> cython.void:
+    def apply_rows(self, which: Index, n: cython.Py_ssize_t) -> None:
+        """The first n of `result`: the first n of these rows, (at least n,) int32, times `values`."""
         p: cython.Py_ssize_t
         step: cython.float = self._quantize()
         row_step: cython.float[::1] = self._row_step
@@ -121,9 +85,7 @@ class QuantizedOperator:
         for p in range(n):
             result[p] = cython.cast(cython.float, self._product(which[p])) * row_step[which[p]] * step
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _product(self, row: cython.Py_ssize_t) -> cython.int:
+    def _product(self, row: cython.Py_ssize_t) -> int:
         """A row times the vector, in whole steps, which fits 32 bits."""
         weights: cython.short[::1] = self._weights
         vector: cython.short[::1] = self._vector
@@ -137,9 +99,7 @@ class QuantizedOperator:
                 total += cython.cast(cython.int, weights[i]) * cython.cast(cython.int, vector[ahead + i])
         return total
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _quantize(self) -> cython.float:
+    def _quantize(self) -> float:
         """The values in whole steps; returns the step."""
         i: cython.Py_ssize_t
         size: cython.float
@@ -155,6 +115,7 @@ class QuantizedOperator:
         return highest / _VALUE_MAX
 
 
+@cython.final
 @cython.cclass
 class ContactField:
     """Fields of one frame of one tip; n pins, k points of the grid. All arrays are good until the next frame.
@@ -165,6 +126,7 @@ class ContactField:
     plane_divergence, plane_curl  floats, the plane's share of `divergence` and of the curl
     divergence        (k,) float32, relative change of area, to first order; zero where not active
     blend             (k,) float32, of both: the contact field
+    curl              (k,) float32, of `find_curl`
     points            (k, 2) float64 px, of the grid
 
     rest_xy, pitch_px  (n, 2) px, and their pitch
@@ -172,40 +134,6 @@ class ContactField:
     divergences        (k, 2 n): divergence from the motion, x and y of the first pin, of the second, ...
     Raises             ValueError: sizes that do not fit
     """
-
-    area_change = cython.declare(cython.float[::1], visibility="readonly")
-    active = cython.declare(cython.int[::1], visibility="readonly")
-    n_active = cython.declare(cython.Py_ssize_t, visibility="readonly")
-    heights = cython.declare(cython.float[::1], visibility="readonly")
-    divergence = cython.declare(cython.float[::1], visibility="readonly")
-    blend = cython.declare(cython.float[::1], visibility="readonly")
-    plane_divergence = cython.declare(cython.float, visibility="readonly")
-    plane_curl = cython.declare(cython.float, visibility="readonly")
-    points = cython.declare(cython.double[:, ::1], visibility="readonly")
-    _change_view: NumbersView
-    _xy_view: PointsView
-    _n: cython.Py_ssize_t
-    _interpolator: QuantizedOperator
-    _divergences: QuantizedOperator
-    _column: cython.Py_ssize_t[::1]  # of each pin in the interpolator; and in the divergences that of its x
-    _column_both: cython.Py_ssize_t[::1]
-    _change_row: cython.float[::1]  # what the operators are multiplied with, in the order of their columns
-    _detrended: cython.float[::1]  # that is the motion less its plane, px
-    _height_row: cython.float[::1]  # results of their rows
-    _divergence_row: cython.float[::1]
-    _curl_array: object  # the same memory
-    _is_whole: cython.bint  # the first is of all points, not of the active ones
-    _at: cython.const[cython.int][::1]  # given last
-    _at_array: object  # the same memory
-    _out_n: cython.Py_ssize_t  # places that they are among
-    _near: cython.int[::1]  # points near each pin, pin after pin
-    _near_start: cython.int[::1]  # (n + 1,)
-    _is_active: cython.uchar[::1]  # (k,)
-    _min_area_change: cython.float
-    _rest: cython.const[cython.double][:, ::1]
-    _inverse: cython.double[:, ::1]  # (3, 3), of the equations of a plane through all pins, about the first
-    _divergence_rel: cython.float  # shares of the blend
-    _heights_rel: cython.float
 
     def __init__(
         self,
@@ -222,7 +150,6 @@ class ContactField:
             raise ValueError(
                 f"pins (n, 2), points (k, 2), interpolator (k, n), divergences (k, 2 n) are wanted: {shapes}"
             )
-        self._change_view, self._xy_view = NumbersView(), PointsView()
         self._n = n
         self._rest = np.ascontiguousarray(rest_xy, np.float64)
         near, near_both = _in_patches(rest_xy, BLOCK), _in_patches(rest_xy, BLOCK // 2)
@@ -232,7 +159,7 @@ class ContactField:
         self.area_change = np.zeros(n, np.float32)
         self._change_row, self._height_row = self._interpolator.values, self._interpolator.result
         self._detrended, self._divergence_row = self._divergences.values, self._divergences.result
-        self._curl_array, self._at_array, self._out_n = self._divergences.result, None, -1
+        self.curl = self._divergences.result
         self._is_whole = False
         self.heights, self.divergence = np.zeros(k, np.float32), np.zeros(k, np.float32)
         self.blend = np.zeros(k, np.float32)
@@ -246,17 +173,16 @@ class ContactField:
         self._inverse = np.linalg.inv(terms.T @ terms)
         self._divergence_rel, self._heights_rel = params.divergence_rel, 1.0 - params.divergence_rel
 
-    def set_area_change(self, area_change: Array) -> None:
+    def set_area_change(self, change: Array) -> None:
         """The area changes of a frame, (n,) float64, relative; finite. Raises ValueError: another number."""
-        given: cython.const[cython.double][::1] = self._change_view.of(area_change)
-        if given.shape[0] != self._n:
+        if change.shape[0] != self._n:
             raise ValueError(f"area_change ({self._n},) is wanted")
         i: cython.Py_ssize_t
         single: cython.float[::1] = self.area_change
         row: cython.float[::1] = self._change_row
         column: cython.Py_ssize_t[::1] = self._column
         for i in range(self._n):
-            single[i] = cython.cast(cython.float, given[i])
+            single[i] = cython.cast(cython.float, change[i])
             row[column[i]] = single[i]
         self._is_whole = False
 
@@ -266,8 +192,7 @@ class ContactField:
         xy       (n, 2) float64 px, where the pins are; finite
         Raises   ValueError: sizes that do not fit
         """
-        at: cython.const[cython.double][:, ::1] = self._xy_view.of(xy)
-        if at.shape[0] != self._n or at.shape[1] != 2:
+        if xy.shape[0] != self._n or xy.shape[1] != 2:
             raise ValueError(f"xy ({self._n}, 2) is wanted")
         i: cython.Py_ssize_t
         p: cython.Py_ssize_t
@@ -279,7 +204,7 @@ class ContactField:
         blend: cython.float[::1] = self.blend
         is_whole: cython.bint = self._is_whole
         self._find_active()
-        self._detrend(at)
+        self._detrend(xy)
         if not is_whole:
             self._interpolator.apply_rows(active, self.n_active)
         self._divergences.apply_rows(active, self.n_active)
@@ -289,12 +214,10 @@ class ContactField:
             divergence[p] = divergence_row[i] + self.plane_divergence
             blend[p] = self._divergence_rel * divergence[p] + self._heights_rel * heights[p]
 
-    def curl(self, which: cython.const[cython.int][::1], n: cython.Py_ssize_t) -> object:
-        """(n or more,) float32, rotation of the motion at the first n of these points, per length; good until
-        the next call.
+    def find_curl(self, which: Index, n: cython.Py_ssize_t) -> None:
+        """The first n of `curl`: the motion's rotation per length at the first n of these points.
 
         which    (n or more,) int32, of the k points
-        Raises   ValueError: no such point
         """
         # The rows make, of motion (u, v), du/dx + dv/dy; with (v, -u) they make dv/dx - du/dy.
         i: cython.Py_ssize_t
@@ -312,9 +235,8 @@ class ContactField:
             motion[2 * i + 1] = u
         for i in range(n):
             result[i] += self.plane_curl
-        return self._curl_array
 
-    def write_surface(self, at: Index, out: cython.double[::1]) -> None:
+    def write_surface(self, at: Index, out: Array) -> None:
         """The surface through the frame's area changes at all points, for a picture: each into `out` at its
         place.
 
@@ -322,32 +244,17 @@ class ContactField:
         Raises   ValueError: sizes that do not fit, a place beyond
         """
         i: cython.Py_ssize_t
-        if at is not self._at_array or out.shape[0] != self._out_n:
-            self._check_places(at, out.shape[0])
-        to: cython.const[cython.int][::1] = self._at
         row: cython.float[::1] = self._height_row
+        if at.shape[0] != row.shape[0]:
+            raise ValueError(f"at ({row.shape[0]},) is wanted")
         self._interpolator.apply()
         self._is_whole = True
         for i in range(row.shape[0]):
-            out[to[i]] = row[i]
+            if not 0 <= at[i] < out.shape[0]:
+                raise ValueError(f"at: places of 0 to {out.shape[0] - 1} are wanted, not {at[i]}")
+            out[at[i]] = row[i]
 
-    @cython.cfunc
-    def _check_places(self, at: object, out_n: cython.Py_ssize_t) -> cython.bint:
-        """Take the places of the points of a picture of so many."""
-        i: cython.Py_ssize_t
-        to: cython.const[cython.int][::1] = np.array(at, np.int32)  # nobody changes them later
-        self._at_array = None
-        if to.shape[0] != self._height_row.shape[0]:
-            raise ValueError(f"at ({self._height_row.shape[0]},) is wanted")
-        for i in range(to.shape[0]):
-            if not 0 <= to[i] < out_n:
-                raise ValueError(f"at: places of 0 to {out_n - 1} are wanted, not {to[i]}")
-        self._at, self._at_array, self._out_n = to, at, out_n
-        return True
-
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _find_active(self) -> cython.void:
+    def _find_active(self) -> None:
         """`active`, and zero in all fields where it was before."""
         is_active: cython.uchar[::1] = self._is_active
         active: cython.int[::1] = self.active
@@ -376,9 +283,7 @@ class ContactField:
             n_active += 1 if is_active[p] else 0
         self.n_active = n_active
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _detrend(self, xy: cython.const[cython.double][:, ::1]) -> cython.void:
+    def _detrend(self, xy: Array) -> None:
         """Motion less its plane: the plane's divergence is constant and added later, and the smaller values
         quantize more finely.
         """

@@ -1,12 +1,11 @@
 """Features of one frame: the demand decides what is computed.
 
     tracks, cells --> motion, area change --> contact detector --no contact--> zeros
-                                                               \\--in contact--> what `NEEDS` lists for the
-                                                               demand
+                                                               \\--in contact--> what is needed
 
 Rules
-- The demand is data: `NEEDS` maps each feature to the quantities it depends on; a quantity that is not needed
-  is None in the result. Only motion, area change and the detector's bit are always computed.
+- A quantity that the plan does not need is None in the result. Only motion, area change and the detector's
+  bit are always computed.
 - No contact: no surface, no peaks. Volume, torsion and slip are zero, contacts none; shear is computed all
   the same, and so are modes, unless the caller knows what an untouched tip reads, as a calibration does.
 - Without cells everything that depends on areas stays None, area change all NaN.
@@ -19,47 +18,45 @@ Rules
   the mean motion too: a polynomial fitted to the seen pins alone is different, and in a model of many terms
   the difference is 0.25 mm of depth (331 simulated pins, 30 % dark; 0.06 mm with predicted pins).
 - Lengths in px of the image, areas as a share of the cell at rest: `calibration` knows millimetres.
+
+A kernel: compiled by Cython (see setup.py), and the same when it is not. A frame is one call of it: what it
+is made of meets at C level.
 """
+
+# mypy: disable-error-code="no-any-return,untyped-decorator,valid-type"
 
 from __future__ import annotations
 
-import math
-from enum import StrEnum
-
+import cython
 import numpy as np
 
-from edge.features.area_change import AreaChange
-from edge.features.contact_detector import ContactDetector
-from edge.features.contacts import ContactFinder
-from edge.features.modes import Modes
 from edge.features.params import PARAMS, FeatureParams, largest_noise
-from edge.features.pin_motion import PinMotion
-from edge.features.several import Fits
-from edge.features.slip import Slip
+from edge.features.plan import FeaturePlan, Quantity
 from edge.features.surface import Surface
-from edge.features.vibration import Rms, Vibration
-from edge.types import Array, Cells, ContactRegion, Feature, Features, Mask, Rest, Tracks, per_frame
+from edge.types import Array, Cells, Complex, ContactRegion, Features, Mask, Rest, Tracks
 
-__all__ = ["NEEDS", "FeatureExtractor", "FeaturePlan", "Quantity"]
+if cython.compiled:
+    from cython.cimports.edge.features.area_change import AreaChange
+    from cython.cimports.edge.features.contact_detector import ContactDetector
+    from cython.cimports.edge.features.contacts import ContactFinder
+    from cython.cimports.edge.features.modes import Modes
+    from cython.cimports.edge.features.pin_motion import PinMotion
+    from cython.cimports.edge.features.slip import Slip
+    from cython.cimports.edge.features.vibration import Vibration
+    from cython.cimports.libc.math import NAN, sqrt
+else:
+    from math import nan as NAN  # noqa: N812
+    from math import sqrt
 
+    from edge.features.area_change import AreaChange
+    from edge.features.contact_detector import ContactDetector
+    from edge.features.contacts import ContactFinder
+    from edge.features.modes import Modes
+    from edge.features.pin_motion import PinMotion
+    from edge.features.slip import Slip
+    from edge.features.vibration import Vibration
 
-class Quantity(StrEnum):
-    """What can be computed, as opposed to what can be demanded."""
-
-    SHEAR = "shear"
-    MODES = "modes"
-    VOLUME = "volume"
-    SURFACE = "surface"
-    CONTACTS = "contacts"
-    TORSION = "torsion"
-    SLIP = "slip"
-    VIBRATION = "vibration"
-
-
-NEEDS: dict[Feature, frozenset[Quantity]] = {
-    feature: frozenset(map(Quantity, feature.needs)) for feature in Feature
-}
-
+__all__ = ["FeatureExtractor"]
 
 #: Fields of `Features` that follow from areas: volume, surface, grid, contacts; and from the pins in the
 #: contact: torsion, slip and its probability, vibration and the end of its band.
@@ -69,78 +66,52 @@ _NO_AREAS: _OfAreas = (None, None, None, None)
 _NO_PINS: _OfPins = (None, None, None, None, None)
 
 
-class FeaturePlan:
-    """What is computed of a frame for a demand: `NEEDS`, resolved once. And what a frame without contact has.
-
-    moments        False: the contacts' moments are not wanted; they are NaN
-    fits           the contacts that are wanted as fitted to the pins' motion
-    modes_at_rest  False: modes are not wanted of an untouched tip
-    """
-
-    def __init__(
-        self,
-        demand: frozenset[Feature],
-        *,
-        moments: bool = True,
-        fits: Fits = Fits.ALL,
-        modes_at_rest: bool = True,
-    ) -> None:
-        need: frozenset[Quantity] = frozenset().union(*(NEEDS[feature] for feature in demand))
-        self.moments, self.fits, self.modes_at_rest = moments, fits, modes_at_rest
-        self.shear = Quantity.SHEAR in need
-        self.modes = Quantity.MODES in need
-        self.volume = Quantity.VOLUME in need
-        self.surface = Quantity.SURFACE in need
-        self.contacts = Quantity.CONTACTS in need
-        self.torsion = Quantity.TORSION in need
-        self.slip = Quantity.SLIP in need
-        self.areas = self.volume or self.surface or self.contacts
-        self.vibration = Quantity.VIBRATION in need
-        self.contact_pins = self.torsion or self.slip or self.vibration
-        slip = 0.0 if self.slip else None
-        self.untouched_areas: _OfAreas = (
-            0.0 if self.volume else None,
-            None,
-            None,
-            () if self.contacts else None,
-        )
-        self.untouched_pins: _OfPins = (
-            0.0 if self.torsion else None,
-            slip,
-            slip,
-            0.0 if self.vibration else None,
-            None,
-        )
-
-
-@per_frame
-class _Motion:
-    """Where the pins are, and how far they have moved.
-
-    px        (n, 2) since rest; NaN where lost; good until the next frame
-    whole_px  the same, with lost pins predicted if enough are seen; `known` (n,) where
-              finite; None: everywhere
-    mean_px   (2,) mean of `whole_px`; good until the next frame
-    sigma_px  noise of one coordinate of one pin's motion
-    now_px    the part of it that is this frame's
-    filled    whether lost pins were predicted
-    """
-
-    px: Array
-    whole_px: Array
-    known: Mask | None
-    mean_px: Array
-    sigma_px: float
-    now_px: float
-    filled: bool
-
-
+@cython.final
+@cython.cclass
 class FeatureExtractor:
     """Features of the frames of one tip.
 
     rest_area_px2  (n,) float64 px2, area of each pin's cell at rest, by the current cells' own rule
     grid           points along the surface's side; None: chosen from the pitch
     """
+
+    _n: cython.Py_ssize_t
+    _rest: Rest
+    _grid: int | None
+    _params: FeatureParams
+    _finder: ContactFinder
+    _plan: FeaturePlan  # of the last frame; what follows is what it says
+    _volume: cython.bint
+    _picture: cython.bint
+    _contacts: cython.bint
+    _shear: cython.bint
+    _modes_wanted: cython.bint
+    _modes_at_rest: cython.bint
+    _torsion: cython.bint
+    _slip_wanted: cython.bint
+    _vibration_wanted: cython.bint
+    _moments: cython.bint
+    _fits: cython.int
+    _untouched_areas: _OfAreas
+    _untouched_pins: _OfPins
+    _motion: PinMotion
+    _area_change: AreaChange
+    _detector: ContactDetector
+    _modes: Modes
+    _slip: Slip
+    _vibration: Vibration
+    _rest_xy: cython.const[cython.double][:, ::1]
+    _filled_px: cython.double[:, ::1]  # motion since rest, with lost pins predicted
+    _change: cython.double[::1]
+    _filled_change: cython.double[::1]
+    # Those of which each frame's features have a copy.
+    _motion_array: Array
+    _change_array: Array
+    _mean_array: Array
+    _largest_noise: cython.double
+    _rest_variance: cython.double
+    _contact_sigma: cython.double
+    _min_area_change: cython.double
 
     def __init__(
         self,
@@ -150,43 +121,35 @@ class FeatureExtractor:
         grid: int | None = None,
         params: FeatureParams = PARAMS,
     ) -> None:
-        self._rest, self._grid, self._params = rest, grid, params
-        self._xy_rest = np.ascontiguousarray(rest.xy_img)
-        self._area_change = AreaChange(rest.xy_img, rest.pattern.pitch_px, rest_area_px2)
-        # Kernels need not look at arrays again that stay the same objects: these are written in each frame.
-        self._changes = np.asarray(self._area_change.values)  # the kernel's array
-        self._px, self._whole_px = np.empty_like(self._xy_rest), np.empty_like(self._xy_rest)
-        self._change, self._whole_change = np.empty(len(rest)), np.empty(len(rest))
-        self._detector = ContactDetector(rest, params)
-        self._largest_noise = largest_noise(len(rest))
-        self._rest_variance = float(np.median(rest.pins.sigma_px)) ** 2
+        n = len(rest)
+        self._n, self._rest, self._grid, self._params = n, rest, grid, params
         self._motion = PinMotion(rest)
-        self._xy = self._motion.xy
-        self._modes = Modes(rest)
+        self._area_change = AreaChange(rest.xy_img, rest.pattern.pitch_px, rest_area_px2)
+        self._detector = ContactDetector(rest, params)
+        self._modes, self._vibration = Modes(rest), Vibration(rest.xy_img, params)
         self._slip = Slip(rest, self._motion, params)
-        self._vibration = Vibration(self._px, params)
-        self._surface: Surface | None = None  # made for the first contact
-        self._finder: ContactFinder | None = None
-        self._plan = FeaturePlan(frozenset())
-
-    @property
-    def surface(self) -> Surface:
-        """The grid and its operators."""
-        if self._surface is None:
-            self._surface = Surface(self._rest, self._grid, self._params)
-        return self._surface
-
-    @property
-    def finder(self) -> ContactFinder:
-        """Finds contacts on that grid."""
-        if self._finder is None:
-            self._finder = ContactFinder(self.surface, self._params)
-        return self._finder
+        self._rest_xy = np.ascontiguousarray(rest.xy_img)
+        self._filled_px, self._filled_change = np.empty((n, 2)), np.empty(n)
+        self._change = self._change_array = np.empty(n)
+        self._motion_array, self._mean_array = np.asarray(self._motion.motion), np.asarray(self._motion.mean)
+        self._largest_noise = largest_noise(n)
+        self._rest_variance = float(np.median(rest.pins.sigma_px)) ** 2
+        self._contact_sigma, self._min_area_change = params.contact_sigma, params.min_area_change
+        self._finder = None
+        self._take_plan(FeaturePlan(frozenset()))
 
     def prepare(self, plan: FeaturePlan) -> None:
         """Make now what otherwise the first contact would wait for (70 ms)."""
-        if plan.contacts:
-            self.finder  # noqa: B018
+        if Quantity.CONTACTS in plan.needs:
+            self._made()
+
+    @cython.cfunc
+    def _made(self) -> ContactFinder:
+        """The grid of the surface, and what finds contacts on it; made for the first contact."""
+        if self._finder is None:
+            surface = Surface(self._rest, self._grid, self._params)
+            self._finder = ContactFinder(surface, np.asarray(self._motion.xy), self._params)
+        return self._finder
 
     def forget_contacts(self) -> None:
         """The next frame's contacts do not follow from the last one's."""
@@ -197,14 +160,17 @@ class FeatureExtractor:
         """Whether the last frame's contact goes on, by the motion of its pins; False: not known."""
         return self._detector.holds(tracks.xy_img)
 
+    def cell_noise(self, sigma_px: float) -> float:
+        """One-sigma noise of a single cell's relative area change, as learnt, of such noise of pins."""
+        return self._detector.cell_noise(sigma_px)
+
     def extract(
         self,
         tracks: Tracks,
         cells: Cells | None,
         plan: FeaturePlan,
-        *,
-        contact_holds: bool = False,
-        capture_ns: int = 0,
+        contact_holds: cython.bint = False,
+        capture_ns: cython.longlong = 0,
     ) -> Features:
         """The features of one frame.
 
@@ -212,104 +178,157 @@ class FeatureExtractor:
         contact_holds  of this frame, as `contact_holds` says; no cells are needed then
         capture_ns     when the frame was taken; 0: not known, and vibration neither
         Returns        Features; fields outside of the plan are None
+        Raises         ValueError: sizes that do not fit
         """
         if plan is not self._plan:
-            self._plan = plan
+            self._take_plan(plan)
             self.forget_contacts()
-        motion = self._motion_of(tracks, cells)
-        area_change, whole_change = self._area_changes(cells, motion.filled)
-        if contact_holds:
-            in_contact = True
-        elif cells is None:
-            in_contact = self._detector.by_motion(tracks.xy_img, motion.sigma_px)
-        else:
-            in_contact = self._detector.by_area(whole_change, self._xy, motion.sigma_px)
-        noise = self._detector.cell_noise(motion.sigma_px) if in_contact else 0.0
-        shear_px = motion.mean_px.copy() if plan.shear else None
+        n_seen: cython.Py_ssize_t = self._motion.since_rest(tracks.xy_img, tracks.sigma_px)
+        now_px: cython.double = self._motion.sigma_px
+        sigma_px: cython.double = sqrt(now_px * now_px + self._rest_variance)
+        is_filled: cython.bint = n_seen < self._n and cells is not None and self._fill(cells.xy_img, n_seen)
+        change: cython.double[::1] = self._change_since_rest(cells, is_filled)
+        in_contact: cython.bint = contact_holds
+        if not contact_holds:
+            in_contact = self._detects(cells is not None, change, sigma_px)
         modes_px = None
-        if plan.modes and (in_contact or plan.modes_at_rest):
-            modes_px = self._modes.fit(motion.whole_px, motion.known)
-        kept = motion.px.copy(), area_change.copy()
+        if self._modes_wanted and (in_contact or self._modes_at_rest):
+            modes_px = self._modes_of(None if n_seen == self._n else tracks.seen, is_filled)
         of_areas, of_pins = _NO_AREAS, _NO_PINS
         if in_contact:
-            if cells is not None and plan.areas:
-                of_areas = self._of_areas(whole_change, tracks.seen, motion.sigma_px, noise)
-            if plan.contact_pins:
-                of_pins = self._of_contact_pins(motion, area_change, noise, kept, capture_ns)
+            noise: cython.double = self._detector.cell_noise(sigma_px)
+            if cells is not None and (self._volume or self._picture or self._contacts):
+                of_areas = self._of_areas(change, tracks.seen, sigma_px, noise)
+            if self._torsion or self._slip_wanted or self._vibration_wanted:
+                of_pins = self._of_contact_pins(sigma_px, now_px, noise, capture_ns)
         else:
             self._slip.forget()
             self._vibration.forget()
             self.forget_contacts()
-            of_areas, of_pins = plan.untouched_areas if cells is not None else _NO_AREAS, plan.untouched_pins
+            of_areas = _NO_AREAS if cells is None else self._untouched_areas
+            of_pins = self._untouched_pins
+        gap, gap_img = 0.0 if n_seen == self._n else NAN, None
         if cells is not None:
             gap, gap_img = cells.gap, cells.gap_img
-        else:
-            gap, gap_img = 0.0 if motion.known is None else math.nan, None
         # By place: names cost 3,000 instructions.
-        return Features(kept[1], kept[0], in_contact, shear_px, modes_px, *of_areas, *of_pins, gap, gap_img)
+        return Features(
+            self._change_array.copy(),
+            self._motion_array.copy(),
+            in_contact,
+            self._mean_array.copy() if self._shear else None,
+            modes_px,
+            *of_areas,
+            *of_pins,
+            gap,
+            gap_img,
+        )
 
-    def _motion_of(self, tracks: Tracks, cells: Cells | None) -> _Motion:
-        seen, px = tracks.seen, self._px
-        now_px, n_seen = self._motion.since_rest(tracks.xy_img, tracks.sigma_px, px)
-        sigma_px, mean_px = math.sqrt(now_px * now_px + self._rest_variance), self._motion.mean
-        if n_seen == len(seen):
-            return _Motion(px, px, None, mean_px, sigma_px, now_px, False)
-        if cells is not None:
-            self._xy[:] = cells.xy_img
-        if cells is None or 2 * n_seen < max(len(seen), 2):  # most are a guess
-            return _Motion(px, px, seen, mean_px, sigma_px, now_px, False)
-        whole = np.subtract(cells.xy_img, self._xy_rest, out=self._whole_px)
-        return _Motion(px, whole, None, whole.mean(axis=0), sigma_px, now_px, True)
+    @cython.cfunc
+    def _take_plan(self, plan: FeaturePlan) -> object:
+        needs = plan.needs
+        self._plan, self._modes_at_rest = plan, plan.modes_at_rest
+        self._moments, self._fits = plan.moments, plan.fits
+        self._shear, self._modes_wanted = Quantity.SHEAR in needs, Quantity.MODES in needs
+        self._volume, self._picture = Quantity.VOLUME in needs, Quantity.SURFACE in needs
+        self._contacts, self._torsion = Quantity.CONTACTS in needs, Quantity.TORSION in needs
+        self._slip_wanted, self._vibration_wanted = Quantity.SLIP in needs, Quantity.VIBRATION in needs
+        none = {True: 0.0, False: None}
+        slip, vibration = none[self._slip_wanted], none[self._vibration_wanted]
+        self._untouched_areas = (none[self._volume], None, None, () if self._contacts else None)
+        self._untouched_pins = (none[self._torsion], slip, slip, vibration, None)
+        return None
 
-    def _area_changes(self, cells: Cells | None, filled: bool) -> tuple[Array, Array]:
-        """Relative area changes, (n,), NaN where lost; and the same with lost pins' cells, if these are
-        predicted. Good until the next frame.
-        """
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _detects(
+        self, by_area: cython.bint, change: cython.double[::1], sigma_px: cython.double
+    ) -> cython.bint:
+        """Whether the tip is in contact."""
+        if by_area:
+            return self._detector.by_area(change, self._motion.xy, sigma_px)
+        return self._detector.by_motion(self._motion.xy, sigma_px)
+
+    @cython.cfunc
+    def _modes_of(self, seen: Mask | None, is_filled: cython.bint) -> Complex:
+        """Of all pins, if lost ones are predicted or none is lost (None); else of the seen ones."""
+        if is_filled:
+            return self._modes.fit(self._filled_px)
+        if seen is None:
+            return self._modes.fit(self._motion.motion)
+        if len(seen) != self._n:
+            raise ValueError(f"seen ({self._n},) is wanted")
+        return self._modes.fit(self._motion.motion, seen)
+
+    @cython.cfunc
+    @cython.exceptval(-1)
+    def _fill(self, xy: cython.const[cython.double][:, ::1], n_seen: cython.Py_ssize_t) -> cython.int:
+        """Put lost pins where they are predicted; whether their motion is, too: most are seen."""
+        i: cython.Py_ssize_t
+        n: cython.Py_ssize_t = self._n
+        x: cython.double = 0.0
+        y: cython.double = 0.0
+        if xy.shape[0] != n or xy.shape[1] != 2:
+            raise ValueError(f"xy_img of cells ({n}, 2) is wanted")
+        for i in range(n):
+            self._motion.xy[i, 0], self._motion.xy[i, 1] = xy[i, 0], xy[i, 1]
+        if 2 * n_seen < max(n, 2):
+            return False
+        for i in range(n):
+            self._filled_px[i, 0] = xy[i, 0] - self._rest_xy[i, 0]
+            self._filled_px[i, 1] = xy[i, 1] - self._rest_xy[i, 1]
+            x += self._filled_px[i, 0]
+            y += self._filled_px[i, 1]
+        self._motion.mean[0], self._motion.mean[1] = x / n, y / n
+        return True
+
+    @cython.cfunc
+    def _change_since_rest(self, cells: Cells | None, is_filled: cython.bint) -> cython.double[::1]:
+        """`_change`, NaN where lost; returns the same with lost pins' cells, if these are predicted."""
         if cells is None:
-            self._change.fill(np.nan)
-            return self._change, self._change
+            self._change[:] = NAN
+            return self._change
         self._area_change.since_rest(cells.area_px2, self._change)
-        if filled and cells.whole_px2 is not None:
-            self._area_change.since_rest(cells.whole_px2, self._whole_change)
-            return self._change, self._whole_change
-        return self._change, self._change
+        if is_filled and cells.whole_px2 is not None:
+            self._area_change.since_rest(cells.whole_px2, self._filled_change)
+            return self._filled_change
+        return self._change
 
-    def _of_areas(self, area_change: Array, seen: Mask, sigma_px: float, noise: float) -> _OfAreas:
-        """Those of a frame in contact."""
-        plan, changes, xy_img = self._plan, self._area_change, self._xy
+    @cython.cfunc
+    def _of_areas(
+        self, change: cython.double[::1], seen: Mask, sigma_px: cython.double, noise: cython.double
+    ) -> _OfAreas:
+        """Those of a frame in contact; noise: one sigma of a cell's area change."""
         volume = picture = grid = contacts = None
-        changes.fill(area_change, xy_img)
-        if plan.volume:
-            volume = changes.volume(self._largest_noise * noise)
-        if plan.surface or plan.contacts:
-            surface = self.surface
-            surface.field.set_area_change(self._changes)
-            if plan.surface:
-                picture, grid = surface.picture(), surface.grid_img
-            if plan.contacts:
-                surface.field.find(xy_img)
-                contacts = self.finder.find(xy_img, seen, sigma_px, moments=plan.moments, fits=plan.fits)
+        self._area_change.fill(change, self._motion.xy)
+        if self._volume:
+            volume = self._area_change.volume(self._largest_noise * noise)
+        if self._picture or self._contacts:
+            finder: ContactFinder = self._made()
+            finder.field.set_area_change(self._area_change.values)
+            if self._picture:
+                picture, grid = finder.surface.picture(), finder.surface.grid_img
+            if self._contacts:
+                contacts = finder.find(seen, sigma_px, self._moments, self._fits)
         return volume, picture, grid, contacts
 
+    @cython.cfunc
     def _of_contact_pins(
         self,
-        motion: _Motion,
-        area_change: Array,
-        noise: float,
-        kept: tuple[Array, Array],
-        capture_ns: int,
+        sigma_px: cython.double,
+        now_px: cython.double,
+        noise: cython.double,
+        capture_ns: cython.longlong,
     ) -> _OfPins:
-        """Those of a frame in contact; noise: one sigma of a cell's area change."""
-        plan, params = self._plan, self._params
-        torsion = slip = probability = None
-        vibration: Rms = (None, None)
-        least = max(params.contact_sigma * noise, params.min_area_change)
-        pins = self._motion.in_contact(area_change, least)
-        if plan.torsion:
-            torsion = self._motion.torsion(motion.px, pins)
-        if plan.slip:
-            state = self._slip.update(motion.px, area_change, pins, motion.sigma_px, kept)
-            slip, probability = state.slip_px, state.probability
-        if plan.vibration:
-            vibration = self._vibration.update(pins, motion.now_px, capture_ns)
-        return torsion, slip, probability, *vibration
+        """Those of a frame in contact."""
+        torsion = slip = probability = rms = to_hz = None
+        motion: PinMotion = self._motion
+        least: cython.double = max(self._contact_sigma * noise, self._min_area_change)
+        motion.find_contact(self._change, least)
+        if self._torsion:
+            torsion = motion.torsion()
+        if self._slip_wanted:
+            self._slip.update(self._change, sigma_px)
+            slip, probability = self._slip.slip_px, self._slip.probability
+        if self._vibration_wanted:
+            rms, to_hz = self._vibration.update(motion.motion, motion.pins, motion.n_pins, now_px, capture_ns)
+        return torsion, slip, probability, rms, to_hz

@@ -36,12 +36,9 @@ from numpy.typing import NDArray
 from edge.types import Array, Complex, Mask, Rest
 
 if cython.compiled:
-    from cython.cimports.edge.geometry.views import PointsView
     from cython.cimports.libc.math import sqrt
 else:
     from math import sqrt
-
-    from edge.geometry.views import PointsView
 
 #: Highest degree; a calibration file names its inputs by these modes, so it is part of the format.
 DEGREE = 5
@@ -89,26 +86,10 @@ def _in_rows(basis: Complex) -> NDArray[np.float32]:
     return rows
 
 
+@cython.final
 @cython.cclass
 class Modes:
     """Fits the modes of one tip by least squares."""
-
-    _n: cython.Py_ssize_t
-    _k: cython.Py_ssize_t  # modes
-    _motion_view: PointsView
-    _result: cython.doublecomplex[::1]
-    _result_array: Complex  # the same memory
-    _re: cython.double[:, ::1]  # (n, k), the basis
-    _im: cython.double[:, ::1]
-    _mirror: cython.int[::1]
-    _rows: cython.const[cython.float][:, ::1]  # basis times inverse Gram matrix, as `_in_rows` has it
-    _sums: cython.float[:, ::1]  # of rows times motion: of x, of y
-    _gram_re: cython.double[:, ::1]  # (k, k), of all pins
-    _gram_im: cython.double[:, ::1]
-    _factor_re: cython.double[:, ::1]  # (k, k), scratch
-    _factor_im: cython.double[:, ::1]
-    _sum_re: cython.double[::1]  # (k,) the sums, which become the coefficients
-    _sum_im: cython.double[::1]
 
     def __init__(self, rest: Rest) -> None:
         basis = mode_basis(rest)
@@ -116,8 +97,7 @@ class Modes:
         empty = np.where(np.any(basis, axis=0), 0.0, n)
         gram = basis.conj().T @ basis + np.diag(empty) + INDEPENDENT_REL * n * np.eye(k)
         self._n, self._k = n, k
-        self._motion_view = PointsView()
-        self._result_array = self._result = np.empty(k, np.complex128)
+        self._result_array = self._result = np.zeros(k, np.complex128)
         self._re, self._im = np.array(basis.real, order="C"), np.array(basis.imag, order="C")
         self._mirror = np.array(_MIRROR, np.int32)
         self._rows = _in_rows(basis @ np.linalg.inv(gram))
@@ -126,42 +106,35 @@ class Modes:
         self._factor_re, self._factor_im = np.empty((k, k)), np.empty((k, k))
         self._sum_re, self._sum_im = np.empty(k), np.empty(k)
 
-    def fit(self, motion: Array, seen: Mask | None) -> Complex:
+    def fit(self, motion: Array, seen: Mask | None = None) -> Complex:
         """Least-squares coefficients over the seen pins.
 
         motion   (n, 2) float64 px, finite where seen
         seen     (n,) bool; None: all are
         Returns  (21,) complex128 px, terms `MODE_NAMES`
-        Raises   ValueError: sizes that do not fit, motion that is not finite
+        Raises   ValueError: motion that is not finite
         """
-        n: cython.Py_ssize_t = self._n
         j: cython.Py_ssize_t
-        moved: cython.const[cython.double][:, ::1] = self._motion_view.of(motion)
-        if moved.shape[0] != n or moved.shape[1] != 2 or (seen is not None and seen.shape != (n,)):
-            raise ValueError(f"motion ({n}, 2) and seen ({n},) are wanted")
-        if seen is None or seen.all():
-            self._fit_all(moved)
+        if seen is None or self._are_all(seen):
+            self._fit_all(motion)
         else:
-            self._fit_seen(moved, seen)
+            self._sum_seen(motion, seen)
+            self._subtract_lost(seen)
+            if not self._solve():
+                raise ValueError("modes: the equations have no solution")
         for j in range(self._k):
             self._result[j] = self._sum_re[j] + 1j * self._sum_im[j]
         result: Complex = self._result_array.copy()
         return result
 
-    @cython.cfunc
-    def _fit_seen(
-        self, motion: cython.const[cython.double][:, ::1], seen: cython.const[cython.uchar][::1]
-    ) -> cython.bint:
-        """Coefficients over the seen pins."""
-        self._sum_seen(motion, seen)
-        self._subtract_lost(seen)
-        if not self._solve():
-            raise ValueError("modes: the equations have no solution")
+    def _are_all(self, seen: Mask) -> bool:
+        i: cython.Py_ssize_t
+        for i in range(self._n):  # noqa: SIM110
+            if not seen[i]:
+                return False
         return True
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _fit_all(self, motion: cython.const[cython.double][:, ::1]) -> cython.void:
+    def _fit_all(self, motion: Array) -> None:
         """Coefficients over all pins."""
         sums: cython.float[:, ::1] = self._sums
         j: cython.Py_ssize_t
@@ -178,9 +151,7 @@ class Modes:
                 self._sum_re[m] = sums[0, j] - sums[1, m]
                 self._sum_im[m] = sums[1, j] + sums[0, m]
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _sum_all(self, motion: cython.const[cython.double][:, ::1]) -> cython.void:
+    def _sum_all(self, motion: Array) -> None:
         """`_sums`, which stay in registers until all pins are in: ROW numbers each."""
         of_x: cython.float[24] = [0.0] * 24
         of_y: cython.float[24] = [0.0] * 24
@@ -199,11 +170,7 @@ class Modes:
             self._sums[0, j] = of_x[j]
             self._sums[1, j] = of_y[j]
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _sum_seen(
-        self, motion: cython.const[cython.double][:, ::1], seen: cython.const[cython.uchar][::1]
-    ) -> cython.void:
+    def _sum_seen(self, motion: Array, seen: Mask) -> None:
         """Sums over the seen pins of conj(basis) times motion."""
         i: cython.Py_ssize_t
         j: cython.Py_ssize_t
@@ -216,9 +183,7 @@ class Modes:
                     self._sum_re[j] += self._re[i, j] * motion[i, 0] + self._im[i, j] * motion[i, 1]
                     self._sum_im[j] += self._re[i, j] * motion[i, 1] - self._im[i, j] * motion[i, 0]
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _subtract_lost(self, seen: cython.const[cython.uchar][::1]) -> cython.void:
+    def _subtract_lost(self, seen: Mask) -> None:
         """The equations of the seen pins: those of all, less those of the lost ones; lower triangle."""
         i: cython.Py_ssize_t
         r: cython.Py_ssize_t
@@ -239,9 +204,7 @@ class Modes:
                     self._factor_re[r, c] -= p * self._re[i, c] + q * self._im[i, c]
                     self._factor_im[r, c] -= p * self._im[i, c] - q * self._re[i, c]
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _solve(self) -> cython.bint:
+    def _solve(self) -> bool:
         """Cholesky: the sums become the solution of the equations in `_factor`; False if there is none."""
         k: cython.Py_ssize_t = self._k
         i: cython.Py_ssize_t

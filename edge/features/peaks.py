@@ -34,6 +34,7 @@ _PLATEAU = cython.declare(cython.schar, 3)  # visited, not decided yet
 _REACHED = cython.declare(cython.schar, 4)  # and upwards: reached from peak 0, 1, ...
 
 
+@cython.final
 @cython.cclass
 class PeakFinder:
     """Peaks on the points of a grid; k points. All arrays are good until the next field.
@@ -59,9 +60,6 @@ class PeakFinder:
         self.n_active = len(self.place)  # of no field yet: its first one is written everywhere
         self.at, self.point = np.zeros(PEAKS_MAX, np.int32), np.zeros(PEAKS_MAX, np.int32)
         self.height, self._level = np.zeros(PEAKS_MAX, np.float32), np.zeros(PEAKS_MAX, np.float32)
-        self._field_array: Heights | None = None
-        self._noise_array: Heights | None = None
-        self._active_array: Index | None = None
         self._all_points = np.arange(len(self.place), dtype=np.int32)
         self.n_peaks = 0
         w = self.width
@@ -71,34 +69,18 @@ class PeakFinder:
         """The field (k,) float32 at the points, row by row.
 
         active   (n_active or more,) int32, points, ascending; elsewhere the field is zero. None: nowhere
-        Raises   ValueError: another number of points, no such point
         """
         i: cython.Py_ssize_t
-        p: cython.Py_ssize_t
-        k: cython.Py_ssize_t = self.place.shape[0]
-        if field is not self._field_array:
-            self._field = self._field_array = field
-        if active is None:
-            n_active = k
-        which: Index = self._all_points if active is None else active
-        if which is not self._active_array:
-            self._given_active = self._active_array = which
-        if self._field.shape[0] != k or not 0 <= n_active <= min(self._given_active.shape[0], k):
-            raise ValueError(f"field ({k},) is wanted, and up to so many of its points")
-        values: cython.const[cython.float][::1] = self._field
-        given: cython.const[cython.int][::1] = self._given_active
         place: cython.int[::1] = self.place
         grid: cython.float[::1] = self.grid
         mine: cython.int[::1] = self.active
-        for i in range(n_active):
-            if not 0 <= given[i] < k:
-                raise ValueError(f"active: points of 0 to {k - 1} are wanted, not {given[i]}")
+        if active is None:
+            active, n_active = self._all_points, place.shape[0]
         for i in range(self.n_active):
             grid[place[mine[i]]] = 0.0
         for i in range(n_active):
-            p = given[i]
-            mine[i] = given[i]
-            grid[place[p]] = values[p]
+            mine[i] = active[i]
+            grid[place[active[i]]] = field[active[i]]
         self.n_active = n_active
 
     def mark_maxima(self) -> Mask:
@@ -111,16 +93,10 @@ class PeakFinder:
 
         noise    (k,) float32
         Returns  number of peaks, PEAKS_MAX at most
-        Raises   ValueError: another number of points
         """
-        if noise is not self._noise_array:
-            self._noise = self._noise_array = noise
-        if self._noise.shape[0] != self.place.shape[0]:
-            raise ValueError(f"noise ({self.place.shape[0]},) is wanted")
         i: cython.Py_ssize_t
         p: cython.Py_ssize_t
         h: cython.float
-        noises: cython.const[cython.float][::1] = self._noise
         place: cython.int[::1] = self.place
         grid: cython.float[::1] = self.grid
         self.mark[:] = _UNKNOWN
@@ -129,7 +105,7 @@ class PeakFinder:
             p = self.active[i]
             h = grid[place[p]]
             # The height first: most points lie below the noise, and their neighbours need not be read.
-            if h > least and h > noises[p] * noise_factor and self._is_maximum(place[p]):
+            if h > least and h > noise[p] * noise_factor and self._is_maximum(place[p]):
                 self._insert(p, h)
         return self.n_peaks
 
@@ -140,11 +116,8 @@ class PeakFinder:
     def first_connected(self, j: cython.Py_ssize_t, level: cython.float) -> cython.Py_ssize_t:
         """The first, and so highest, peak that peak j is connected with at or above a level; j itself if none
         before it.
-
-        Raises ValueError: no such peak
         """
         i: cython.Py_ssize_t
-        self._must_be_peak(j)
         self._search(j, level, False)
         for i in range(j):
             if self.mark[self.at[i]] == _REACHED + j:
@@ -154,17 +127,9 @@ class PeakFinder:
     def is_connected(self, j: cython.Py_ssize_t, level: cython.float) -> cython.bint:
         """Whether peak j is connected at or above a level with any peak before it, all of which were asked
         about. Sooner than `first_connected`: it ends where another search has been.
-
-        Raises ValueError: no such peak
         """
-        self._must_be_peak(j)
         self.mark[self.at[0]], self._level[0] = _REACHED, self.height[0]
         return j > 0 and self._search(j, level, True)
-
-    def _must_be_peak(self, j: cython.Py_ssize_t) -> cython.bint:
-        if j < 0 or j >= self.n_peaks:
-            raise ValueError(f"j: a peak of 0 to {self.n_peaks - 1} is wanted, not {j}")
-        return True
 
     def _search(self, j: cython.Py_ssize_t, given: cython.float, soon: cython.bint) -> cython.bint:
         """Mark what is connected with peak j at or above a level; soon: until a search from a peak before it

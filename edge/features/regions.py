@@ -42,6 +42,7 @@ _NOISE = cython.declare(cython.int, -2)
 _VARIANCE_MIN = cython.declare(cython.double, 1e-9)
 
 
+@cython.final
 @cython.cclass
 class Regions:
     """Contacts of one frame: their peaks, and the moments of their regions. Good until the next frame.
@@ -57,43 +58,10 @@ class Regions:
     x0, y0, step_px  place of the field's first column and row, and the distance of its points
     """
 
-    n_contacts = cython.declare(cython.Py_ssize_t, visibility="readonly")
-    middle = cython.declare(cython.double[:, ::1], visibility="readonly")
-    semi_axis = cython.declare(cython.double[::1], visibility="readonly")
-    elongation = cython.declare(cython.double[::1], visibility="readonly")
-    direction = cython.declare(cython.double[::1], visibility="readonly")
-    x0 = cython.declare(cython.double, visibility="readonly")
-    y0 = cython.declare(cython.double, visibility="readonly")
-    step_px = cython.declare(cython.double, visibility="readonly")
-    _n_points: cython.Py_ssize_t[::1]  # of each region
-    _level: cython.float[::1]  # a region's edge
-    _sums: cython.double[:, ::1]  # of each region: weight, first and second moments
-    _noise: cython.const[cython.float][::1]  # given last
-    _noise_array: object  # the same memory
-    _n_peaks: cython.Py_ssize_t
-    _at: cython.int[::1]  # of each peak: its place in the padded grid
-    _height: cython.float[::1]
-    # the contact it belongs to, -1: one too many; a contact's first peak is its highest
-    _contact: cython.int[::1]
-    _ridge: cython.double[:, ::1]  # places of one contact's peaks
-    _ridge_array: Array  # the same memory
-    _peaks: PeakFinder
-    _found_at: cython.int[::1]  # of `peaks`
-    _found_point: cython.int[::1]
-    _found_height: cython.float[::1]
-    _grid: cython.float[::1]
-    _place: cython.int[::1]
-    _active: cython.int[::1]
-    _column: cython.short[::1]  # of each place in the padded grid
-    _row: cython.short[::1]
-    _shallow_rel: cython.double
-    _min_prominence_sigma: cython.double
-
     def __init__(
         self, peaks: PeakFinder, x0: float, y0: float, step_px: float, params: FeatureParams = PARAMS
     ) -> None:
         table = PEAKS_MAX + CONTACTS_MAX  # the split test may turn one contact into two
-        self._noise_array = None
         self.n_contacts, self._n_peaks = 0, 0
         self.middle = np.zeros((CONTACTS_MAX, 2))
         self.semi_axis, self.elongation = np.zeros(CONTACTS_MAX), np.zeros(CONTACTS_MAX)
@@ -112,18 +80,13 @@ class Regions:
         self._shallow_rel = params.shallow_rel
         self._min_prominence_sigma = 2.0 * params.contact_sigma
 
-    def merge(self, noise: Heights, noise_px: cython.double) -> cython.Py_ssize_t:
+    def merge(self, noise: Heights, noise_px: float) -> int:
         """Group the peaks into contacts by prominence, and measure their regions.
 
         noise     (k,) float32, noise of the field at each point per px of a pin's
         noise_px  of a pin; not used for a single peak
         Returns   number of contacts
-        Raises    ValueError: another number of points
         """
-        if noise is not self._noise_array:
-            self._noise = self._noise_array = noise
-        if self._noise.shape[0] != self._place.shape[0]:
-            raise ValueError(f"noise ({self._place.shape[0]},) is wanted")
         j: cython.Py_ssize_t
         first: cython.Py_ssize_t
         depth: cython.float
@@ -138,7 +101,7 @@ class Regions:
             first = j
             depth = 0.0
             if j > 0:
-                valley = pins * self._noise[self._found_point[j]]
+                valley = pins * noise[self._found_point[j]]
                 depth = max(self._shallow_rel * self._height[j], valley)
                 if self.n_contacts > 1:
                     first = self._peaks.first_connected(j, self._height[j] - depth)
@@ -157,12 +120,10 @@ class Regions:
         self._measure()
         return self.n_contacts
 
-    def keep(self, kept: cython.const[cython.uchar][::1]) -> None:
+    def keep(self, kept: Array) -> None:
         """Drop the contacts that are not kept, (n_contacts or more,) uint8; the others take over their
         points.
         """
-        if kept.shape[0] < self.n_contacts:
-            raise ValueError(f"kept ({self.n_contacts},) is wanted")
         i: cython.Py_ssize_t
         j: cython.Py_ssize_t
         n: cython.int = 0
@@ -257,14 +218,12 @@ class Regions:
 
     def area_px2(self, i: cython.Py_ssize_t) -> float:
         """Area of contact i's region, px2."""
-        self._check(i)
         return self._n_points[i] * self.step_px * self.step_px
 
     def peak_height(self, i: cython.Py_ssize_t) -> float:
         """Height of contact i's highest peak, interpolated between the grid's points by a parabola along each
         axis.
         """
-        self._check(i)
         at: cython.Py_ssize_t = self._at[self._highest(i)]
         k: cython.Py_ssize_t
         step: cython.Py_ssize_t
@@ -286,7 +245,6 @@ class Regions:
 
     def ridge(self, i: cython.Py_ssize_t) -> Array:
         """(m, 2) float64 px, all peaks of contact i."""
-        self._check(i)
         j: cython.Py_ssize_t
         n: cython.Py_ssize_t = 0
         for j in range(self._n_peaks):
@@ -297,24 +255,14 @@ class Regions:
         found: Array = self._ridge_array[:n].copy()
         return found
 
-    @cython.cfunc
-    def _check(self, i: cython.Py_ssize_t) -> cython.bint:
-        if i < 0 or i >= self.n_contacts:
-            raise ValueError(f"i: a contact of 0 to {self.n_contacts - 1} is wanted, not {i}")
-        return True
-
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _highest(self, i: cython.Py_ssize_t) -> cython.Py_ssize_t:
+    def _highest(self, i: cython.Py_ssize_t) -> int:
         """Which peak is the highest of contact i."""
         j: cython.Py_ssize_t = 0
         while self._contact[j] != i:
             j += 1
         return j
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _drop_peaks(self, dropped: cython.int) -> cython.void:
+    def _drop_peaks(self, dropped: cython.int) -> None:
         """Remove the peaks that are marked so instead of with a contact."""
         j: cython.Py_ssize_t
         left: cython.Py_ssize_t = 0
@@ -326,18 +274,14 @@ class Regions:
                 left += 1
         self._n_peaks = left
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _measure(self) -> cython.void:
+    def _measure(self) -> None:
         """Collect each contact's region, and find its shape."""
         i: cython.Py_ssize_t
         self._collect()
         for i in range(self.n_contacts):
             self._find_shape(i)
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _collect(self) -> cython.void:
+    def _collect(self) -> None:
         """Sums over each region's active points, weighted by the height above its edge."""
         i: cython.Py_ssize_t
         k: cython.Py_ssize_t
@@ -375,9 +319,7 @@ class Regions:
             self._sums[i, 4] += w * x * y
             self._sums[i, 5] += w * y * y
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _nearest(self, at: cython.Py_ssize_t) -> cython.Py_ssize_t:
+    def _nearest(self, at: cython.Py_ssize_t) -> int:
         """Which peak is nearest to a place; of equals the first, and the first where there is one contact."""
         j: cython.Py_ssize_t
         nearest: cython.Py_ssize_t = 0
@@ -394,9 +336,7 @@ class Regions:
                 nearest = j
         return nearest
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _find_shape(self, i: cython.Py_ssize_t) -> cython.void:
+    def _find_shape(self, i: cython.Py_ssize_t) -> None:
         """Middle and axes of a region from its sums."""
         w: cython.double = self._sums[i, 0]
         x: cython.double = self._sums[i, 1] / w

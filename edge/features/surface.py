@@ -12,7 +12,7 @@ as one. So contacts are searched for in it (`contact_field` has the arithmetic o
 no grid (`area_change`).
 
 Heights are relative area changes of material cells, at the cells' rest places: the surface is fixed to the
-skin. `contact_place` finds where a contact lies in the current image.
+skin. `contacts` finds where a contact lies in the current image.
 """
 
 from __future__ import annotations

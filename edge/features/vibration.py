@@ -23,6 +23,7 @@ import cython
 import numpy as np
 
 from edge.features.params import PARAMS, FeatureParams
+from edge.types import Array, Index
 
 if cython.compiled:
     from cython.cimports.libc.math import M_PI, NAN, exp, isnan, sqrt, tan
@@ -37,31 +38,14 @@ __all__ = ["Rms", "Vibration"]
 Rms = tuple[float | None, float | None]
 
 
+@cython.final
 @cython.cclass
 class Vibration:
-    """Follows the high-passed motion of the contact's pins.
+    """Follows the high-passed motion of the contact's pins, of those at rest_xy (n, 2)."""
 
-    motion  (n, 2) float64 px since rest, NaN where lost; the extractor writes each frame's into it
-    """
-
-    _from_hz: cython.double
-    _motion: cython.const[cython.double][:, ::1]
-    _before: cython.double[:, ::1]
-    _once: cython.double[:, ::1]
-    _twice: cython.double[:, ::1]
-    _frame_of: cython.longlong[::1]  # the frame in which each pin was followed last
-    _frame: cython.longlong
-    _before_ns: cython.longlong
-    _lasted_s: cython.double
-    _power_px2: cython.double
-
-    def __init__(self, motion: cython.const[cython.double][:, ::1], params: FeatureParams = PARAMS) -> None:
-        """Raises ValueError: motion of another shape."""
-        if motion.shape[1] != 2:
-            raise ValueError(f"motion (n, 2) is wanted, not (n, {motion.shape[1]})")
-        n: cython.Py_ssize_t = motion.shape[0]
+    def __init__(self, rest_xy: Array, params: FeatureParams = PARAMS) -> None:
+        n = len(rest_xy)
         self._from_hz = params.vibration_from_hz
-        self._motion = motion
         self._before, self._once, self._twice = np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 2))
         self._frame_of = np.zeros(n, np.int64)
         self._frame = 1
@@ -74,20 +58,21 @@ class Vibration:
         self._lasted_s = self._power_px2 = 0.0
 
     def update(
-        self, pins: cython.const[cython.int][::1], sigma_px: cython.double, capture_ns: cython.longlong
+        self,
+        motion: Array,
+        pins: Index,
+        n_pins: cython.Py_ssize_t,
+        sigma_px: float,
+        capture_ns: cython.longlong,
     ) -> Rms:
         """Take a frame in contact.
 
-        pins        (k,) int32, rows of the pins in the contact
-        sigma_px    noise of one coordinate of one pin in one frame
-        capture_ns  start of its exposure
-        Returns     rms in px, NaN while it is not known; upper end of its band in Hz, None while it is not
-        Raises      ValueError: no such pin
+        motion        (n, 2) float64 px since rest; NaN where lost
+        pins, n_pins  (n_pins or more,) int32, rows of the pins in the contact
+        sigma_px      noise of one coordinate of one pin in one frame
+        capture_ns    start of its exposure
+        Returns       rms in px, NaN while it is not known; upper end of its band in Hz, None while it is not
         """
-        k: cython.Py_ssize_t
-        for k in range(pins.shape[0]):
-            if not 0 <= pins[k] < self._motion.shape[0]:
-                raise ValueError(f"pins 0 to {self._motion.shape[0] - 1} are there, not {pins[k]}")
         step_s: cython.double = (capture_ns - self._before_ns) * 1e-9
         self._before_ns = capture_ns
         if not 0.0 < 2.0 * step_s * self._from_hz < 1.0:
@@ -97,7 +82,7 @@ class Vibration:
         if step_s > 0.0:  # each filter's cut-off lies below that of both in a row
             w = sqrt(sqrt(2.0) - 1.0) * tan(M_PI * self._from_hz * step_s)
         pole: cython.double = (1.0 - w) / (1.0 + w) if w != -1.0 else 0.0
-        power: cython.double = self._mean_square(pins, pole)
+        power: cython.double = self._mean_square(motion, pins, n_pins, pole)
         if isnan(power):  # no pin was there before
             return NAN, None
         power -= sigma_px * sigma_px * (1.0 + pole) * (3.0 + pole) / 4.0  # white noise of two coordinates
@@ -110,12 +95,9 @@ class Vibration:
             return NAN, None
         return sqrt(max(self._power_px2, 0.0)), 0.5 / step_s
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _mean_square(self, pins: cython.const[cython.int][::1], pole: cython.double) -> cython.double:
+    def _mean_square(self, motion: Array, pins: Index, n_pins: cython.Py_ssize_t, pole: float) -> float:
         """One step of both filters, of each pin; NaN: no pin was followed in the frame before."""
         # Local names: the compiler knows that a store does not change where these lie.
-        motion: cython.const[cython.double][:, ::1] = self._motion
         before: cython.double[:, ::1] = self._before
         once_of: cython.double[:, ::1] = self._once
         twice_of: cython.double[:, ::1] = self._twice
@@ -129,7 +111,7 @@ class Vibration:
         axis: cython.Py_ssize_t
         k: cython.Py_ssize_t
         i: cython.Py_ssize_t
-        for k in range(pins.shape[0]):
+        for k in range(n_pins):
             i = pins[k]
             if frame_of[i] != frame - 1 or isnan(motion[i, 0]):
                 continue
@@ -141,13 +123,11 @@ class Vibration:
                 before[i, axis] = motion[i, axis]
                 total += twice * twice
             frame_of[i] = frame
-        if held_n < pins.shape[0]:
-            self._join(pins, held_n)
+        if held_n < n_pins:
+            self._join(motion, pins, n_pins, held_n)
         return total / held_n if held_n else NAN
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _join(self, pins: cython.const[cython.int][::1], held_n: cython.Py_ssize_t) -> cython.void:
+    def _join(self, motion: Array, pins: Index, n_pins: cython.Py_ssize_t, held_n: cython.Py_ssize_t) -> None:
         """Let the other pins begin where the held ones are on average."""
         once: cython.double
         twice: cython.double
@@ -156,16 +136,16 @@ class Vibration:
         k: cython.Py_ssize_t
         for axis in range(2):
             once = twice = 0.0
-            for k in range(pins.shape[0] if held_n else 0):
+            for k in range(n_pins if held_n else 0):
                 i = pins[k]
                 if self._frame_of[i] == self._frame:
                     once += self._once[i, axis] / held_n
                     twice += self._twice[i, axis] / held_n
-            for k in range(pins.shape[0]):
+            for k in range(n_pins):
                 i = pins[k]
                 if self._frame_of[i] != self._frame:
                     self._once[i, axis], self._twice[i, axis] = once, twice
-                    self._before[i, axis] = self._motion[i, axis]
-        for k in range(pins.shape[0]):
+                    self._before[i, axis] = motion[i, axis]
+        for k in range(n_pins):
             i = pins[k]
-            self._frame_of[i] = self._frame if not isnan(self._motion[i, 0]) else 0
+            self._frame_of[i] = self._frame if not isnan(motion[i, 0]) else 0

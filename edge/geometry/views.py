@@ -10,23 +10,7 @@ from __future__ import annotations
 
 import cython
 
-from edge.types import Array, Index
-
-
-@cython.final
-@cython.cclass
-class NumbersView:
-    """Of one array (n,) float64."""
-
-    def __init__(self) -> None:
-        self.array: Array | None = None
-
-    def of(self, array: Array) -> Array:
-        """The array's memory. Raises ValueError: it is of another type."""
-        if array is not self.array:
-            self.view = array
-            self.array = array
-        return self.view
+from edge.types import Array
 
 
 @cython.final
@@ -38,22 +22,6 @@ class PointsView:
         self.array: Array | None = None
 
     def of(self, array: Array) -> Array:
-        """The array's memory. Raises ValueError: it is of another type."""
-        if array is not self.array:
-            self.view = array
-            self.array = array
-        return self.view
-
-
-@cython.final
-@cython.cclass
-class RowsView:
-    """Of one array (k,) int32."""
-
-    def __init__(self) -> None:
-        self.array: Index | None = None
-
-    def of(self, array: Index) -> Index:
         """The array's memory. Raises ValueError: it is of another type."""
         if array is not self.array:
             self.view = array

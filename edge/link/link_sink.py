@@ -35,7 +35,7 @@ from hostlink.wire import FaultCode, State
 log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class SinkCounters:
     """Counts of samples since the opening.
 
@@ -57,16 +57,15 @@ class ReadBudget:
 
     def __init__(self, cpu_s: float, now_s: float, params: LinkParams = PARAMS) -> None:
         self._params = params
-        self._cpu_s, self._since_s = cpu_s, now_s
+        self._cpu_s, self._now_s, self._paid_s = cpu_s, now_s, now_s
 
     def pause_s(self, cpu_s: float, now_s: float) -> float:
-        """How long to pause reading; 0.0: go on."""
-        p = self._params
-        used_s, passed_s = cpu_s - self._cpu_s, now_s - self._since_s
-        pause_s = used_s / p.read_rel - passed_s
-        if passed_s > p.read_window_s:
-            self._cpu_s, self._since_s = cpu_s, now_s
-        return pause_s if pause_s > p.read_pause_s else 0.0
+        """How long to pause reading; 0.0: go on. Time that was not used is no credit for later."""
+        used_s = cpu_s - self._cpu_s
+        self._paid_s = max(self._paid_s, self._now_s) + used_s / self._params.read_rel
+        self._cpu_s, self._now_s = cpu_s, now_s
+        pause_s = self._paid_s - now_s
+        return pause_s if pause_s > self._params.read_pause_s else 0.0
 
 
 class LinkSink(ABC):
@@ -96,6 +95,7 @@ class LinkSink(ABC):
         self._closing = False
         self._numbers = count()
         self._counters = SinkCounters()
+        self._counting = threading.Lock()
         self._budget: ReadBudget | None = None
         self._threads = [
             threading.Thread(
@@ -133,24 +133,35 @@ class LinkSink(ABC):
 
     @property
     def counters(self) -> SinkCounters:
-        return self._counters
+        """A copy of the present counts."""
+        with self._counting:
+            return replace(self._counters)
+
+    @property
+    def dropped_n(self) -> int:
+        return self._counters.dropped
 
     def send(self, state: State) -> bool:
         number = next(self._numbers)  # dropped samples have a number too: the host counts them as lost
         medium = self._medium.current
         if medium is None or self._closing:
-            return self._count(dropped=1)
+            self._count("dropped")
+            return False
         items = self.encode(state, number)
         if medium.instant and not self._queue.sample_ahead and self._writing.acquire(blocking=False):
             try:
-                return self._count(sent=1) if self._write(medium, items) else self._count(dropped=1)
+                sent = self._write(medium, items)
             finally:
                 self._writing.release()
+            self._count("sent" if sent else "dropped")
+            return sent
         with self._changed:
             # If the medium was lost meanwhile, queued samples would be old when the link is back.
             kept = self._medium.current is medium and self._queue.put_sample(items)
             self._changed.notify_all()
-        return kept or self._count(dropped=1)
+        if not kept:
+            self._count("dropped")
+        return kept
 
     def post(self, item: Any) -> None:
         """Send an answer, an emergency or a heartbeat: ahead of the samples, in the order given."""
@@ -171,7 +182,7 @@ class LinkSink(ABC):
                 self._queue.put_detail(items, spacing_s)
                 self._changed.notify_all()
         if not free:
-            self._count(detail_skipped=1)
+            self._count("detail_skipped")
         return free
 
     def every(self, period_s: float, make: Callable[[], Any] | None, phase: float = 0.0) -> None:
@@ -200,40 +211,40 @@ class LinkSink(ABC):
 
     # ---- the worker -------------------------------------------------------------------------------
 
-    def _count(self, **more: int) -> bool:
-        """Add to the counters; True if something was sent."""
-        with self._changed:
-            old = self._counters
-            self._counters = replace(old, **{name: getattr(old, name) + n for name, n in more.items()})
-        if more.get("dropped"):
+    def _count(self, what: str, n: int = 1) -> None:
+        """Add to one of the counters."""
+        with self._counting:
+            setattr(self._counters, what, getattr(self._counters, what) + n)
+        if what == "dropped" and n:
             self._stall.dropped()
-        return bool(more.get("sent"))
 
     def _write(self, medium: Medium, items: Sequence[Any]) -> bool:
         """Write all items of one sample; the caller holds `_writing`."""
         if medium is not self._medium.current:
             return False
-        bus_off = medium.bus_off
-        began_s = self._stall.write_begins(may_block=not medium.instant)
+        bus_off, stall = medium.bus_off, self._stall
+        began_s = stall.writing_since_s = time.monotonic()
+        if not medium.instant:
+            stall.may_block(began_s)
         try:
             for item in items:
                 medium.write(item)
         except MediumFull:
-            self._stall.refused(began_s)
+            stall.refused(began_s)
             return False
-        except Exception as error:  # noqa: BLE001 - of a driver: whatever it is, the medium has failed
+        except (Exception, SystemExit) as error:  # noqa: BLE001 - of a driver: whatever it is, the medium has failed
             self._lose(medium, error)
             return False
         finally:
-            self._stall.write_ends()
+            stall.writing_since_s = None
         reconnected, self._medium.lost = self._medium.lost, False
         if reconnected:
-            self._count(reconnects=1)
+            self._count("reconnects")
             log.info("%s: link reconnected", self.name)
-        self._stall.left(began_s, recovered=reconnected or bus_off)
+        stall.left(began_s, recovered=reconnected or bus_off)
         return True
 
-    def _lose(self, medium: Medium, error: Exception) -> None:
+    def _lose(self, medium: Medium, error: BaseException) -> None:
         if not isinstance(error, MediumError):
             self.guard.note(error)
         with self._changed:
@@ -245,7 +256,7 @@ class LinkSink(ABC):
             dropped_n = self._queue.clear()
             self._changed.notify_all()
         self._stall.wake()
-        self._count(dropped=dropped_n)
+        self._count("dropped", dropped_n)
 
     def _recover(self) -> None:
         """A thread's step has failed as nobody foresaw: begin anew with another medium, after a pause."""
@@ -272,7 +283,8 @@ class LinkSink(ABC):
                 written = medium is not None and self._write(medium, items)
         finally:
             with self._changed:
-                self._count(**self._queue.done(written))
+                if counted := self._queue.done(written):
+                    self._count(counted)
                 self._changed.notify_all()
 
     def _next_items(self) -> Sequence[Any] | None:
@@ -332,7 +344,7 @@ class LinkSink(ABC):
             try:
                 if medium is self._medium.current:
                     message = medium.read(self._params.read_s)
-            except Exception as error:  # noqa: BLE001 - the same
+            except (Exception, SystemExit) as error:  # noqa: BLE001 - the same
                 self._lose(medium, error)
         if medium.bus_off != bus_off:
             self._stall.wake()

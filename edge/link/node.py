@@ -163,7 +163,7 @@ class Node:
         self._port.state = NmtState.OPERATIONAL
 
     def _send(self, state: State) -> bool:
-        dropped_n = self.sink.counters.dropped
+        dropped_n = self.sink.dropped_n
         if dropped_n != self._dropped_n or not self.sink.up:
             state = replace(state, status=state.status | Status.LINK_FAULT)
         sent = self.sink.send(state)

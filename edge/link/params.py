@@ -27,8 +27,12 @@ class LinkParams:
     # --- reading
     read_s: float = RUNTIME.wait_s  # how soon a reader leaves a failed medium
     read_rel: float = 0.3  # share of a processor for reading
-    read_window_s: float = 0.2  # over which that share is taken
     read_pause_s: float = RUNTIME.wait_s  # shorter pauses cost more than they save
+
+    @property
+    def repeat_s(self) -> float:
+        """A numbered request within this after an equal one is the same: hosts ask three times, in 1.5 s."""
+        return 2.0 * self.idle_s
 
 
 PARAMS = LinkParams()

@@ -134,7 +134,7 @@ class SerialPort(_Port):
             # A request repeated because its answer was lost gets the same answer; the action (a tare, a
             # reboot) is not repeated. After a while it is another program's, whose counter has begun anew.
             now_s = time.monotonic()
-            if self._answered != (counter, body) or now_s - self._answered_s > PARAMS.idle_s:
+            if self._answered != (counter, body) or now_s - self._answered_s > PARAMS.repeat_s:
                 try:
                     request = ObjectRequest.unpack(body)
                 except CorruptFrame:

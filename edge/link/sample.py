@@ -10,13 +10,18 @@ from typing import Any
 from edge.types import Result, Tracks
 from hostlink.wire import Contact, State, Status
 from hostlink.wire.fields import CONTACTS_MAX
+from hostlink.wire.status import status_of
 
-#: Standard deviations that are sent, each with the values that it is of; two axes share the larger one.
+#: Standard deviations that are sent, each with the values that it is of: of two axes the larger one.
 SIGMAS = (
-    ("displacement_sigma_mm", ("displacement_mm",)),
-    ("shear_sigma_mm", ("shear_x_mm", "shear_y_mm")),
-    ("force_xy_sigma_n", ("force_x_n", "force_y_n")),
-    ("torque_z_sigma_nmm", ("torque_z_nmm",)),
+    ("displacement_sigma_mm", "displacement_mm", "displacement_mm"),
+    ("shear_sigma_mm", "shear_x_mm", "shear_y_mm"),
+    ("force_xy_sigma_n", "force_x_n", "force_y_n"),
+    ("torque_z_sigma_nmm", "torque_z_nmm", "torque_z_nmm"),
+)
+# Bits as plain integers: an operation on flags takes as long as all of a frame's values.
+_UNCALIBRATED, _SATURATED, _TRACKER_LOST = map(
+    int, (Status.UNCALIBRATED, Status.SATURATED, Status.TRACKER_LOST)
 )
 
 
@@ -24,7 +29,7 @@ def to_state(
     measured: Result | None,
     *,
     sample: int,
-    status: Status,
+    status: int,
     capture_time_us: int,
     latency_us: float = nan,
     temperature_degc: float = nan,
@@ -40,28 +45,28 @@ def to_state(
     """
     frame: dict[str, Any] = {
         "sample": sample,
-        "status": status,
         "capture_time_us": capture_time_us,
         "latency_us": latency_us,
         "temperature_degc": temperature_degc,
     }
-    if measured is None:
-        return State(**frame)
-    reading, tracks = measured.reading, measured.tracks
-    sigmas, found, n = reading.sigmas, reading.contacts, len(tracks.seen)
-    frame |= reading.values
-    for name, parts in SIGMAS:
-        if parts[0] in sigmas:
-            frame[name] = max([sigmas[part] for part in parts])
-    if not reading.calibrated:
-        frame["status"] |= Status.UNCALIBRATED
-    if reading.saturated:
-        frame["status"] |= Status.SATURATED
-    if tracks.confidence < Tracks.LOW_CONFIDENCE:
-        frame["status"] |= Status.TRACKER_LOST
-    if n:
-        frame["pins_tracked"] = tracks.n_seen / n
-    if len(found):
-        frame["contact_n"] = len(found)
-        frame["contacts"] = tuple([Contact(*row) for row in found[:CONTACTS_MAX].tolist()])
-    return State(**frame)
+    if measured is not None:
+        reading, tracks = measured.reading, measured.tracks
+        sigmas, found, n = reading.sigmas, reading.contacts, len(tracks.seen)
+        frame.update(reading.values)
+        for name, one, other in SIGMAS:
+            if one in sigmas:
+                sigma, of_other = sigmas[one], sigmas[other]
+                frame[name] = of_other if of_other > sigma else sigma
+        if not reading.calibrated:
+            status |= _UNCALIBRATED
+        if reading.saturated:
+            status |= _SATURATED
+        if tracks.confidence < Tracks.LOW_CONFIDENCE:
+            status |= _TRACKER_LOST
+        if n:
+            frame["pins_tracked"] = tracks.n_seen / n
+        if len(found):
+            frame["contact_n"] = len(found)
+            frame["contacts"] = tuple([Contact(*row) for row in found[:CONTACTS_MAX].tolist()])
+    frame["status"] = status_of(status)
+    return State.of(frame)

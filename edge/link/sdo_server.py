@@ -150,9 +150,11 @@ class SdoServer:
         """Write a short value, but not again where the request is a repetition."""
         now_s = self._clock_s()
         ago_s = now_s - self._written.pop(data, -math.inf)
-        # No client waits for less than a quarter of the time after which it counts as gone.
-        repeats = any(data[4 + size :]) or (data == self._newest and ago_s > PARAMS.idle_s / 4)
-        if not repeats or ago_s >= PARAMS.idle_s:
+        if any(data[4 + size :]):
+            repeats = ago_s < PARAMS.repeat_s
+        else:  # no client waits for less than a quarter of the time after which it counts as gone
+            repeats = data == self._newest and PARAMS.idle_s / 4 < ago_s < PARAMS.idle_s
+        if not repeats:
             self._objects.write(index, sub, data[4 : 4 + size])
         self._written[data] = now_s
         if len(self._written) > PARAMS.control_n:

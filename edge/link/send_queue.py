@@ -106,15 +106,15 @@ class SendQueue:
             return (self._detail.popleft(),)
         return None
 
-    def done(self, written: bool) -> dict[str, int]:
-        """Note that the items taken were written, or not; returns the changes of `SinkCounters`."""
+    def done(self, written: bool) -> str:
+        """Note that the items taken were written, or not; returns what that counts as in `SinkCounters`."""
         kind, self._in_hand = self._in_hand, None
         if kind == "sample":
-            return {"sent": 1} if written else {"dropped": 1}
+            return "sent" if written else "dropped"
         if kind == "detail" and not written:
             self._detail.clear()  # an incomplete group is useless
-            return {"detail_skipped": 1}
-        return {"detail_sent": 1} if kind == "detail" and not self._detail else {}
+            return "detail_skipped"
+        return "detail_sent" if kind == "detail" and not self._detail else ""
 
     def clear(self) -> int:
         """Drop all that waits; returns the number of samples."""

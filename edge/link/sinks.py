@@ -8,6 +8,7 @@ from edge.errors import SinkError
 from edge.link.link_sink import LinkSink, SinkCounters
 from edge.link.medium import CanFrame, Medium, opener
 from edge.link.params import PARAMS, LinkParams
+from edge.link.state_packer import StatePacker
 from hostlink.wire import (
     CanIds,
     Kind,
@@ -22,10 +23,12 @@ from hostlink.wire import (
 from hostlink.wire.address import DEFAULT_BAUD, AddressError, parse_address
 from hostlink.wire.errors import CorruptFrame
 from hostlink.wire.serial import FRAME_MAX, decode_frame
+from hostlink.wire.state import frame_of
 from hostlink.wire.timing import fd_frame_s, serial_frame_s
 
 NODE_DEFAULT = 1
 BITRATE, DBITRATE = 1_000_000, 5_000_000  # used if the address names none: CiA 601-3
+_PACKER = StatePacker()  # `pack` runs without a change of threads
 
 
 class Sink(Protocol):
@@ -48,6 +51,14 @@ class Sink(Protocol):
         ...
 
     def close(self) -> None: ...
+
+
+def packed(state: State, counter: int) -> bytes:
+    """The 64-byte frame of a sample, as `pack_state` gives it."""
+    values = vars(state)
+    if "raws" in values:  # of a sample that was received
+        return pack_state(state, counter)
+    return frame_of(_PACKER.pack(values), counter)
 
 
 class MemorySink:
@@ -94,7 +105,7 @@ class CanSink(LinkSink):
     ) -> None:
         self.node = node
         self.ids = ids or CanIds()
-        self.ids.state(node)  # ValueError: no such node
+        self._state_id = self.ids.state(node)  # ValueError: no such node
         super().__init__(name, open_medium, params)
 
 
@@ -102,7 +113,7 @@ class CanFdSink(CanSink):
     """One CAN FD frame of 64 bytes a sample, on TPDO1's identifier."""
 
     def encode(self, state: State, counter: int) -> Sequence[CanFrame]:
-        return (CanFrame(self.ids.state(self.node), pack_state(state, counter), fd=True),)
+        return (CanFrame(self._state_id, packed(state, counter), True),)
 
     bitrate, dbitrate = BITRATE, DBITRATE  # of the bus, where the address names them
 
@@ -136,7 +147,7 @@ class SerialSink(LinkSink):
         self.on_message = self._split
 
     def encode(self, state: State, counter: int) -> Sequence[bytes]:
-        return (encode_frame(Message.STATE, pack_state(state, counter)),)
+        return (encode_frame(Message.STATE, packed(state, counter)),)
 
     baud = DEFAULT_BAUD
 

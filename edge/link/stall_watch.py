@@ -5,12 +5,14 @@ import time
 
 
 class StallWatch:
-    """stall_s  longest time without a sent item."""
+    """stall_s          longest time without a sent item
+    writing_since_s  when the present write began; None: there is none
+    """
 
     def __init__(self, stall_s: float) -> None:
         self._stall_s = stall_s
         self._refused_s: float | None = None  # since when nothing was accepted
-        self._write_s: float | None = None  # when the present write began
+        self.writing_since_s: float | None = None
         self._slow_write_s: float | None = None  # begin of the last write that may block
         self._slow_write_watched = False
         self._changed = threading.Event()
@@ -19,26 +21,18 @@ class StallWatch:
     @property
     def stalled(self) -> bool:
         """Whether nothing was sent for too long."""
-        now_s = time.monotonic()
-        return any(t is not None and now_s - t > self._stall_s for t in (self._refused_s, self._write_s))
+        refused_s, write_s = self._refused_s, self.writing_since_s
+        if refused_s is None and write_s is None:
+            return False
+        begun_s = min(s for s in (refused_s, write_s) if s is not None)
+        return time.monotonic() - begun_s > self._stall_s
 
-    @property
-    def writing(self) -> bool:
-        return self._write_s is not None
-
-    def write_begins(self, may_block: bool) -> float:
-        """Note that a write begins now; returns the time."""
-        began_s = self._write_s = time.monotonic()
-        if may_block:
-            self._slow_write_s = began_s
-            if not self._slow_write_watched:
-                self._slow_write_watched = True
-                self._changed.set()
-        return began_s
-
-    def write_ends(self) -> None:
-        """Note that the write has ended, in any way."""
-        self._write_s = None
+    def may_block(self, began_s: float) -> None:
+        """Note that the present write, which began then, may block."""
+        self._slow_write_s = began_s
+        if not self._slow_write_watched:
+            self._slow_write_watched = True
+            self._changed.set()
 
     def left(self, began_s: float, recovered: bool) -> None:
         """Note that a write that began then has succeeded; recovered: a fault ends with it."""

@@ -86,7 +86,7 @@ class BoardMonitor:
         self.checks: list[Callable[[], None]] = []
         self._params = params
         self._temperature = Check(
-            FaultCode.OVER_TEMPERATURE, "degc", params.hot_degc, "degC", "{degc:.0f} degC"
+            FaultCode.OVER_TEMPERATURE, "degc", "{degc:.0f} degC", params.hot_degc, "degC"
         )
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="board monitor", daemon=True)

@@ -44,7 +44,6 @@ from edge.runtime.board_monitor import BoardMonitor
 from edge.runtime.measurement import LoopConfig, Measurement
 from edge.runtime.statistics import LoopStatistics, StatisticsCollector
 from edge.runtime.systemd import Notifier
-from edge.sources.live import PARAMS as LIVE
 from edge.types import Clock, Feature, Frame, FrameSource, LiveSource, Result
 from hostlink.wire import State, Status
 
@@ -66,6 +65,7 @@ class LoopParams:
 
 
 PARAMS = LoopParams()
+_OUR_CLOCKS = Clock.HOST, Clock.DRIVER
 
 #: Called with each result and its sample: viewer, detail stream, summary. Must return at once.
 ResultCallback = Callable[[Result, State], None]
@@ -263,7 +263,7 @@ class Loop:
         self._detector.frozen = False
         self._detector.camera()
         now_ns = self._clock_ns()
-        if Status.CAMERA_FAULT not in self.faults.status:
+        if not self.faults.status & Status.CAMERA_FAULT:
             return  # a slow camera: not late yet
         if self.faults.status == status_before and now_ns < self._keepalive_due_ns:
             return
@@ -285,36 +285,32 @@ class Loop:
     def step(self, frame: Frame) -> State:
         """Process one frame completely."""
         begun_ns = self._frame_begun_ns = self._clock_ns()
-        self._count(frame, begun_ns)
+        self._detector.begin(frame, begun_ns)
+        counts = self._counters.counts
+        counts.frames_n += 1
+        # A frame replaced by a newer one leaves a gap too, but was not lost by the camera.
+        lost_n = self._detector.gaps_n - self.source.dropped_n
+        if lost_n > counts.lost_by_camera_n:
+            counts.lost_by_camera_n = lost_n
         self.frame = frame
         result = self.measurement.measure(frame)
         self._frame_begun_ns = None
         computed_ns = self._clock_ns()
         # A recorded or foreign clock cannot be subtracted from ours: latency then counts from the hand-over.
-        ours = (
-            frame.clock in (Clock.HOST, Clock.DRIVER)
-            and 0 <= begun_ns - frame.capture_ns < LIVE.same_clock_s * 1e9
-        )
+        ours = frame.clock in _OUR_CLOCKS and frame.capture_ns <= begun_ns
         since_ns = frame.capture_ns if ours else begun_ns
         state = self._send(result, frame.capture_ns, (computed_ns - since_ns) / 1e3)
         latency_us, compute_us = (self._clock_ns() - since_ns) / 1e3, (computed_ns - begun_ns) / 1e3
-        self._counters.add(compute_us, latency_us, nan if result is None else result.tracks.n_seen)
+        pins_n = nan if result is None else state.pins_tracked * len(result.tracks.seen)
+        self._counters.add(compute_us, latency_us, pins_n)
         self._notifier.frame()
         if self.session.recorder is not None:
             self.session.take(frame, result, state)
         if result is not None and self.result_callbacks:
             _call_each(self.result_callbacks, result, state)
-        self._garbage.collect_if_due(begun_ns)
+        if begun_ns > self._garbage.due_ns:
+            self._garbage.collect(begun_ns)
         return state
-
-    def _count(self, frame: Frame, begun_ns: int) -> None:
-        """Count the frame, and those missing before it."""
-        counts = self._counters.counts
-        counts.frames_n += 1
-        self._detector.begin(frame, begun_ns)
-        # A frame replaced by a newer one leaves a gap too, but was not lost by the camera.
-        lost_n = self._detector.gaps_n - self.source.dropped_n
-        counts.lost_by_camera_n = max(counts.lost_by_camera_n, lost_n)
 
     def _send(self, result: Result | None, capture_ns: int, latency_us: float) -> State:
         counts = self._counters.counts
@@ -359,10 +355,10 @@ def _call_each(callbacks: list[Any], *arguments: Any) -> None:
 
 
 class _GarbageCollection:
-    """Garbage collection at fixed times: off while the loop runs, except in `collect_if_due`."""
+    """Garbage collection at fixed times: off while the loop runs, except in `collect`."""
 
     def __init__(self, clock_ns: Callable[[], int]) -> None:
-        self._due_ns = clock_ns() + round(PARAMS.garbage_s * 1e9)
+        self.due_ns = clock_ns() + round(PARAMS.garbage_s * 1e9)
         self._was_enabled = True
 
     def __enter__(self) -> Self:
@@ -379,8 +375,7 @@ class _GarbageCollection:
             gc.enable()
         gc.unfreeze()
 
-    def collect_if_due(self, now_ns: int) -> None:
+    def collect(self, now_ns: int) -> None:
         """Collect garbage of other threads, after the sample has left; frozen objects are skipped."""
-        if now_ns > self._due_ns:
-            self._due_ns = now_ns + round(PARAMS.garbage_s * 1e9)
-            gc.collect()
+        self.due_ns = now_ns + round(PARAMS.garbage_s * 1e9)
+        gc.collect()

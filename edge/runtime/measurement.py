@@ -86,6 +86,7 @@ class Measurement:
         self._shown: frozenset[Feature] = frozenset()
         self.tare = TareState(config.tare.frames_n)
         self._reference: Rest | None = None  # the last rest frame that was not forced
+        self._shape = (0, 0)  # of the rest frame's image
         self._failing = False  # the last frame could not be computed
         if calibration is None:
             faults.report(FaultCode.CALIBRATION_MISSING, True, NO_CALIBRATION)
@@ -130,7 +131,6 @@ class Measurement:
         Raises  SourceError, CalibrationError: a recording that cannot be used, at its start
         """
         try:
-            self._check_size(frame)
             result = self._measure(frame)
         except (CalibrationError, SourceError):
             raise
@@ -155,17 +155,11 @@ class Measurement:
         if self.pipeline is not None:
             self.pipeline.forget()
 
-    def _check_size(self, frame: Frame) -> None:
-        """Raises _SizeChanged: the camera changed its size, and the rest frame no longer applies."""
-        if self.pipeline is not None:
-            width, height = self.pipeline.rest.pattern.size_px
-            if frame.image.shape != (height, width):
-                now = f"{frame.image.shape[1]}x{frame.image.shape[0]}"
-                raise _SizeChanged(
-                    f"it has {now} px, the rest frame {width}x{height}; set the camera back, or restart"
-                )
-
     def _measure(self, frame: Frame) -> Result | None:
+        """Raises _SizeChanged: the camera changed its size, and the rest frame no longer applies."""
+        if self.pipeline is not None and frame.image.shape != self._shape:
+            now, rest = (f"{width}x{height}" for height, width in (frame.image.shape, self._shape))
+            raise _SizeChanged(f"it has {now} px, the rest frame {rest}; set the camera back, or restart")
         if self.tare.busy or self.tare.request is not None:
             self._tare(frame)
         if self.pipeline is None:
@@ -264,6 +258,7 @@ class Measurement:
         self.calibration = self.pipeline.calibration
         self._set_demand()
         self.pipeline.drift = Drift(found.rest, self._config.drift)
+        self._shape = found.rest.pattern.size_px[::-1]
         self.tares_n += 1
         self._detector.learn(found.rest, prepared.frame, self.calibration is not None)
         if found.reason is RestFrameReason.NONE:

@@ -1,6 +1,7 @@
 """Statistics of the loop: counters, and quantiles of the last frames' times."""
 
 import time
+from collections import deque
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -45,24 +46,22 @@ class StatisticsCollector:
     def __init__(self, size: int = PARAMS.latencies_n) -> None:
         self.counts = LoopStatistics()
         self.started_s = time.monotonic()
-        self._last = np.full((size, 3), np.nan)  # the last frames' times, us, and pins seen; preallocated
-        self._n = 0
+        self._last = deque[tuple[float, float, float]](maxlen=size)  # frames' times, us, and pins seen
 
     def add(self, compute_us: float, latency_us: float, pins_n: float) -> None:
         """Note a frame in place of the oldest.
 
         pins_n  pins seen; NaN: there is no rest frame
         """
-        self._last[self._n % len(self._last)] = compute_us, latency_us, pins_n
-        self._n += 1
+        self._last.append((compute_us, latency_us, pins_n))
 
     def snapshot(self, **measured: Any) -> LoopStatistics:
         """A copy of the present values.
 
         measured  fields of `LoopStatistics` that the caller knows
         """
-        counts, last = self.counts, self._last[: min(self._n, len(self._last))]
-        seen = last[~np.isnan(last[:, 2]), 2]
+        counts, last = self.counts, np.array(list(self._last)).reshape(-1, 3)
+        seen = np.rint(last[~np.isnan(last[:, 2]), 2])
         elapsed_s = time.monotonic() - self.started_s
         return replace(
             counts,

@@ -27,6 +27,7 @@ class CameraSource(ThreadedSource):
         self._reopen = threading.Event()  # set: it is to be opened anew, with other options
         self._watch = Watch()
         self._sequence, self._last_ns = -1, 0
+        self._opened_ns = clock_ns()
 
     @abstractmethod
     def _open(self) -> Any:
@@ -54,6 +55,7 @@ class CameraSource(ThreadedSource):
         try:
             while not self._closing.is_set():
                 if self._device is None:
+                    self._opened_ns = self._clock_ns()
                     try:
                         self._device = self._open()
                     except (SourceError, RuntimeError):  # still away, or booting: `condition` stays "lost"
@@ -80,10 +82,10 @@ class CameraSource(ThreadedSource):
     def _hand_over_at(self, image: Image, bits: int, stated_ns: int, now_ns: int, period_ns: float) -> None:
         """Hand over an image of a driver that states a time and no number: lost frames show as gaps in time.
 
-        stated_ns  start of exposure; taken if it is plausibly on the host's clock
+        stated_ns  start of exposure; taken if, on the host's clock, it lies between the opening and now
         period_ns  between two frames; 0: not known
         """
-        trusted = 0 <= now_ns - stated_ns < PARAMS.same_clock_s * 1e9
+        trusted = self._opened_ns <= stated_ns <= now_ns
         capture_ns = stated_ns if trusted else now_ns
         steps = 1
         if period_ns and self._sequence >= 0:

@@ -33,7 +33,6 @@ class FileParams:
     """Parameters by name."""
 
     stills_hz: float = 30.0  # of stills, and of videos that do not state a rate: a live replay uses it
-    bad_max_n: int = 8  # damaged frames in a row after which a video has ended
 
 
 PARAMS = FileParams()
@@ -187,7 +186,8 @@ class VideoSource(FileSource):
         self._own_rate = not rate_hz
         capture = self._open()
         try:
-            self.frames_n = max(0, int(capture.get(cv2.CAP_PROP_FRAME_COUNT)))
+            stated_n = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
+            self.frames_n = max(0, min(stated_n, self.path.stat().st_size))  # a frame takes a byte at least
             stated_hz = float(capture.get(cv2.CAP_PROP_FPS))
             check_size(
                 int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
@@ -225,8 +225,8 @@ class VideoSource(FileSource):
                 ok, image = capture.read()
                 at = n + faults["damaged frame"]
                 if not ok:
-                    if at + 1 >= self.frames_n or bad_n >= PARAMS.bad_max_n:
-                        if at + 1 < self.frames_n:
+                    if at + 1 >= self.frames_n:
+                        if bad_n:
                             faults["damaged frame"] -= bad_n  # they were the end of the file
                             faults["truncated"] = 1
                         return

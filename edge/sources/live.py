@@ -24,10 +24,8 @@ class LiveParams:
     """Parameters by name; evidence in docs/tuning.md."""
 
     first_s: float = 10.0  # for the first frames of a camera that starts
-    black_share: float = 1 / 32  # of full scale; an image is black, a scene dim, below it
     rate_frames_n: int = 24  # intervals that a rate is measured from
     slow_rel: float = 0.8  # share of the asked rate below which the camera counts as slow
-    same_clock_s: float = 0.5  # times of one clock, a camera's and ours, are not further apart
     size_px: tuple[int, int] = (640, 400)  # width and height of a camera that has to be told one
 
 
@@ -59,7 +57,7 @@ class Watch:
             self._same_since_ns = frame.capture_ns
         self._last = digest
         long = self._same_n >= 2 and frame.capture_ns - self._same_since_ns >= RUNTIME.stall_s * 1e9
-        if int(rows.max(initial=0)) < (1 << frame.bits) * PARAMS.black_share:
+        if int(rows.max(initial=0)) ** 2 < 1 << frame.bits:  # by ratios, nearer to one level than to white
             self.condition = "black"
         else:
             self.condition = "frozen" if long else ""
@@ -146,7 +144,9 @@ class ThreadedSource(ABC):
         """ "" or the present fault: lost, stalled, frozen, black."""
         if self._condition or self._ended or not self._started:
             return self._condition
-        return "stalled" if time.monotonic() - self._last_s > stalled_after_s(self.rate_hz) else ""
+        waited_s = time.monotonic() - self._last_s
+        late = waited_s > RUNTIME.stall_s and waited_s > stalled_after_s(self.rate_hz)
+        return "stalled" if late else ""
 
     @property
     def ended(self) -> bool:

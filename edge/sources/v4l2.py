@@ -31,15 +31,6 @@ from edge.sources.live import PARAMS as LIVE
 from edge.sources.options import NoKeys, Options
 from edge.types import Image
 
-
-@dataclass(frozen=True, slots=True)
-class V4l2Params:
-    """Parameters by name; evidence in docs/tuning.md, "Cameras"."""
-
-    refused_rel: float = 0.05  # a control that reads back further off than this was refused
-
-
-PARAMS = V4l2Params()
 _EXPOSURE_UNIT_US = 100  # V4L2_CID_EXPOSURE_ABSOLUTE
 _MANUAL, _NO_FOCUS = 1, 0  # V4L2_EXPOSURE_MANUAL; autofocus off
 
@@ -220,7 +211,7 @@ class V4l2Source(CameraSource):
     def _control(self, capture: Any, name: str, prop: int, value: float) -> None:
         if not capture.set(prop, value):
             self.refused.append(f"{name}: camera has no such control")
-        elif abs((got := float(capture.get(prop))) - value) > max(1.0, PARAMS.refused_rel * abs(value)):
+        elif (got := float(capture.get(prop))) != value:
             self.refused.append(f"{name}: set to {value:g}, camera says {got:g}")
 
     def _read_from(self, device: Any) -> bool:

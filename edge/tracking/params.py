@@ -36,7 +36,6 @@ class TrackingParams:
     region_gate: float = 0.38  # of a blob from where matched neighbours predict it
     coarse_degrees: tuple[int, ...] = (1, 1, 2, 2, 3, 3, 4, 4)  # of the polynomial of each round
     coarse_n: int = 5  # fits that go on after the affine rounds, each to be tried
-    regions_max: int = 16  # matches grown in all, alternatives included: half a millisecond each
     # --- posterior of a match
     shift_spread: float = 0.5  # pitches; standard deviation of a tip's mean motion
     rotation_spread: float = 0.2  # pitches; of its mean motion around the centre

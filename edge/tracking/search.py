@@ -95,21 +95,21 @@ class Identifier:
         return Identity(np.where(certain, again.blob, -1), best.known_n, confidence)
 
     def _search(self, blobs: _BlobIndex, guesses: list[Array]) -> list[Hypothesis]:
-        """All hypotheses, the best first; ends with one that can be trusted, or after `regions_max`."""
+        """All hypotheses, the best first; ends with one to be trusted, or without another start."""
         p = self._tip.params
         tried: list[Hypothesis] = []
         for motion, seed in self._starts(blobs, guesses):
             self._climb(blobs, self._grow(blobs, motion, seed), tried)
             tried.sort(key=lambda match: -match.log_posterior)
             confidence = self._confidence(tried[0], _ahead(tried[0], tried[1:]))
-            if confidence > p.posterior_min or len(tried) >= p.regions_max:
+            if confidence > p.posterior_min:
                 break
         return tried
 
     def _climb(self, blobs: _BlobIndex, found: Hypothesis, tried: list[Hypothesis]) -> None:
         """Add a hypothesis and its alternatives by one lattice step, from the better one again and again."""
         tried.append(found)
-        while len(tried) < self._tip.params.regions_max:
+        while True:
             alternative = self._best_alternative(blobs, found)
             tried.append(alternative)
             if alternative.log_posterior <= found.log_posterior:

@@ -154,13 +154,9 @@ class WorkerClient:
         source, level = self._loop.source, logging.getLogger().getEffectiveLevel()
         config = replace(self._config, listen=self._listen, record=record, tip=dict(self._config.tip))
         control.send(pickle.dumps(Begin(config, source.name, source.rate_hz, level)))
-        control.settimeout(PARAMS.start_s)
         early: list[Any] = []  # viewers of an earlier worker may reconnect before this one is ready
-        try:
-            while isinstance(ready := _receive(control), Wants | PageReport):
-                early.append(ready)
-        except TimeoutError:
-            ready = None
+        while isinstance(ready := _receive(control), Wants | PageReport):
+            early.append(ready)
         if not isinstance(ready, Ready) or ready.refused:
             outbox.close()
             control.close()
@@ -168,7 +164,6 @@ class WorkerClient:
             if isinstance(ready, Ready):
                 raise getattr(errors, ready.kind)(ready.refused)
             raise InputError("view, record: the process for it ended at its start; see above for why")
-        control.settimeout(None)
         if self._listen is not None:
             self._listen = Listen(self._listen.host, ready.port, self._listen.token)
         self.view.forget_shown()

@@ -31,7 +31,7 @@ class ViewFeed:
         self._results_n = 0
         self._result_s = time.monotonic()
         self._latest: tuple[Result, State] | None = None
-        self._rows: deque[tuple[float, ...]] = deque(maxlen=PARAMS.recent_n)
+        self._rows: deque[tuple[float, ...]] = deque()
         self._due_s = self._sent_s = 0.0
         self._shown: tuple[Frame | None, Result | None, Rest | None] = (None, None, None)
 
@@ -42,6 +42,8 @@ class ViewFeed:
         self._result_s = time.monotonic()
         if self.watched:
             self._rows.append(_row(self._result_s, state, result.features))
+            while self._result_s - self._rows[0][0] >= PARAMS.recent_s:  # too old for a chart
+                self._rows.popleft()
 
     def on_tick(self) -> None:
         """Send new results, if anybody watches; after each turn of the loop."""

@@ -5,7 +5,6 @@ with the camera's image, to aim and to focus before pins are found, and with the
 """
 
 import time
-from collections import deque
 from collections.abc import Callable, Mapping
 from math import nan
 from typing import Any
@@ -47,12 +46,8 @@ class LivePage:
         self._about: dict[str, Any] = {}
         self._seen_n = 0
         self._last_s = time.monotonic()
-        self._recent: deque[tuple[float, ...]] = deque(maxlen=PARAMS.recent_n)
-        self._rows: deque[tuple[float, ...]] = deque(maxlen=PARAMS.recent_n)
-        self._rows_n = 0
+        self._charted: tuple[int, list[tuple[float, ...]]] = (0, [])  # samples so far, the last ones' rows
         self._made: dict[frozenset[str], tuple[int, float]] = {}  # request: results seen, when
-        self._counted = (time.monotonic(), 0)
-        self._rate_hz = nan
         self.server = PageServer(
             listen,
             "edge.view",
@@ -81,7 +76,9 @@ class LivePage:
         if show.result is not None and show.state is not None:
             self._latest = (show.result, show.state)
         self._about = show.about
-        self._recent.extend(show.rows)
+        rows_n, rows = self._charted
+        recent = [row for row in (*rows, *show.rows) if show.now_s - row[0] < PARAMS.recent_s]
+        self._charted = (rows_n + len(show.rows), recent)
         self._last_s = show.last_s
         self._seen_n = show.seen_n
 
@@ -89,8 +86,6 @@ class LivePage:
 
     def _on_wants(self, wants: frozenset[str] | None) -> None:
         if wants is None:
-            self._recent.clear()
-            self._rows.clear()
             self._made.clear()
         self._notify_wants(wants)
 
@@ -100,15 +95,12 @@ class LivePage:
         if not self._about or (self._seen_n == seen_n and now_s - last_s < PARAMS.report_s):
             return None
         self._made[wants] = (self._seen_n, now_s)
-        self._take_rows(now_s)
         frame, latest, rest = self._frame, self._latest, self._rest
-        header: dict[str, Any] = {"now_s": now_s, "rate_hz": self._rate_hz}
+        rows_n, rows = self._charted
+        header: dict[str, Any] = {"now_s": now_s, "rate_hz": _rate_hz(rows)}
         arrays: Arrays = {}
         if latest is not None and rest is not None:
             result, state = latest
-            # Show frames without a result too (a tare, a tip that went dark).
-            if frame is None or frame.capture_ns - result.frame.capture_ns < PARAMS.recent_s * 1e9:
-                frame = result.frame
             if len(result.tracks.seen) == len(rest):  # not if it is from before a tare of another tip
                 part, arrays = touch(result, rest, wants)
                 header |= part
@@ -119,24 +111,20 @@ class LivePage:
             header |= part
             arrays |= picture
         header |= self._about
-        header |= {"rows_n": self._rows_n, "viewers_n": self.server.viewers_n}
+        header |= {"rows_n": rows_n, "viewers_n": self.server.viewers_n}
         if self.recording is not None:
             header["recording"] = self.recording
-        return pack_packet(header, arrays | self._chart(now_s))
+        return pack_packet(header, arrays | _chart(rows, now_s))
 
-    def _take_rows(self, now_s: float) -> None:
-        """Add the samples since the last packet to the rows of the charts."""
-        while self._recent:
-            self._rows.append(self._recent.popleft())
-            self._rows_n += 1
-        since_s, since_n = self._counted
-        if now_s - since_s >= PARAMS.recent_s:
-            self._rate_hz = (self._seen_n - since_n) / (now_s - since_s)
-            self._counted = (now_s, self._seen_n)
 
-    def _chart(self, now_s: float) -> Arrays:
-        """The last rows: overlapping packets, so that a viewer that missed one has no gap."""
-        recent = [row for row in self._rows if now_s - row[0] < PARAMS.recent_s]
-        rows = np.array(recent).reshape(-1, len(CHART))
-        rows[:, 0] -= now_s  # small numbers: float32 holds them to the microsecond
-        return {"rows": ("f4", rows.astype("<f4").tobytes())}
+def _rate_hz(rows: list[tuple[float, ...]]) -> float:
+    """Of the samples in the charts' rows; NaN: there are no two."""
+    passed_s = rows[-1][0] - rows[0][0] if rows else 0.0
+    return (len(rows) - 1) / passed_s if passed_s > 0 else nan
+
+
+def _chart(rows: list[tuple[float, ...]], now_s: float) -> Arrays:
+    """The last rows: overlapping packets, so that a viewer that missed one has no gap."""
+    shown = np.array([row for row in rows if now_s - row[0] < PARAMS.recent_s]).reshape(-1, len(CHART))
+    shown[:, 0] -= now_s  # small numbers: float32 holds them to the microsecond
+    return {"rows": ("f4", shown.astype("<f4").tobytes())}

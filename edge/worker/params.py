@@ -11,7 +11,6 @@ class WorkerParams:
 
     # --- the process
     nice: int = 5  # added to its priority's number, so that the loop goes first
-    start_s: float = 60.0  # until it has started
     lived_s: float = RUNTIME.rarely_s  # a process that lived shorter is not restarted
     end_s: float = 12.0  # for a page to close its viewers, a recording to be written
 
@@ -22,9 +21,8 @@ class WorkerParams:
     command_s: float = 10.0  # until the loop has done what it was asked, above all a tare
 
     # --- what goes to and from it
-    recent_n: int = 256  # samples between two pictures; a slow viewer loses the older ones
     report_s: float = 0.1  # between reports of what is no new result: the rest of a picture, viewers' wishes
-    recent_s: float = 0.5  # time that a packet tells of: the charts' rows, the rate, the result of an image
+    recent_s: float = 0.5  # time that the charts' rows in a packet tell of
 
 
 PARAMS = WorkerParams()

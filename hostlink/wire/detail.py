@@ -26,7 +26,7 @@ from dataclasses import dataclass
 from math import nan
 from typing import Final
 
-from hostlink.wire.e2e import check_p5, protect_p5
+from hostlink.wire.e2e import P5_HEADER, check_p5, protected_p5
 from hostlink.wire.errors import CorruptFrame
 from hostlink.wire.fields import HEADER_SIZE, OLDER, STATE_SIZE, VERSION
 from hostlink.wire.serial import Message, data_id_of
@@ -120,9 +120,8 @@ def pack_detail(sample: int, rows: Iterable[Row], counter: int) -> tuple[bytes, 
     segments = []
     for k in range(segment_n):
         head = _HEAD.pack(0, 0, VERSION, sample & 0xFFFF, k, segment_n, len(table))
-        frame = bytearray(head + _pack_rows(padded[k * PINS_PER_SEGMENT : (k + 1) * PINS_PER_SEGMENT]))
-        protect_p5(frame, counter + k, data_id_of(Message.DETAIL))
-        segments.append(bytes(frame))
+        packed = _pack_rows(padded[k * PINS_PER_SEGMENT : (k + 1) * PINS_PER_SEGMENT])
+        segments.append(protected_p5(head[P5_HEADER:] + packed, counter + k, data_id_of(Message.DETAIL)))
     return tuple(segments)
 
 

@@ -28,8 +28,8 @@ __all__ = [
     "crc16",
     "implied_id_p5",
     "implied_id_p11",
-    "protect_p5",
     "protect_p11",
+    "protected_p5",
 ]
 
 P5_HEADER: Final = 3  # bytes: CRC, counter
@@ -68,10 +68,11 @@ def crc8(data: bytes | bytearray, start: int = 0x00) -> int:
     return register
 
 
-def protect_p5(frame: bytearray, counter: int, data_id: int) -> None:
-    """Fill in the 3-byte header of `frame` in place."""
-    frame[2] = counter & 0xFF
-    frame[0:2] = crc_hqx(data_id.to_bytes(2, "little"), crc_hqx(frame[2:], 0xFFFF)).to_bytes(2, "little")
+def protected_p5(data: bytes, counter: int, data_id: int) -> bytes:
+    """The frame of this data: behind its 3-byte header."""
+    counted = bytes((counter & 0xFF,)) + data
+    crc = crc_hqx(data_id.to_bytes(2, "little"), crc_hqx(counted, 0xFFFF))
+    return crc.to_bytes(2, "little") + counted
 
 
 def check_p5(frame: bytes | bytearray, data_id: int) -> bool:

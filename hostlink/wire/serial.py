@@ -26,7 +26,7 @@ from typing import Final
 from zlib import crc32
 
 from hostlink.wire import cobs
-from hostlink.wire.e2e import check_p5, protect_p5
+from hostlink.wire.e2e import check_p5, protected_p5
 from hostlink.wire.errors import CorruptFrame
 from hostlink.wire.fields import DATA_ID, HEADER_SIZE, OLDER, VERSION
 
@@ -91,11 +91,7 @@ def pack_message(kind: Message, body: bytes, counter: int) -> bytes:
     """Protected payload around a body. Raises ValueError: body longer than 255 bytes."""
     if len(body) > BODY_MAX:
         raise ValueError(f"serial body of {len(body)} bytes: at most {BODY_MAX} fit")
-    payload = bytearray(HEADER_SIZE + len(body))
-    payload[HEADER_SIZE - 1] = VERSION
-    payload[HEADER_SIZE:] = body
-    protect_p5(payload, counter, data_id_of(kind))
-    return bytes(payload)
+    return protected_p5(bytes((VERSION,)) + body, counter, data_id_of(kind))
 
 
 def unpack_message(kind: Message, payload: bytes) -> tuple[int, bytes]:

@@ -4,8 +4,6 @@ A new one is a line in `COMMANDS`, and a module of that name with a click comman
 options only, the group runs `DEFAULT`.
 """
 
-from __future__ import annotations
-
 import sys
 
 import click
@@ -16,24 +14,20 @@ from hostlink.command_group import CommandGroup, CommandRow
 
 COMMANDS = {
     "accuracy": "Time of a frame against its error, for every kind of model.",
-    "carry_over": "Another tip with few frames: alone, and with a first tip's calibration.",
     "contacts": "Contacts on a second, independent simulator, against their bounds.",
     "hazards": "Rendered hazards through the whole chain: identities, place, depth.",
     "identity": "Pin identity after a jump, on real and simulated frames.",
     "confidence": "How honest the confidence of identities is.",
-    "learning": "Error over the number of frames fitted; chosen frames.",
-    "link": "Fingers on one bus: losses and latency.",
     "paced": "The running program at 240 frames/s: latency, memory, losses.",
     "real": "Errors on the published recordings, five splits and a learning curve.",
     "sensors": "A picture of what is made of each real sensor.",
     "sigma": "Share of the errors on the published recordings that is within sigma.",
     "slip": "Slip announced before it happens, and false alarms.",
     "soak": "The program under a random schedule of all faults, and its promises.",
-    "speed": "Time per frame and stage, against the reference (default).",
+    "speed": "Time per frame, against the reference (default).",
     "stability": "Hard cases of the geometry against exact arithmetic.",
     "step": "Instructions, misses and calls of one step, from the image to the CAN FD frame.",
     "videos": "Identities held and contacts found in the published videos.",
-    "viewers": "Viewers of the live page: what they cost the loop.",
 }
 DEFAULT = "speed"
 HELP = ("-h", "--help")

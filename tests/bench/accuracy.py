@@ -11,12 +11,11 @@ Rules
   thread's own: times are comparable within a run. Medians; the ratio is that to the paper's method.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import statistics
 import tempfile
+import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -43,7 +42,7 @@ from tests.bench.plots import accuracy_plot
 from tests.bench.real import NETWORK, row, splits
 from tests.bench.recordings import TIP_331, real_option, tip_331
 from tests.bench.reference import Reference
-from tests.bench.speed import on_processor
+from tests.bench.speed import timed
 
 STILLS, REPEATS = 30, 4  # that time is measured on, and how often each
 COUNTED = 4  # stills whose instructions are counted
@@ -124,9 +123,9 @@ def times(rest: Rest, calibrations: list[Calibration], stills: list[Image], unto
             where = pipeline.process(frame).tracks.xy_img
         reference.place(where)
         for _ in range(REPEATS):
-            on_processor(found[0], reference.step, image)
+            timed(found[0], time.thread_time_ns, reference.step, image)
             for us, pipeline in zip(found[1:], pipelines, strict=True):
-                on_processor(us, pipeline.process, frame)
+                timed(us, time.thread_time_ns, pipeline.process, frame)
     return np.array([statistics.median(us) for us in found])
 
 

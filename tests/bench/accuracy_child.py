@@ -4,8 +4,6 @@ STILLS is an .npz: `rest`, and `images`. CALIBRATION is a file, or `paper` for t
 features, with commas. Each image is found as a jump, processed once more, and then N times, which count.
 """
 
-from __future__ import annotations
-
 import gc
 import sys
 from collections.abc import Callable

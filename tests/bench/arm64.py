@@ -5,8 +5,6 @@ makes what this needs, once. Our kernels are compiled for arm64 from the present
 to date stays as it is. Emulation knows no caches: there are no misses.
 """
 
-from __future__ import annotations
-
 import collections
 import re
 import shutil

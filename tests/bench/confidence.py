@@ -6,8 +6,6 @@ the whole still found is their truth. `--fit` prints the weights of `search.foun
 confidence of the simulated jumps most likely.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path

@@ -16,8 +16,6 @@ Rules
 - Errors of place and depth are of the scenes in which the number of contacts is right.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -33,7 +31,8 @@ from calib.extract import DEMAND, Measured, gather
 from calib.fit import ModelKind, Search, fit
 from calib.targets import Targets
 from edge.calibration import Calibration
-from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, contact_inputs, frame_inputs
+from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS
+from edge.calibration.model import contact_inputs, frame_inputs
 from edge.frame import Pipeline
 from edge.rest.tare import tare
 from edge.types import Array, Feature, Frame, Rest, Result, Tracks
@@ -70,7 +69,7 @@ class Measures:
     direction_deg: float = nan
     worst_deg: float = nan
 
-    def keeps(self, bounds: Measures) -> bool:
+    def keeps(self, bounds: "Measures") -> bool:
         """Whether each that is bounded keeps its bound; one that is missing does not."""
         held = [
             value >= bound if name == "right" else value <= bound
@@ -170,7 +169,7 @@ class SecondTip:
     pipelines: dict[bool, Pipeline] = field(default_factory=dict)
 
     @classmethod
-    def made(cls, n_pins: int, seed: int, presses: int = CALIBRATION_N) -> SecondTip:
+    def made(cls, n_pins: int, seed: int, presses: int = CALIBRATION_N) -> "SecondTip":
         """Tared, and calibrated by that many presses of each tool."""
         gel, rng = FlatGel(n_pins, seed), np.random.default_rng(seed)
         tip = cls(gel, tare([gel.picture((), rng) for _ in range(TARE_N)], np.inf))

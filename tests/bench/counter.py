@@ -9,8 +9,6 @@ Rules
 - A function belongs to the library that holds it: C that is inlined into a kernel has no name of ours.
 """
 
-from __future__ import annotations
-
 import collections
 import os
 import platform

@@ -13,8 +13,6 @@ Source  Fitzgibbon, Simultaneous linear estimation of multiple view geometry and
         levers)
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """Frames for measurements: simulated, rendered once, the same for all methods compared."""
 
-from __future__ import annotations
-
 import math
 from itertools import cycle, islice
 from pathlib import Path

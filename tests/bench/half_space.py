@@ -22,8 +22,6 @@ Source  Johnson, Contact Mechanics, chapters 3 (uniform pressure, punch under a 
         7 (partial slip); sums of punches: Jaeger, Arch. Appl. Mech. 65, 1995
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -88,7 +86,7 @@ class Surface:
     w_mm: Array
     slope: Array
 
-    def __add__(self, other: Surface) -> Surface:
+    def __add__(self, other: "Surface") -> "Surface":
         return Surface(self.along_mm + other.along_mm, self.w_mm + other.w_mm, self.slope + other.slope)
 
 

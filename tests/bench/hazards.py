@@ -12,8 +12,6 @@ touches   frames of an untouched tip that raise a contact
 A hazard passes with no pin swapped, no touch raised, and errors within 1.5 of the clean ones.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache

@@ -5,8 +5,6 @@ The identities of real frames are not known. Two necessary conditions are counte
 mean motion is compared with a smooth function of the robot's pose too.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace

@@ -3,11 +3,14 @@
 Nothing is imported here that a board lacks: the same program runs on an emulated arm64 processor.
 """
 
-from __future__ import annotations
-
+import ctypes
 import os
 import shutil
+import subprocess
+import sysconfig
+import tempfile
 from contextlib import suppress
+from pathlib import Path
 
 #: A number that the emulator's plugin knows (`deploy/sbc/count_blocks.c`): off; one more is on.
 SWITCH = 0x7700000
@@ -24,9 +27,7 @@ class Marks:
     def __init__(self, maps: str = "") -> None:
         self._maps = maps
         if not maps:
-            from tests.bench.compiled import compiled
-
-            self._library = compiled("counter.c")
+            self._library = _compiled_counter()
             self._library.begin()
 
     def __enter__(self) -> None:
@@ -42,3 +43,13 @@ class Marks:
         shutil.copyfile("/proc/self/maps", self._maps)
         with suppress(OSError):  # there is no such process
             os.getpriority(os.PRIO_PROCESS, SWITCH + on)
+
+
+def _compiled_counter() -> ctypes.CDLL:
+    """counter.c, beside this file, as a loaded library."""
+    compiler = (sysconfig.get_config_var("CC") or "cc").split()[0]
+    with tempfile.TemporaryDirectory() as folder:
+        library = Path(folder) / "counter.so"
+        command = [shutil.which(compiler) or "cc", "-O3", "-shared", "-fPIC"]
+        subprocess.run([*command, str(Path(__file__).with_name("counter.c")), "-o", str(library)], check=True)
+        return ctypes.CDLL(str(library))

@@ -1,7 +1,5 @@
 """What benchmarks print and write: tables; results in `out/bench`, on request in `tests/bench/results`."""
 
-from __future__ import annotations
-
 import functools
 import json
 from collections.abc import Callable, Mapping, Sequence

@@ -3,6 +3,7 @@
     python -m tests.bench paced --minutes 10
     python -m tests.bench paced --minutes 1 --busy    with the other core (or all of them) kept busy
     python -m tests.bench paced --minutes 1 --fingers 5    as fingers on one board: what they take together
+    python -m tests.bench paced --minutes 1 --viewers 2 --record    with viewers of the page, and recorded
 
 A separate process runs the loop as `python -m edge run` composes it: paced source, calibration, all
 features but the surface, CANopen node, CAN FD frames of the kernel, and a listener. Latency is from the
@@ -10,8 +11,6 @@ moment the frame was due to after the bus has taken the sample, so that the paci
 included. The images are in memory (their size is reported): a camera would have a few buffers. Python's
 bytecode is there before the start, as pip leaves it on a board.
 """
-
-from __future__ import annotations
 
 import json
 import multiprocessing
@@ -34,6 +33,7 @@ SHOWN = (
     "frames_offered", "dropped_at_tare", "dropped_after", "frames_accepted", "samples_sent",
     "samples_received", "gaps", "lost", "p50_us", "p99_us", "p999_us", "max_us",
     "cpu_share", "startup_s", "values_s", "rss_mb", "rss_first_mb", "pss_mb", "frames_mb",
+    "unrecorded", "page_cpu_share", "page_rss_mb",
 )  # fmt: skip
 
 
@@ -55,9 +55,13 @@ def run_children(fingers_n: int, seconds: float, **options: Any) -> list[dict[st
         environment = _with_bytecode()
         options |= {"frames": str(file), "rest_n": rest_n, "seconds": seconds, "calibration": str(tip)}
         options["started_s"] = time.monotonic()
+
+        def of_finger(node: int) -> dict[str, Any]:
+            return {"node": node, "record": f"{folder}/{node}.mcap" if options.get("record") else ""}
+
         runs = [
             subprocess.Popen(
-                [sys.executable, "-m", "tests.bench.paced_child", json.dumps(options | {"node": node})],
+                [sys.executable, "-m", "tests.bench.paced_child", json.dumps(options | of_finger(node))],
                 cwd=ROOT,
                 env=environment,
                 stdout=subprocess.PIPE,
@@ -96,15 +100,17 @@ def _burn() -> None:
 @click.option("--busy", is_flag=True, help="Keep another core busy meanwhile.")
 @click.option("--realtime", is_flag=True, help="Scheduled as by deploy/realtime.conf (needs root).")
 @click.option("--fingers", type=click.IntRange(1, 16), default=1, show_default=True, help="At once.")
+@click.option("--viewers", type=click.IntRange(0, 16), default=0, show_default=True, help="Of the page.")
+@click.option("--record", is_flag=True, help="Record all images and values.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout.")
-def command(minutes: float, rate: float, busy: bool, realtime: bool, fingers: int, as_json: bool) -> None:
+def command(minutes: float, rate: float, busy: bool, fingers: int, as_json: bool, **options: Any) -> None:
     """The running program at a camera's rate. Exit code 1: a frame that it accepted was lost."""
     burner = multiprocessing.get_context("spawn").Process(target=_burn, daemon=True)
     if busy:
         burner.start()
     load = [os.getloadavg()[0]]
     try:
-        reports = run_children(fingers, 60.0 * minutes, rate_hz=rate, realtime=realtime)
+        reports = run_children(fingers, 60.0 * minutes, rate_hz=rate, **options)
     finally:
         if busy:
             burner.terminate()
@@ -114,7 +120,7 @@ def command(minutes: float, rate: float, busy: bool, realtime: bool, fingers: in
         click.echo(json.dumps(made if fingers == 1 else {"fingers": reports, "load": load}))
     else:
         show(
-            [{"": key, **{f"finger {k + 1}": r[key] for k, r in enumerate(reports)}} for key in SHOWN],
+            [{"": key, **{f"finger {k + 1}": r.get(key) for k, r in enumerate(reports)}} for key in SHOWN],
             f"{minutes:g} minutes at {rate:g} frames/s",
         )
         pss_mb, cpu = (sum(report[key] for report in reports) for key in ("pss_mb", "cpu_share"))

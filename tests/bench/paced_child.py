@@ -7,16 +7,15 @@ frames of the kernel. In place of a CAN interface, which few machines for benchm
 takes them, and a listener counts them. One JSON object on stdout at the end.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import socket
+import subprocess
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -36,8 +35,10 @@ from edge.runtime.device import LoopDevice  # noqa: E402
 from edge.runtime.loop import Loop  # noqa: E402
 from edge.sources.paced import Paced  # noqa: E402
 from edge.types import Clock, Frame, Lens, Polarity  # noqa: E402
+from edge.worker import WorkerClient, WorkerConfig  # noqa: E402
+from hostlink.web import parse_listen  # noqa: E402
 from hostlink.wire import State, unpack_state  # noqa: E402
-from tests.bench.usage import memory_mb  # noqa: E402
+from tests.bench.usage import cpu_s, memory_mb  # noqa: E402
 
 NO_CARRIER = Path("/sys/class/net/paced/carrier")  # looked at when a bus is off; ours never is
 LISTEN_S = 0.05
@@ -182,6 +183,27 @@ def on_a_bus(loop: Loop, number: int) -> tuple[Node, Listener]:
     return Node(sink, LoopDevice(loop, "bench")), Listener(theirs)
 
 
+@contextmanager
+def beside(loop: Loop, viewers_n: int, record: str, seconds: float) -> Iterator[WorkerClient | None]:
+    """The page's process, viewers that read all that they are sent, and a recording, if they are wanted."""
+    if not viewers_n and not record:
+        yield None
+        return
+    worker = WorkerClient(loop, WorkerConfig(parse_listen("127.0.0.1:0"), Path(record) if record else None))
+    worker.start()
+    look = [
+        "tests.support.hostile_viewer",
+        f"http://127.0.0.1:{worker.port}/live",
+        str(viewers_n),
+        str(seconds),
+    ]
+    # Browsers run on another machine: they must not take the loop's processor.
+    with subprocess.Popen(["nice", "-n", "19", sys.executable, "-m", *look]) as viewers:
+        yield worker
+        viewers.terminate()
+    worker.close()
+
+
 def main(options: dict[str, Any]) -> dict[str, Any]:
     """Run, and report the measurements."""
     if options.get("realtime"):  # as in deploy/realtime.conf
@@ -197,8 +219,14 @@ def main(options: dict[str, Any]) -> dict[str, Any]:
     meter = Meter(n, loop)
     loop.sinks += [node, meter]
     weights = Weights()
-    statistics = loop.run()
-    ended_s, cpu_s = time.monotonic(), time.process_time()
+    with beside(loop, options.get("viewers", 0), options.get("record", ""), seconds) as worker:
+        statistics = loop.run()
+        page: dict[str, float] = {}
+        if worker is not None and worker.process is not None:
+            page["unrecorded"] = worker.recording.dropped_n
+            page["page_cpu_share"] = cpu_s(worker.process.pid) / seconds
+            page["page_rss_mb"] = memory_mb(worker.process.pid)
+    ended_s, used_s = time.monotonic(), time.process_time()
     weights.close()
     rss_mb = memory_mb()
     node.close()
@@ -218,13 +246,14 @@ def main(options: dict[str, Any]) -> dict[str, Any]:
         "p99_us": float(p99),
         "p999_us": float(p999),
         "max_us": float(age_us.max()),
-        "cpu_share": (cpu_s - listener.cpu_s - meter.cpu_s) / (ended_s - meter.since_s),
+        "cpu_share": (used_s - listener.cpu_s - meter.cpu_s) / (ended_s - meter.since_s),
         "startup_s": meter.first_s - options["started_s"],
         "values_s": meter.values_s - options["started_s"],
         "rss_mb": rss_mb,
         "rss_first_mb": weights.mb[0] if weights.mb else rss_mb,
         "pss_mb": weights.pss_mb,
         "frames_mb": images.nbytes / 2**20,
+        **page,
     }
 
 

@@ -1,7 +1,5 @@
 """Plots of errors over the cost of a frame."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

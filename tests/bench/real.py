@@ -4,8 +4,6 @@ Five random splits of 480 frames to fit and 120 to evaluate, and a learning curv
 50, 100, 200 frames to fit. Frames are processed once; the splits only select among the results.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

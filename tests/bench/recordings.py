@@ -1,7 +1,5 @@
 """The published recordings: where they are, and the tip that most benchmarks look at."""
 
-from __future__ import annotations
-
 import csv
 import os
 from pathlib import Path

@@ -11,8 +11,6 @@ Rules
 Source  Cramphorn, Lloyd, Lepora 2018, section "Methods".
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2

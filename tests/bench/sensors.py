@@ -4,8 +4,6 @@ Of each recording the image with the largest contact is drawn, against its rest 
 published, or that `--rest auto` chooses. Pins are followed through a video; each still is a jump from rest.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path
 

@@ -8,8 +8,6 @@ A reading is the mean of what is likely given the pins, not given the truth: wha
 mean, so that among the largest true shears errors are larger than sigma, among the middle ones smaller.
 """
 
-from __future__ import annotations
-
 from concurrent.futures import Executor
 from dataclasses import replace
 from functools import partial

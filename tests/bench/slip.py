@@ -11,8 +11,6 @@ An alarm is a probability that rises above one half; it is false while less than
 slides.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace

@@ -25,8 +25,6 @@ A second process measures how long this machine's own load delays processes: so 
 and the table has the worst delays with and without it.
 """
 
-from __future__ import annotations
-
 import asyncio
 import json
 import math

@@ -1,4 +1,4 @@
-"""Time per frame, stage by stage, against the paper's method implemented directly.
+"""Time per frame, by contact and demand, against the paper's method implemented directly.
 
     python -m tests.bench            tables
     python -m tests.bench --json     one JSON object on stdout, nothing else
@@ -10,21 +10,17 @@ Rules
   the reference has used, like after a camera's frame. The ratio is that of the medians. The clock of the
   pair is the thread's own processor time, so other programs do not count. All other
   times are wall-clock times.
-- A frame is everything from image to calibrated values, all features; packing is a separate stage.
-- Allocations are those that `tracemalloc` counts of one frame's Python and NumPy objects, at their peak; and
-  those that remain after many frames.
+- A frame is everything from image to calibrated values, all features. What its parts take is counted, in
+  instructions, by `tests.bench.step --top`.
 """
-
-from __future__ import annotations
 
 import gc
 import json
 import os
 import time
-import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import click
 import cv2
@@ -33,10 +29,8 @@ import numpy as np
 from calib.sim.script import REST_FRAMES
 from edge.calibration import Calibration
 from edge.frame import ALL, Pipeline
-from edge.link.sample import to_state
 from edge.rest.tare import tare
-from edge.types import Feature, Frame, Result
-from hostlink.wire import Status, pack_state
+from edge.types import Feature, Frame
 from tests.bench.frames import GRASP, back_and_forth, calibration_of, scene
 from tests.bench.output import show, write_json, writes_results
 from tests.bench.paced import run_child
@@ -48,14 +42,7 @@ WARM = 24  # frames before anything is counted
 FREE, FULL = "nothing touches, all (a viewer watches)", "contact, all (a viewer watches)"
 
 Series = dict[str, list[float]]
-
-
-def on_processor(into: list[float], work: Callable[..., Any], *given: Any) -> Any:
-    """The result; this thread's processor time is appended, microseconds."""
-    begun = time.thread_time_ns()
-    answer = work(*given)
-    into.append((time.thread_time_ns() - begun) / 1e3)
-    return answer
+T = TypeVar("T")
 
 
 def spread(us: list[float]) -> dict[str, float]:
@@ -64,11 +51,11 @@ def spread(us: list[float]) -> dict[str, float]:
     return {"p50_us": float(p50), "p99_us": float(p99), "p999_us": float(p999), "n": len(us)}
 
 
-def timed(into: list[float], work: Callable[..., Any], *given: Any) -> Any:
-    """The result; its time is appended, microseconds."""
-    begun = time.perf_counter_ns()
-    answer = work(*given)
-    into.append((time.perf_counter_ns() - begun) / 1e3)
+def timed(into: list[float], clock_ns: Callable[[], int], work: Callable[[T], Any], given: T) -> Any:
+    """The result; its time by this clock is appended, microseconds."""
+    begun = clock_ns()
+    answer = work(given)
+    into.append((clock_ns() - begun) / 1e3)
     return answer
 
 
@@ -98,34 +85,11 @@ def pair(frames: list[Frame], calibration: Calibration) -> tuple[Series, Pipelin
     for at in range(WARM, len(frames), BLOCK):
         block = frames[at : at + BLOCK]
         for frame in block:
-            result = on_processor(times["pipeline"], pipeline.process, frame)
+            result = timed(times["pipeline"], time.thread_time_ns, pipeline.process, frame)
             assert not result.searched, "the benchmark is to measure tracking"
         for frame in block:
-            on_processor(times["reference"], reference.step, frame.image)
+            timed(times["reference"], time.thread_time_ns, reference.step, frame.image)
     return times, pipeline
-
-
-def stages(frames: list[Frame], pipeline: Pipeline, rounds: int) -> Series:
-    """Each stage of the pipeline's own objects, called as it calls them."""
-    times: Series = {name: [] for name in ("pins", "track", "tessellate", "features", "calibrate", "pack")}
-    for _ in range(rounds):
-        for frame in back_again(frames):
-            place = pipeline.tracker.predict()
-            assert place is not None, "the benchmark is to measure tracking"
-            pins = timed(times["pins"], pipeline._refiner.refine, frame.image, place)
-            tracks = timed(times["track"], pipeline.tracker.follow, pins)
-            cells = timed(times["tessellate"], pipeline._tessellator.cells, tracks)
-            extract, calibration = pipeline._extractor.extract, pipeline.calibration
-            features = timed(times["features"], extract, tracks, cells, pipeline._plan.features)
-            if calibration is not None:
-                reading = timed(times["calibrate"], calibration.apply, features, pipeline.rest.pattern)
-                timed(times["pack"], packed, Result(frame, tracks, cells, features, reading, False))
-    return {name: series for name, series in times.items() if series}
-
-
-def packed(result: Result) -> bytes:
-    """Pack a sample for the bus."""
-    return pack_state(to_state(result, sample=1, status=Status(0), capture_time_us=1), 1)
 
 
 def whole(frames: list[Frame], pipeline: Pipeline, rounds: int) -> list[float]:
@@ -137,7 +101,7 @@ def whole(frames: list[Frame], pipeline: Pipeline, rounds: int) -> list[float]:
     try:
         for _ in range(rounds):
             for frame in back_again(frames):
-                timed(us, pipeline.process, frame)
+                timed(us, time.perf_counter_ns, pipeline.process, frame)
     finally:
         gc.enable()
         gc.unfreeze()
@@ -165,29 +129,6 @@ def demands(frames: list[Frame], calibration: Calibration, rounds: int) -> Serie
     return out
 
 
-def allocations(frames: list[Frame], pipeline: Pipeline) -> dict[str, float]:
-    """Peak of one frame, and what remains after many."""
-    run = back_again(frames)
-    tracemalloc.start()
-    try:
-        for frame in run:
-            pipeline.process(frame)
-        before = tracemalloc.get_traced_memory()[0]
-        peaks = []
-        for frame in run:
-            base = tracemalloc.get_traced_memory()[0]
-            tracemalloc.reset_peak()
-            pipeline.process(frame)
-            peaks.append(tracemalloc.get_traced_memory()[1] - base)
-        after = tracemalloc.get_traced_memory()[0]
-    finally:
-        tracemalloc.stop()
-    return {
-        "peak_kb": float(np.median(peaks)) / 1024,
-        "growth_bytes_per_frame": (after - before) / len(run),
-    }
-
-
 def measure(quick: bool) -> dict[str, Any]:
     """All results, for the JSON."""
     cv2.setNumThreads(1)
@@ -195,7 +136,6 @@ def measure(quick: bool) -> dict[str, Any]:
     calibration = calibration_of(frames)
     times, pipeline = pair(frames, calibration)
     rounds = 1 if quick else 5
-    by_stage = stages(frames, pipeline, rounds)
     alone = whole(frames, pipeline, rounds)
     by_demand = demands(scene("press"), calibration, 4 * rounds)
     frame_us, reference_us = (float(np.median(times[who])) for who in ("pipeline", "reference"))
@@ -212,9 +152,7 @@ def measure(quick: bool) -> dict[str, Any]:
         "load": os.getloadavg()[0],
         "paired": {who: spread(us) for who, us in times.items()},
         "alone": spread(alone),
-        "stages": {name: spread(us) for name, us in by_stage.items()},
         "demands": demand_us,
-        "allocations": allocations(frames, pipeline),
         "running": running,
     }
 
@@ -225,18 +163,14 @@ def tell_of(report: dict[str, Any]) -> None:
         "whole frame, in turn with the reference": report["paired"]["pipeline"],
         "reference": report["paired"]["reference"],
         "whole frame, alone": report["alone"],
-        **{f"  {name}": row for name, row in report["stages"].items()},
         **report["demands"],
     }
     show([{"331 pins, 640x480": name, **row} for name, row in times.items()])
-    memory = report["allocations"]
     figures = {
         "times faster than the reference": report["ratio_331"],
         "frame without contact over full one": report["no_contact_share"],
         "memory of the running program, MB": report["rss_mb"],
         "start to first sample, s": report["startup_s"],
-        "allocated at the peak of a frame, kB": memory["peak_kb"],
-        "left over by a frame, bytes": memory["growth_bytes_per_frame"],
         "load of the machine": report["load"],
     }
     show([{"": name, "figure": value} for name, value in figures.items()])
@@ -247,7 +181,7 @@ def tell_of(report: dict[str, Any]) -> None:
 @click.option("--quick", is_flag=True, help="Fewer frames.")
 @writes_results
 def command(as_json: bool, quick: bool, out: Path) -> None:
-    """Time per frame and stage, against the reference."""
+    """Time per frame, against the reference."""
     report = measure(quick)
     write_json(out / "speed.json", report)
     if as_json:

@@ -4,8 +4,6 @@ The truth is rational arithmetic (`tests.support.exact`), a triangulation from s
 Everything comes from seeds; the table is the same on every run.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path

@@ -9,8 +9,6 @@ The images repeat after ten frames, and so does what the loop does now and then 
 depend on where it begins.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import platform

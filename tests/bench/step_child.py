@@ -12,8 +12,6 @@ Rules
 - Only what a board has is imported.
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from functools import partial

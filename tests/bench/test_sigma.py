@@ -1,18 +1,8 @@
 """The tables of `tests.bench sigma`, on errors whose share within sigma is known."""
 
-from __future__ import annotations
-
 import numpy as np
 
-from tests.bench.sigma import DEPTH, SHEAR, thirds, whole_table
-
-
-def test_thirds_share_all_rows_but_the_unknown() -> None:
-    by = np.array([3.0, np.nan, 1.0, 2.0, 6.0, 5.0, 4.0])
-    rows = np.array(thirds(by))
-    assert rows.sum(axis=1).tolist() == [2, 2, 2]
-    assert not rows[:, 1].any()
-    assert (rows[0] == (by < 2.5)).all()
+from tests.bench.sigma import DEPTH, SHEAR, whole_table
 
 
 def test_normal_errors_are_within_sigma_as_often_as_they_should() -> None:

@@ -1,14 +1,12 @@
 """A step takes no more instructions and misses than when it was last made cheaper; how they are counted."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 
 import pytest
 
-from tests.bench.arm64 import Board, made, of_blocks, places_of
-from tests.bench.counter import NoCounter, counted, name_of, of_callgrind
+from tests.bench.arm64 import Board, made
+from tests.bench.counter import NoCounter, counted, of_callgrind
 from tests.bench.step import VARIANTS, Step
 
 #: Of the step in contact then.
@@ -42,48 +40,11 @@ def test_a_function_counts_for_the_library_that_holds_it(tmp_path: Path) -> None
     assert misses == 6
 
 
-@pytest.mark.parametrize(
-    ("library", "symbol", "name"),
-    [
-        ("/x/edge/types.abi3.so", "helper", ("edge", "types.helper")),
-        (
-            "/x/edge/features/pin_motion.abi3.so",
-            "__pyx_pf_4edge_8features_10pin_motion_9PinMotion_3since_rest",
-            ("edge/features", "pin_motion.PinMotion.since_rest"),
-        ),
-        ("/x/libpython3.so", "PyObject_Call", ("libpython3.so", "PyObject_Call")),
-    ],
-)
-def test_part_and_name_of_a_symbol(library: str, symbol: str, name: tuple[str, str]) -> None:
-    assert name_of(library, symbol) == name
-
-
 def test_a_step_hands_one_frame_to_the_bus_and_its_calls_are_counted(tmp_path: Path) -> None:
     calls = Step(VARIANTS["contact"], tmp_path).calls()
     assert calls["python"]["edge.link.sinks.CanFdSink.encode"] == 1
     assert calls["python"]["edge.runtime.loop.Loop.step"] == 1
     assert calls["kernel"]["edge.pins.centroids.CentroidKernel.read"] == 1
-
-
-def test_a_block_counts_for_the_function_that_it_lies_in(tmp_path: Path) -> None:
-    program, library = tmp_path / "program", tmp_path / "library.so"
-    for path, kind in ((program, 2), (library, 3)):
-        path.write_bytes(bytes(16) + bytes([kind, 0]))
-    (tmp_path / "maps").write_text(
-        f"7000-8000 r-xp 00000000 00:00 1 {library}\n8000-9000 r--p 00001000 00:00 1 {library}\n"
-        f"400-500 r-xp 00000000 00:00 2 {program}\n9000-a000 rw-p 00000000 00:00 0 \n"
-    )
-    places = places_of(tmp_path / "maps")
-    names = [(0x10, "first"), (0x1010, "second"), (0x410, "third")]
-    for place in places:
-        vars(place.binary)["symbols"] = sorted(names)  # in place of what `nm` prints
-    (tmp_path / "blocks").write_text("7010 3 4\n801c 5 2\n420 7 2\n9004 1 6\n")
-    assert of_blocks(tmp_path / "blocks", places, frames=2).functions == {
-        ("library.so", "first"): 6,
-        ("library.so", "second"): 5,
-        ("program", "third"): 7,
-        ("?", "?"): 3,
-    }
 
 
 def test_a_missing_counter_is_named_with_its_package(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

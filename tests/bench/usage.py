@@ -1,7 +1,5 @@
 """What a process takes of the machine, from /proc."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Pins held through the published videos: identities, distances, jumps, untrusted frames, direction of shear.
+"""Pins held through the published videos: identities, distances, jumps, untrusted frames, contacts.
 
 The videos have no truth. Necessary conditions are counted: played forwards and backwards every pin
 ends where it began; two tracks never come nearer than half a pitch (or their limit at rest, if that is
@@ -8,11 +8,9 @@ Contacts are counted, too: a tip is touched where its pins' motion is bent, and 
 than noise. A light touch is neither. A quiet frame near one that is not quiet may show a touch that begins or
 ends; amid quiet ones it is untouched, and a contact in it is false.
 
-`north` and `west` are the directions in which the tip is dragged. Both videos begin loaded or moving, so a
-direction needs the untouched tip: the pose of most frames, found in a first pass.
+`north` and `west` begin loaded or moving, so that they need the untouched tip: the pose of most frames, found
+in a first pass.
 """
-
-from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -28,7 +26,7 @@ from edge.geometry.layout import affine_terms
 from edge.pins import CentroidRefiner, detect, take_rest
 from edge.tracking import Tracker
 from edge.tracking.tip import TrackedTip
-from edge.types import Array, Feature, Frame, Image, Rest, Tracks
+from edge.types import Feature, Frame, Image, Rest, Tracks
 from tests.bench.output import show, write_json, writes_results
 from tests.bench.recordings import REAL
 
@@ -38,7 +36,6 @@ TARE_FRAMES = 8  # the configuration's default
 LEAP = 0.5  # steps to the next pin, against the neighbours, from one frame to the next
 QUIET, TOUCHED = 0.012, 0.08  # pitches, median distance of the pins from an affine motion: below, above
 AMID = 3  # quiet frames on either side of an untouched one: the videos show a picture up to three times
-STRONG = 0.1  # share of the frames with the largest shear that give its direction
 
 
 @dataclass(frozen=True)
@@ -177,26 +174,12 @@ def untouched(images: Sequence[Image]) -> Rest:
     return take_rest(images[middle : middle + TARE_FRAMES])
 
 
-def shear(rest: Rest, tracks: list[Tracks]) -> Array:
-    """(k, 2) px, mean motion of the pins in each trusted frame."""
-    sure = [t for t in tracks if t.confidence >= Tracks.LOW_CONFIDENCE]
-    return np.array([np.nanmean(t.xy_img - rest.xy_img, axis=0) for t in sure])
-
-
-def direction(motion: Array) -> tuple[float, float]:
-    """Degrees from x (right) towards up, and px: of the mean of the strongest frames."""
-    size = np.hypot(*motion.T)
-    x, y = motion[size >= np.quantile(size, 1 - STRONG)].mean(0)
-    return float(np.rad2deg(np.arctan2(-y, x))), float(np.hypot(x, y))
-
-
 @click.command(name="videos", help="Identities held and contacts found in the published videos.")
 @writes_results
 def command(out: Path) -> None:
     """Exit code 1 if Movement4 does not end where it began."""
     plays: list[Play] = []
     contacts: list[Felt] = []
-    pointing: dict[str, dict[str, tuple[float, float]]] = {}
     for name in NAMES:
         images = read(REAL / "video" / f"{name}.avi")
         rest = take_rest(images[:TARE_FRAMES])
@@ -212,21 +195,13 @@ def command(out: Path) -> None:
             calm = untouched(images)
             at_ease, searched = run(images, calm)
             plays.append(evaluate(name, "tare where it is untouched", calm, at_ease, searched, back=False))
-            pointing[name] = {
-                "first frames": direction(shear(rest, tracks)),
-                "untouched": direction(shear(calm, at_ease)),
-            }
         contacts.append(felt(name, images, calm))
     report: dict[str, Any] = {
         "plays": [asdict(p) for p in plays],
         "contacts": [asdict(f) for f in contacts],
-        "shear_deg_px": pointing,
     }
     for rows in ("plays", "contacts"):
         show(report[rows])
-    for name, ways in pointing.items():
-        for tare, (angle, size) in ways.items():
-            click.echo(f"{name}: shear points to {angle:.0f} deg (90: up), {size:.1f} px; tare: {tare}")
     write_json(out / "videos.json", report)
     if any(p.left for p in plays):
         raise SystemExit(1)

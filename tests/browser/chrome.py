@@ -3,7 +3,7 @@
     with Chrome() as chrome:
         page = chrome.open("http://127.0.0.1:8765/", size=(1280, 800))
         page.until("document.body.dataset.state === 'live'")
-        page.press("t"); page.evaluate("..."); page.screenshot(path)
+        page.press("t"); page.evaluate("...")
         page.requests, page.sockets, page.errors
 
 Rules
@@ -12,17 +12,12 @@ Rules
   switched off, and names other than this machine's are not resolved.
 """
 
-from __future__ import annotations
-
-import base64
 import json
 import os
 import shutil
 import subprocess
 import tempfile
 import threading
-import time
-from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
@@ -88,7 +83,7 @@ class Chrome:
         self._reader.start()
         self.call("Browser.getVersion", timeout_s=START_S)
 
-    def open(self, url: str, size: tuple[int, int] = (1280, 800), phone: bool = False) -> Page:
+    def open(self, url: str, size: tuple[int, int] = (1280, 800), phone: bool = False) -> "Page":
         """A new page, loading `url`."""
         target = self.call("Target.createTarget", {"url": "about:blank"})["targetId"]
         session = self.call("Target.attachToTarget", {"targetId": target, "flatten": True})["sessionId"]
@@ -144,8 +139,8 @@ class Chrome:
             self._process.wait(SOON_S)
         except subprocess.TimeoutExpired:
             self._process.kill()
-            self._process.wait()
-        self._reader.join()
+            self._process.wait(SOON_S)
+        self._reader.join(SOON_S)
         os.close(self._read)
         os.close(self._write)
         self._profile.cleanup()
@@ -236,15 +231,5 @@ class Page:
             {"offline": off, "latency": 0, "downloadThroughput": -1, "uploadThroughput": -1},
         )
 
-    def screenshot(self, path: Path, whole: bool = False) -> Path:
-        """A PNG of what is in view, or of the whole page."""
-        data = self.call("Page.captureScreenshot", {"format": "png", "captureBeyondViewport": whole})["data"]
-        path.write_bytes(base64.b64decode(data))
-        return path
-
     def close(self) -> None:
         self._chrome.call("Target.closeTarget", {"targetId": self._target})
-
-    def wait_s(self, seconds: float) -> None:
-        """Let the page run for a while: for pictures, never for a condition."""
-        time.sleep(seconds)

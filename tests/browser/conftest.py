@@ -1,7 +1,5 @@
 """One browser for all tests of pages; they are skipped if there is none."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import pytest

@@ -1,7 +1,5 @@
 """The finger's page in a real browser: checked by its pixels and text."""
 
-from __future__ import annotations
-
 import base64
 import math
 import os
@@ -307,7 +305,7 @@ class Replay:
 
     def kill(self) -> None:
         self._process.kill()
-        self._process.communicate()
+        self._process.communicate(timeout=SOON_S)
 
     def stop(self) -> int:
         self._process.send_signal(signal.SIGTERM)

@@ -1,14 +1,9 @@
 """The host's page in a real browser: several fingers as a hand, from frames on a bus."""
 
-from __future__ import annotations
-
-import math
 import os
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
-from dataclasses import replace
 
 import pytest
 
@@ -17,46 +12,15 @@ from hostlink.view import HandView
 from hostlink.web import parse_listen
 from hostlink.wire import Contact, State, Status
 from tests.browser.chrome import Chrome, Page
-from tests.hostlink.test_client import make_node
+from tests.support.fingers import Fingers
 
 BUS = f"udp:239.0.0.8?port={21_000 + os.getpid() % 20_000}"
 TOKEN = "a-token-for-tests"
 FINGERS = (1, 2, 3, 5)  # the ring finger is missing
 
 
-class Hand:
-    """Fingers that send, each pressed by its number in tenths of a millimetre or more.
-
-    moving  instead pressed and released repeatedly, one after the other
-    """
-
-    def __init__(self, moving: bool = False, fingers: tuple[int, ...] = FINGERS, bus: str = BUS) -> None:
-        self._sample = moving_sample if moving else sample
-        pairs = {n: make_node(f"{bus}&node={n}") for n in fingers}
-        self.nodes = {n: node for n, (node, _) in pairs.items()}
-        self.applications = {n: application for n, (_, application) in pairs.items()}
-        self.running = threading.Event()
-        self.running.set()
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run)
-        self._thread.start()
-
-    def _run(self) -> None:
-        k = 0
-        while not self._stop.wait(0.01):
-            k += 1
-            for n, node in self.nodes.items():
-                if self.running.is_set():
-                    node.send(self._sample(n, k))
-
-    def close(self) -> None:
-        self._stop.set()
-        self._thread.join()
-        for node in self.nodes.values():
-            node.close()
-
-
 def sample(n: int, k: int) -> State:
+    """Each pressed by its number in tenths of a millimetre or more."""
     contacts = (Contact(-4.0, 3.0, 1.0), Contact(5.0, -2.0, 0.5))[: 2 if n == 3 else 1]
     return State(
         sample=k,
@@ -72,34 +36,14 @@ def sample(n: int, k: int) -> State:
     )
 
 
-def moving_sample(n: int, k: int) -> State:
-    t = k / 100
-    depth = max(0.0, 2.4 * math.sin(1.4 * t - 0.9 * n))
-    turn = 0.8 * t + n
-    place = Contact(3.0 * math.cos(turn), 4.0 * math.sin(turn), depth / 2)
-    return replace(
-        sample(n, k),
-        status=Status.TOUCHED if depth else Status(0),
-        displacement_mm=depth,
-        force_n=0.6 * depth,
-        shear_x_mm=0.4 * depth * math.cos(turn),
-        shear_y_mm=0.3 * depth * math.sin(turn),
-        torsion_deg=4 * depth * math.sin(t),
-        orientation_deg=30.0 if n == 2 and depth else math.nan,
-        contact_n=int(depth > 0),
-        contacts=(place,) if depth else (),
-    )
-
-
 @pytest.fixture(scope="module")
-def hand() -> Iterator[Hand]:
-    made = Hand()
-    yield made
-    made.close()
+def hand() -> Iterator[Fingers]:
+    with Fingers(BUS, FINGERS, sample) as made:
+        yield made
 
 
 @pytest.fixture
-def page(hand: Hand, chrome: Chrome) -> Iterator[Page]:
+def page(hand: Fingers, chrome: Chrome) -> Iterator[Page]:
     with hostlink.connect(BUS) as connection:
         view = HandView(connection, parse_listen("127.0.0.1:0", TOKEN))
         view.start()
@@ -129,7 +73,7 @@ def test_fingers_lie_as_a_hand(page: Page) -> None:
 def test_one_finger_has_its_charts_beside_it_on_one_screen(chrome: Chrome) -> None:
     bus = f"udp:239.0.0.8?port={41_000 + os.getpid() % 20_000}"  # the other tests use its port
     with ExitStack() as stack:
-        stack.callback(Hand(fingers=(2,), bus=bus).close)
+        stack.enter_context(Fingers(bus, (2,), sample))
         connection = stack.enter_context(hostlink.connect(bus))
         view = HandView(connection, parse_listen("127.0.0.1:0", TOKEN))
         view.start()
@@ -193,7 +137,7 @@ def test_numbers_and_contacts_are_those_of_the_frames(page: Page) -> None:
     page.until(f"{red}({colour}(2, 5, -2))")
 
 
-def test_tare_of_the_chosen_finger(page: Page, hand: Hand) -> None:
+def test_tare_of_the_chosen_finger(page: Page, hand: Fingers) -> None:
     page.click(".finger.place1")
     page.until("document.getElementById('whose').textContent.includes('index 2')")
     page.press("t")
@@ -208,7 +152,7 @@ def test_tare_of_the_chosen_finger(page: Page, hand: Hand) -> None:
     assert hand.applications[1].tares == []
 
 
-def test_silence_is_shown(page: Page, hand: Hand) -> None:
+def test_silence_is_shown(page: Page, hand: Fingers) -> None:
     hand.running.clear()
     page.until("document.body.dataset.state === 'stale'")
     page.until("document.querySelector('.finger').innerText.includes('no samples')")

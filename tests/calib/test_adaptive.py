@@ -1,36 +1,23 @@
 """Protocol adaptive: what it takes next, resuming, the command."""
 
-from __future__ import annotations
-
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from calib import process_fit, process_likelihood
 from calib.adaptive import PARAMS, AdaptivePlan, expected_inputs, letters_of
 from calib.capture import capture, pose_of, read_capture
-from calib.commands.cli import cli
-from calib.errors import CaptureError, RigError
+from calib.errors import RigError
 from calib.next_poses import choose
 from calib.protocols import SURFACE_HIGH, SURFACE_LOW
 from calib.rig import Pose
 from calib.rig.base import CLEAR
 from edge.calibration.inputs import FRAME_INPUTS
 from tests.support.captures import breaking_after, simulated
+from tests.support.commands import run_calib
 
 POSES = PARAMS.poses_first + 5  # a whole batch is 6
-
-
-@pytest.fixture(autouse=True)
-def quick_fits(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is chosen need not be the best here."""
-    quick = replace(process_likelihood.PARAMS, turns=4, steps=2)
-    monkeypatch.setattr(process_likelihood, "PARAMS", quick)
-    few_groups = replace(process_fit.PARAMS, groups_min=2, rows_groups=2)
-    monkeypatch.setattr(process_fit, "PARAMS", few_groups)
+pytestmark = pytest.mark.usefixtures("quick_fits")
 
 
 def poses_of(path: Path) -> list[Pose]:
@@ -112,11 +99,9 @@ def test_inputs_are_expected_from_poses(mirrored: bool) -> None:
 
 def test_the_command_takes_its_options_for_this_protocol_alone(tmp_path: Path) -> None:
     def run(*arguments: str) -> str:
-        base = ["capture", "--rig", "sim", "-o", str(tmp_path / "a.mcap")]
-        result = CliRunner().invoke(cli, [*base, *arguments])
-        assert isinstance(result.exception, CaptureError)
+        refusal = run_calib("capture", "--rig", "sim", "-o", tmp_path / "a.mcap", *arguments).refusal
         assert not list(tmp_path.iterdir())
-        return str(result.exception)
+        return refusal
 
     assert run("--protocol", "shear", "--poses", "30").endswith("only of protocol adaptive, not shear")
     for goal in ("tilt_x_deg", "tilt_x_deg=much", "tilt_x_deg=-1", "warmth=1", "tilt_x_deg=nan"):

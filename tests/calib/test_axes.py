@@ -1,7 +1,5 @@
 """Axes of rigs: all eight orientations in the image, any z, and frames that leave it open."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from itertools import product
@@ -10,10 +8,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 from calib.axes import Axes, recognise_axes, recognise_handedness
-from calib.commands.cli import cli
 from calib.errors import FitError, TableError
 from calib.evaluate import evaluate
 from calib.extract import DEMAND, Extract, gather, measure
@@ -29,10 +25,12 @@ from edge.frame import Pipeline
 from edge.pins import take_rest
 from edge.types import Array, Image, Index, Rest
 from tests.support.captures import write_table
+from tests.support.commands import run_calib
 from tests.support.synthetic import REST, make, targets
 
 SHEAR = ("shear_x_mm", "shear_y_mm")
 FORMS = list(product((1, -1), (1, -1), (False, True)))
+pytestmark = pytest.mark.usefixtures("quick_fits")
 
 
 def _seen(values: dict[str, Array], form: tuple[int, int, bool]) -> dict[str, Array]:
@@ -59,7 +57,7 @@ def _errors(form: tuple[int, int, bool]) -> list[float]:
 
 
 @pytest.fixture(scope="module")
-def straight() -> list[float]:
+def straight(quick_fits: None) -> list[float]:
     return _errors(FORMS[0])
 
 
@@ -204,6 +202,23 @@ def test_a_depth_or_a_force_that_is_all_pressed_is_taken_either_way(pressed: Pre
             along_press(table, extract, captured=False, rest_given=False)
 
 
+@pytest.mark.parametrize("at_touch", [0.4123, -0.01, 12.0])
+def test_a_position_in_metres_is_refused(pressed: Pressed, at_touch: float) -> None:
+    table, extract = pressed.table(pressed.every, displacement_mm=at_touch - pressed.depth / 1000.0)
+    for rest_given in (True, False):
+        with pytest.raises(TableError, match=r"column pose_z changes by 0\.004 mm .*; its unit is mm"):
+            along_press(table, extract, captured=False, rest_given=rest_given)
+
+
+@pytest.mark.parametrize(("idle", "noted"), [(0.0, False), (0.2, False), (-2.5, True), (20.0, True)])
+def test_a_gauge_that_is_not_tared_is_named(pressed: Pressed, idle: float, noted: bool) -> None:
+    table, extract = pressed.table(pressed.every, force_n=-pressed.force + idle)
+    _, (line,) = along_press(table, extract, captured=False, rest_given=True)
+    assert line == "force_n = -force_z" + (
+        f" ({idle:g} N where nothing touches: is the gauge tared?)" * noted
+    )
+
+
 def test_a_depth_that_the_frames_do_not_follow_stays_as_it_is(pressed: Pressed) -> None:
     shuffled = np.random.default_rng(1).permutation(pressed.depth)
     table, extract = pressed.table(pressed.every, displacement_mm=shuffled)
@@ -220,10 +235,9 @@ def test_a_rig_whose_z_points_up_is_calibrated_by_one_command(pressed: Pressed, 
     write_table(tmp_path, pressed.images, {"pose_z": 412.3 - pressed.depth})
     here, out = str(tmp_path), tmp_path / "tip.json"
     given = [f"{here}/targets.csv", "--frames", here, "--rest", f"{here}/rest.png", "-q", "--workers", "1"]
-    done = CliRunner().invoke(cli, ["fit", *given, "-o", str(out)], catch_exceptions=False)
-    assert done.exit_code == 0
-    assert "axes: displacement_mm = 412." in done.stderr
+    done = run_calib("fit", *given, "-o", out)
+    assert done.code == 0
+    assert "axes: displacement_mm = 412." in done.err
     table, extract = pressed.table(pressed.every, displacement_mm=np.maximum(pressed.depth, 0.0))
     assert evaluate(Calibration.load(out), table, extract)["displacement_mae_mm"] < 0.25
-    done = CliRunner().invoke(cli, ["evaluate", str(out), *given, "--json"])
-    assert json.loads(done.stdout)["displacement_mae_mm"] < 0.1
+    assert json.loads(run_calib("evaluate", out, *given, "--json").out)["displacement_mae_mm"] < 0.1

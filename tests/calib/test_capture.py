@@ -1,16 +1,13 @@
 """Capturing: what is written, resuming after a break, the command."""
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 from calib.capture import POSE_COLUMNS, capture, parts, pose_of, progress_of, read_capture, read_rows
-from calib.commands.cli import COMMANDS, cli
+from calib.commands.cli import COMMANDS
 from calib.errors import CaptureError, RigError
 from calib.protocols import Plan, Step
 from calib.rig import Pose
@@ -19,7 +16,7 @@ from calib.sim import Tool
 from edge.errors import InputError
 from edge.recording.reader import RecordingSource
 from tests.support.captures import breaking_after, simulated
-from tests.support.commands import only_error, run_calib
+from tests.support.commands import run_calib
 
 FLAT, BALL = Tool("flat"), Tool("sphere", 3.0)
 PLAN = Plan(
@@ -142,34 +139,27 @@ def test_command_captures_and_resumes(tmp_path: Path) -> None:
     simulation, protocol = _write(tmp_path)
     out = tmp_path / "out.mcap"
     options = ["capture", "--rig", f"sim:{simulation}", "--protocol", str(protocol), "-o", str(out)]
-    done = CliRunner().invoke(cli, options, catch_exceptions=False)
-    assert done.exit_code == 0
-    assert "out.mcap: complete, 4 frames of protocol tiny; table" in done.output
+    assert "out.mcap: complete, 4 frames of protocol tiny; table" in run_calib(*options).out
     assert len(rows_of(out)) == 4
-    again = CliRunner().invoke(cli, [*options, "--resume"], catch_exceptions=False)
-    assert "out.mcap: complete, 4 frames of protocol tiny (none of them now); table" in again.output
+    again = run_calib(*options, "--resume").out
+    assert "out.mcap: complete, 4 frames of protocol tiny (none of them now); table" in again
 
 
 def test_help_names_every_command_without_importing_them(monkeypatch: pytest.MonkeyPatch) -> None:
     place = "hostlink.command_group.import_module"
     monkeypatch.setattr(place, lambda name: pytest.fail(f"{name} was imported"))
-    shown = CliRunner().invoke(cli, ["--help"])
-    assert shown.exit_code == 0
-    assert all(name in shown.output for name in COMMANDS)
-    wrong = CliRunner().invoke(cli, ["dance"])
-    assert wrong.exit_code == 2
+    assert all(name in run_calib("--help").out for name in COMMANDS)
+    assert run_calib("dance").refusal
 
 
 @pytest.mark.parametrize("resume", [(), ("--resume",)])
-def test_a_table_that_is_not_the_capture_s_own_is_kept(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], resume: tuple[str, ...]
-) -> None:
+def test_a_table_that_is_not_the_capture_s_own_is_kept(tmp_path: Path, resume: tuple[str, ...]) -> None:
     simulation, protocol = _write(tmp_path)
     table = tmp_path / "x.csv"
     table.write_text("sensor_image,pose_z\nmine.png,1.0\n")
     rig, out = f"sim:{simulation}", tmp_path / "x.mcap"
-    assert run_calib("capture", "--rig", rig, "--protocol", protocol, "-o", out, *resume) == 2
-    assert "x.csv: exists" in only_error(capsys)
+    done = run_calib("capture", "--rig", rig, "--protocol", protocol, "-o", out, *resume)
+    assert "x.csv: exists" in done.refusal
     assert table.read_text() == "sensor_image,pose_z\nmine.png,1.0\n"
     assert not out.exists()
 

@@ -1,7 +1,5 @@
 """`python -m calib` as a user types it: every mistake is one line and exit code 2, and nothing is written."""
 
-from __future__ import annotations
-
 from importlib.metadata import version
 from pathlib import Path
 
@@ -21,7 +19,7 @@ from edge.pins import take_rest
 from edge.rest.tip_match import in_order_of
 from edge.sensors import load_sensor
 from hostlink.output_file import WriteError
-from tests.support.commands import only_error, run_calib
+from tests.support.commands import Done, run_calib
 
 
 @pytest.mark.parametrize(
@@ -57,11 +55,9 @@ from tests.support.commands import only_error, run_calib
         ("report -o {out} --real {out}", "no targets.csv"),
     ],
 )
-def test_a_mistake_is_one_line(
-    capfd: pytest.CaptureFixture[str], data_dir: Path, tmp_path: Path, arguments: str, expected: str
-) -> None:
-    assert run_calib(*(word.format(data=data_dir, out=tmp_path) for word in arguments.split())) == 2
-    assert expected in only_error(capfd)
+def test_a_mistake_is_one_line(data_dir: Path, tmp_path: Path, arguments: str, expected: str) -> None:
+    words = (word.format(data=data_dir, out=tmp_path) for word in arguments.split())
+    assert expected in run_calib(*words).refusal
     assert not list(tmp_path.iterdir())
 
 
@@ -71,20 +67,17 @@ def test_an_invalid_cluster_address_is_refused_at_once(address: str) -> None:
         pass
 
 
-def test_version(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run_calib("--version") == 0
-    assert capsys.readouterr().out.strip() == f"python -m calib {version('voronoi-touch')}"
+def test_version() -> None:
+    assert run_calib("--version") == Done(0, f"python -m calib {version('voronoi-touch')}\n")
 
 
 @pytest.mark.parametrize("option", ["--out", "--captures"])
-def test_a_file_is_no_folder_for_a_report(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], option: str
-) -> None:
+def test_a_file_is_no_folder_for_a_report(tmp_path: Path, option: str) -> None:
     file = tmp_path / "text.png"
     file.write_text("mine")
     given = {"--out": tmp_path / "out"} | {option: file}
-    assert run_calib("report", *(text for pair in given.items() for text in pair)) == 2
-    assert only_error(capsys) == f"error: {file}: is a file; give a folder"
+    done = run_calib("report", *(text for pair in given.items() for text in pair))
+    assert done.refusal == f"error: {file}: is a file; give a folder"
     assert file.read_text() == "mine"
 
 
@@ -121,7 +114,7 @@ def test_the_scale_of_a_fit_follows_from_the_pitch_of_the_sensor() -> None:
 
 def test_a_simulated_sensor_is_calibrated_by_one_command(tmp_path: Path) -> None:
     path = tmp_path / "sim127.json"
-    assert run_calib("simulate", "tactip-127", "-o", path, "--presses", "50", "-q") == 0
+    assert run_calib("simulate", "tactip-127", "-o", path, "--presses", "50", "-q").code == 0
     calibration = Calibration.load(path)
     assert calibration.content.sensor.serial == "simulated tactip-127"
     tip = Simulator(camera_of(load_sensor("tactip-127")), seed=99)

@@ -1,7 +1,5 @@
 """Errors against known truth: counted over all frames, and over those that would have been sent."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 
@@ -28,8 +26,8 @@ KEYS = {
 
 
 @pytest.fixture(scope="module")
-def calibration() -> Calibration:
-    extract, values = make(300, noise=0.02)
+def calibration(quick_fits: None) -> Calibration:
+    extract, values = make(120, noise=0.02)
     return fit(REST, targets(values), extract, mm_per_px=None)[0]
 
 

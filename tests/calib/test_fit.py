@@ -1,7 +1,6 @@
 """Fitting: known laws are found, small ones preferred, and data that cannot support a fit is refused."""
 
-from __future__ import annotations
-
+import re
 from dataclasses import replace
 from functools import cache
 
@@ -17,13 +16,16 @@ from edge.calibration import Calibration
 from edge.calibration.file import Curve, Polynomial
 from edge.calibration.inputs import FRAME_INPUTS, MODES
 from edge.types import Array
+from tests.support.refusals import one_line
 from tests.support.synthetic import REST, make, of_inputs, targets
+
+POLYNOMIALS = Search(kinds=frozenset({ModelKind.POLYNOMIAL}))  # quick, where any model will do
 
 
 @cache
 def _fitted() -> tuple[Extract, dict[str, Array], Calibration, list[Choice]]:
     """Frames, their truth, and what was fitted to them: for tests that only look at it."""
-    extract, values = make(200, noise=0.01)
+    extract, values = make(120, noise=0.01)
     return extract, values, *fit(REST, targets(values), extract, mm_per_px=0.12, serial="A7")
 
 
@@ -89,8 +91,8 @@ def test_only_the_kinds_wanted_are_tried() -> None:
 
 
 def test_the_paper_s_curve_wins_where_depth_follows_the_volume() -> None:
-    extract, _ = make(200)
-    volume = np.linspace(0.0, 0.3, 200)
+    extract, _ = make(80)
+    volume = np.linspace(0.0, 0.3, 80)
     inputs = extract.inputs.copy()
     inputs[:, 0] = volume
     depth = 5.0 * np.sqrt(volume / 0.3)
@@ -104,8 +106,7 @@ def test_the_paper_s_curve_wins_where_depth_follows_the_volume() -> None:
 def test_progress_is_reported_from_the_first_model_tried() -> None:
     extract, values = make(30, noise=0.02)
     parts: list[float] = []
-    search = Search(kinds=frozenset({ModelKind.POLYNOMIAL}))
-    _, choices = fit(REST, targets(values), extract, mm_per_px=None, search=search, on_part=parts.append)
+    _, choices = fit(REST, targets(values), extract, mm_per_px=None, search=POLYNOMIALS, on_part=parts.append)
     assert sum(parts) == pytest.approx(len(choices))
     assert len(parts) > 10 * len(choices)
     assert parts[0] < 0.2
@@ -140,7 +141,7 @@ def test_a_sweep_along_x_calibrates_every_direction() -> None:
 
 
 def test_sigma_is_that_of_held_out_frames() -> None:
-    extract, values = make(200, noise=0.1)
+    extract, values = make(120, noise=0.1)
     calibration, _ = fit(REST, targets(values), extract, mm_per_px=None)
     fresh, true = make(400, seed=9, noise=0.1)
     read, sigma = predict(calibration, fresh)
@@ -168,9 +169,8 @@ def test_untouched_and_uncertain_frames_are_not_fitted() -> None:
     trusted, touched = extract.trusted.copy(), extract.in_contact.copy()
     trusted[:10] = False
     touched[10:20] = False
-    calibration, _ = fit(
-        REST, targets(spoilt), replace(extract, trusted=trusted, in_contact=touched), mm_per_px=None
-    )
+    usable = replace(extract, trusted=trusted, in_contact=touched)
+    calibration, _ = fit(REST, targets(spoilt), usable, mm_per_px=None, search=POLYNOMIALS)
     assert calibration.content.data.n_frames == 40
     read, _ = predict(calibration, extract)
     assert np.abs(read["displacement_mm"] - values["displacement_mm"])[20:].mean() < 0.05
@@ -185,7 +185,8 @@ def test_the_scale_comes_from_known_places() -> None:
     contact[:] = 0.2
     contact[:, 0] = turned / 0.12 / REST.pattern.tip_radius_px
     values |= {"contact_x_mm": place.real, "contact_y_mm": place.imag}
-    calibration, _ = fit(REST, targets(values), replace(extract, contact=contact), mm_per_px=None)
+    placed = replace(extract, contact=contact)
+    calibration, _ = fit(REST, targets(values), placed, mm_per_px=None, search=POLYNOMIALS)
     assert calibration.mm_per_px == pytest.approx(0.12, rel=1e-4)
 
 
@@ -199,19 +200,13 @@ def _shuffled(n: int) -> dict[str, Array]:
     [
         (make(9)[1], r"^table\.csv: 9 of 9 frames can be used, at least 12 are needed$"),
         ({"displacement_mm": np.full(40, 2.0)}, r"^table\.csv: .*no column varies.*over its 40 frames"),
-        (_shuffled(100), r"^table\.csv: .*displacement_mm cannot be predicted from these frames.*image_"),
+        (_shuffled(60), r"^table\.csv: .*displacement_mm cannot be predicted from these frames.*image_"),
     ],
     ids=["too few", "no spread", "shuffled"],
 )
 def test_data_that_support_no_fit_are_refused(values: dict[str, Array], expected: str) -> None:
     extract, _ = make(len(next(iter(values.values()))))
-    with pytest.raises(FitError, match=expected) as caught:
-        fit(REST, targets(values), extract, mm_per_px=None)
-    assert "\n" not in str(caught.value)
-
-
-def test_equal_searches_are_one_key_of_a_table() -> None:
-    assert {Search(): 1}[Search(kinds=frozenset(ModelKind))] == 1
+    assert re.search(expected, one_line(FitError, fit, REST, targets(values), extract, mm_per_px=None))
 
 
 def test_the_reasons_of_unusable_frames_are_reported() -> None:
@@ -219,9 +214,8 @@ def test_the_reasons_of_unusable_frames_are_reported() -> None:
     trusted, touched = np.zeros(20, dtype=np.bool_), np.ones(20, dtype=np.bool_)
     trusted[:5] = True
     touched[2:10] = False
-    with pytest.raises(FitError) as caught:
-        fit(REST, targets(values), replace(extract, trusted=trusted, in_contact=touched), mm_per_px=None)
-    assert str(caught.value) == (
+    few = replace(extract, trusted=trusted, in_contact=touched)
+    assert one_line(FitError, fit, REST, targets(values), few, mm_per_px=None) == (
         "table.csv: 2 of 20 frames can be used, at least 12 are needed; pins not identified in 15 "
         "(first: image_5.png); nothing touches in 3 (first: image_2.png)"
     )
@@ -241,7 +235,7 @@ def test_depth_that_rises_and_falls_with_the_volume_gets_no_curve() -> None:
 
 
 def test_one_bad_column_does_not_affect_the_others() -> None:
-    extract, values = make(100)
+    extract, values = make(60)
     values["torsion_deg"] = np.random.default_rng(0).permutation(values["torsion_deg"])
     reported: list[str] = []
     calibration, _ = fit(REST, targets(values), extract, mm_per_px=None, on_refused=reported.append)

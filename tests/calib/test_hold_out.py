@@ -1,7 +1,5 @@
 """Held-out frames: drawn by pose, the same for a seed, and not used by the fit that they evaluate."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -31,6 +29,7 @@ def test_the_same_poses_are_held_out_in_other_axes() -> None:
     np.testing.assert_array_equal(folds_of(straight.poses), folds_of(turned.poses))
 
 
+@pytest.mark.usefixtures("quick_fits")
 def test_the_errors_are_those_of_frames_that_were_not_fitted() -> None:
     extract, values = make(120, noise=0.01)
     table = targets(values)

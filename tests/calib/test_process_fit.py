@@ -1,7 +1,5 @@
 """Processes: the law is found, sigma follows the noise, and the effect of lost pins is learnt."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The likelihood: its gradient, and the symmetry of its kernel."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.optimize import approx_fprime

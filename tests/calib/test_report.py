@@ -1,15 +1,12 @@
 """The report: alternatives measured against truth, a complete page."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from calib.fit import fit
-from calib.report import plots, slip, study
-from calib.report.command import edges
+from calib.report import slip, study
 from calib.report.page import ReportPage, model_table, write_page
 from calib.report.pairs import pairs, resolvable_mm, shares
 from calib.report.sections import Requirement
@@ -83,27 +80,11 @@ def test_a_page_shows_terms_weights_and_no_markup_of_its_texts(tmp_path: Path) -
             assert f"<code>{' · '.join(term) or '1'}</code>" in text
 
 
-def test_the_front_is_the_pareto_front() -> None:
-    x, y = np.array([1.0, 2.0, 3.0, 2.0]), np.array([3.0, 2.0, 2.5, 2.0])
-    np.testing.assert_array_equal(plots._front(x, y), [True, True, False, True])
-
-
-def test_the_trade_s_picture_is_drawn(tmp_path: Path) -> None:
-    rows = [study.Row("pins", "a", 10.0, 0.5, "px"), study.Row("pins", "b", 90.0, 0.01, "px", "why")]
-    plots.trade(tmp_path / "trade.png", rows)
-    assert (tmp_path / "trade.png").read_bytes()[:4] == b"\x89PNG"
-
-
 def test_checks_compare_with_their_side_of_the_limit() -> None:
     assert Requirement("error", 1.0, 0.5, "mm").holds
     assert not Requirement("error", 1.0, 1.5, "mm").holds
     assert not Requirement("error", 1.0, float("nan"), "mm").holds
     assert Requirement("share", 99.0, 100.0, "%", at_least=True).holds
-
-
-def test_bars_lie_in_every_direction() -> None:
-    angles = {step.tool.angle_deg for step in edges().steps if step.frames and step.role == "sample"}
-    assert angles == set(np.arange(0.0, 180.0, 10.0))
 
 
 def test_resolution_is_the_smallest_distance_from_which_all_pairs_are_two() -> None:

@@ -1,7 +1,5 @@
 """Rigs: the simulated one, a G-code stage against a fake on a pty, a person."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -23,6 +21,7 @@ from calib.sim import Tool
 from edge.pins import take_rest
 from edge.types import Clock, Frame, Lens, Polarity
 from tests.support.fake_stage import FakeStage
+from tests.support.refusals import one_line
 from tests.support.waiting import SOON_S
 
 StageAt = Callable[..., tuple[FakeStage, StageFile]]
@@ -153,10 +152,7 @@ def test_a_wrong_file_is_one_line_with_the_key(
 ) -> None:
     path = tmp_path / "rig.toml"
     path.write_text(text)
-    with pytest.raises(RigError) as error:
-        load(path)
-    message = str(error.value)
-    assert "\n" not in message
+    message = one_line(RigError, load, path)
     assert all(word in message for word in [str(path), *parts])
 
 

@@ -1,7 +1,5 @@
 """The untouched tip, estimated from frames that are all pressed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

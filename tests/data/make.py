@@ -4,8 +4,6 @@ Small images and a quiet sensor keep them under 5 MB in all; they are lossless. 
 completely: same table, same code, same pixels.
 """
 
-from __future__ import annotations
-
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path

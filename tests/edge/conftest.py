@@ -1,7 +1,5 @@
 """The bundled recording of a press on 331 pins, its calibration, and a finger that has its rest frame."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

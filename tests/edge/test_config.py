@@ -1,7 +1,5 @@
 """The configuration: every key checked, every mistake one line that names it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,12 +1,10 @@
 """Slow drift: learnt only while certainly untouched, bounded, reported, reversible."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.random import default_rng
 
-from edge.drift import PARAMS, Drift, DriftParams
+from edge.drift import Drift, DriftParams
 from edge.types import Array, PinPattern, Pins, Rest, Tracks
 
 STEP_NS = 100_000_000
@@ -42,7 +40,7 @@ def rest_for(
 def test_drift_is_subtracted_with_the_time_constant(rest: Rest) -> None:
     drift = Drift(rest, DriftParams(limit_px=0.5, time_s=10.0))
     moved = rest.xy_img + np.array([0.2, -0.1])
-    rest_for(drift, moved, PARAMS.untouched_s + 10.0)
+    rest_for(drift, moved, 10.0)
     left = drift.correct(tracks(moved)).xy_img - rest.xy_img
     np.testing.assert_allclose(left, np.tile([0.2, -0.1], (len(rest), 1)) * np.exp(-1.0), rtol=0.03)
     assert drift.offset_px == pytest.approx(0.2 * (1 - np.exp(-1.0)), rel=0.03)
@@ -55,7 +53,7 @@ def test_drift_is_subtracted_with_the_time_constant(rest: Rest) -> None:
         (False, 0, 0.2, 60.0),  # touched, or a fault
         (True, 8, 0.2, 60.0),  # pins missing
         (True, 0, 2.0, 60.0),  # a light touch, or a camera that moved
-        (True, 0, 0.2, PARAMS.untouched_s - 0.5),  # not for long enough
+        (True, 0, 0.2, STEP_NS * 1e-9),  # between two touches for one frame
     ],
 )
 def test_drift_is_learnt_only_while_certainly_untouched(
@@ -65,7 +63,7 @@ def test_drift_is_learnt_only_while_certainly_untouched(
     now, moved = 0, rest.xy_img + np.array([away, 0.0])
     for _ in range(5):
         now = rest_for(drift, moved, seconds, now, quiet, lost) + STEP_NS
-        drift.learn(tracks(moved), now, False)  # a touch restarts the waiting time
+        drift.learn(tracks(moved), now, False)
     assert drift.offset_px == 0.0
     seen = tracks(rest.xy_img)
     assert drift.correct(seen) is seen  # nothing was learnt

@@ -1,7 +1,5 @@
 """Hazards rendered through the whole chain, short: identities, and no touch on an untouched tip."""
 
-from __future__ import annotations
-
 import pytest
 
 from calib.sim import Camera, Tip

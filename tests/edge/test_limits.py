@@ -1,7 +1,5 @@
 """Limits of files: sizes, nesting and numbers, each refusal one line that a person understands."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Annotated

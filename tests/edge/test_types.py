@@ -1,7 +1,5 @@
 """What flows between the stages: unchanged once it is made, and copied with changes as any dataclass."""
 
-from __future__ import annotations
-
 import pickle
 from dataclasses import fields, replace
 

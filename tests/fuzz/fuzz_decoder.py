@@ -11,8 +11,6 @@ the same reason 8-byte parts made of the input's own bytes, and parts with any c
 a node whose samples are not checked.
 """
 
-from __future__ import annotations
-
 import sys
 from contextlib import nullcontext, suppress
 from pathlib import Path

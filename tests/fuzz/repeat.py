@@ -3,8 +3,6 @@
 A round takes a minute or more and is always finished. The first failure ends it and names the seed.
 """
 
-from __future__ import annotations
-
 import os
 import secrets
 import subprocess

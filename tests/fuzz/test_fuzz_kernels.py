@@ -1,7 +1,5 @@
 """A short run of the kernels' fuzzer, in a process of its own: a crash is a failed test."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

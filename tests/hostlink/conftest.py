@@ -1,19 +1,23 @@
 """What the tests of the host side share."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
+from dataclasses import replace
 
 import pytest
 
-from hostlink import objects
+from edge.link import python_can, serial_line
+from hostlink import links, objects
 from tests.support.bus import Wire, open_wire
+from tests.support.waiting import SOON_S
 
 
 @pytest.fixture(autouse=True)
 def patient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """An answer may take long on a busy machine."""
+    """An answer, or a write, may take long on a busy machine."""
     monkeypatch.setattr(objects, "TIMEOUT_S", 5.0)
+    monkeypatch.setattr(links, "WRITE_S", SOON_S)
+    for module in (python_can, serial_line):
+        monkeypatch.setattr(module, "PARAMS", replace(module.PARAMS, write_s=SOON_S))
 
 
 @pytest.fixture

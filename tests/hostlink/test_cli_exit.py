@@ -1,8 +1,5 @@
 """Programs end with an exit code and at most one line, for any failure of stdout."""
 
-from __future__ import annotations
-
-import subprocess
 import sys
 from contextlib import redirect_stderr
 from io import StringIO
@@ -12,6 +9,7 @@ import click
 import pytest
 
 from hostlink.cli_exit import run_command
+from tests.support.processes import program
 
 PROGRAM = """
 import sys, click
@@ -44,19 +42,15 @@ FULL = "error: stdout: cannot be written: No space left on device\n"
 )
 def test_streams_that_are_closed_or_full(line: str, expected: tuple[int, str, str]) -> None:
     """A reader that has seen enough is no error, and neither is a stream that was closed from the start."""
-    run = subprocess.run(
-        ["bash", "-c", f'set -o pipefail; "$PYTHON" -c "$COUNT" {line}'],
-        env={"COUNT": PROGRAM, "PYTHON": sys.executable, "PATH": "/usr/bin:/bin"},
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    environment = {"COUNT": PROGRAM, "PYTHON": sys.executable, "PATH": "/usr/bin:/bin"}
+    run = program("bash", "-c", f'set -o pipefail; "$PYTHON" -c "$COUNT" {line}', env=environment)
     assert (run.returncode, run.stdout, run.stderr) == expected
 
 
 def test_no_file_takes_the_place_of_a_closed_stdout() -> None:
     """What a C library prints must not end up in a file that a command writes."""
     opens = PROGRAM.replace("click.echo(str(i))", "sys.exit(open('/dev/null', 'wb').fileno())")
-    run = subprocess.run(["bash", "-c", '"$0" -c "$1" >&-', sys.executable, opens], check=False)
-    assert run.returncode > 2
+    assert program("bash", "-c", '"$0" -c "$1" >&-', sys.executable, opens).returncode > 2
 
 
 def test_a_file_that_fails_is_one_line(tmp_path: Path) -> None:

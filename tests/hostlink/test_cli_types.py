@@ -1,7 +1,5 @@
 """NaN and infinity are refused on a command line, and the message gives a right value."""
 
-from __future__ import annotations
-
 import click
 import pytest
 

@@ -1,14 +1,11 @@
 """The client against real nodes: over the virtual bus (FD, classic), UDP multicast, slcan and ptys."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import os
-import socket
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import count
@@ -18,11 +15,10 @@ import can
 import pytest
 
 import hostlink
-from edge.errors import CalibrationError, RequestRefused, SinkError
+from edge.errors import SinkError
 from edge.link.nmt import NmtState
 from edge.link.node import Node
-from edge.link.settings import SettingsFile
-from edge.link.sinks import CanClassicSink, CanSink, SerialSink, open_sink
+from edge.link.sinks import CanClassicSink, open_sink
 from hostlink import RestFrameOutcome, RestFrameReason, RestFrameState, objects
 from hostlink.commands.monitor import Board
 from hostlink.decoder import DetailFrame
@@ -32,84 +28,11 @@ from hostlink.subscription import QUEUE
 from hostlink.wire import CanIds, FaultCode, Kind, State, pack_state, unpack_state
 from hostlink.wire.fields import DATA_ID, VERSION
 from tests.support.bus import Wire, foreign_frame, message
+from tests.support.fingers import Application, make_node, need_multicast, state
 from tests.support.ptys import Ptys
 from tests.support.waiting import SOON_S, until
 
-
-def need_multicast() -> None:
-    """Skip where the machine has no network interface that carries multicast, not even to itself."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        try:
-            group = socket.inet_aton("239.0.0.7") + socket.inet_aton("0.0.0.0")
-            probe.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, group)
-        except OSError as error:
-            pytest.skip(f"UDP multicast does not work on this machine: {error}")
-
-
 ROUNDING_S = 2e-6  # of the wire's microseconds, and of floats
-
-
-class Application:
-    """The application of a node in these tests."""
-
-    def __init__(self, serial: str) -> None:
-        self.serial, self.touched, self.calibration = serial, False, b""
-        self.tares: list[bool] = []
-        self.no_calibration = ""  # why none is taken
-        self.requests_n = 0
-        self.outcome = RestFrameOutcome(RestFrameState.ACCEPTED)  # of the next requests
-        self.busy_for_n = 0  # number of polls before it is known
-
-    def describe(self) -> Mapping[str, int | float | str | bytes]:
-        return {"serial_number": self.serial, "software_version": "0.1", "hardware_version": "test"}
-
-    def rest_frame(self) -> Mapping[str, int | float | str | bytes]:
-        busy = self.busy_for_n > 0
-        self.busy_for_n -= 1
-        return {
-            "rest_frame_request_n": self.requests_n,
-            "rest_frame_state": RestFrameState.BUSY if busy else self.outcome.state,
-            "rest_frame_reason": self.outcome.reason,
-            "rest_frame_message": self.outcome.message,
-        }
-
-    def clock_us(self) -> int | None:
-        return time.monotonic_ns() // 1000
-
-    def tare(self, force: bool) -> None:
-        if self.touched and not force:
-            raise RequestRefused("something touches the tip; let go, or force the tare")
-        self.tares.append(force)
-        self.requests_n += 1
-
-    def calibration_bytes(self) -> bytes:
-        return self.calibration
-
-    def upload_calibration(self, data: bytes) -> None:
-        if self.no_calibration:
-            raise CalibrationError(self.no_calibration)
-        self.calibration = data
-        self.requests_n += 1
-
-    def set_features(self, names: frozenset[str]) -> None: ...
-
-    def reboot(self) -> None: ...
-
-    def report(self, code: FaultCode, active: bool, message: str = "") -> None: ...
-
-
-def state(sample: int, age_s: float = 0.0) -> State:
-    now_us = time.monotonic_ns() // 1000 - round(age_s * 1e6)
-    return State(
-        sample=sample, capture_time_us=now_us - 3000, latency_us=3000.0, displacement_mm=sample / 100
-    )
-
-
-def make_node(address: str) -> tuple[Node, Application]:
-    sink = open_sink(address)
-    assert isinstance(sink, CanSink | SerialSink)
-    application = Application(f"VT-{address[-1]}")
-    return Node(sink, application, SettingsFile()), application
 
 
 Ends = tuple[str, str]  # addresses of edge and host
@@ -182,7 +105,7 @@ def test_iterator_and_latest(pair: Pair) -> None:
             node.send(sent[-1])
             node.drain(SOON_S)  # a line that is slower would take the newest only
 
-    feeder = threading.Thread(target=feed)
+    feeder = threading.Thread(target=feed, daemon=True)
     feeder.start()
     numbers = [sample.state.sample for sample, _ in zip(hand, range(10), strict=False)]
     assert numbers == list(range(numbers[0], numbers[0] + 10))
@@ -191,7 +114,7 @@ def test_iterator_and_latest(pair: Pair) -> None:
     assert newest is not None
     assert newest.age_s < SOON_S
     stop.set()
-    feeder.join()
+    feeder.join(SOON_S)
     until(lambda: hand.finger().statistics.received_n == len(sent), "all that was sent")
     until(lambda: hand.latest(max_age_s=0.01) is None, "the newest is too old")
     assert hand.latest(max_age_s=None) is not None
@@ -332,7 +255,7 @@ def test_stop_and_sync_from_the_host(pair: Pair) -> None:
 
 @pytest.mark.parametrize("kind", ["virtual", "udp"])
 def test_five_fingers_on_one_bus(request: pytest.FixtureRequest, kind: str) -> None:
-    """A second of five fingers at 250 Hz, as fast as it goes; at its own pace: tests/bench/link.py."""
+    """A second of five fingers at 250 Hz, as fast as it goes."""
     if kind == "udp":
         need_multicast()
     port = 41_000 + os.getpid() % 20_000

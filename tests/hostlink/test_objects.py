@@ -1,7 +1,5 @@
 """Objects asked of a node whose answers are late or lost, while others ask on the same bus."""
 
-from __future__ import annotations
-
 import socket
 import threading
 from collections import deque
@@ -26,7 +24,7 @@ from hostlink.finger import Finger
 from hostlink.objects import ObjectClient, SdoObjects, SerialObjects
 from hostlink.wire import Abort, CanIds, Kind, Message, ObjectReply, unpack_message
 from hostlink.wire.serial import decode_frame
-from tests.hostlink.test_client import Application, make_node, need_multicast, state
+from tests.support.fingers import Application, make_node, need_multicast, state
 from tests.support.waiting import SOON_S
 
 NODE, INDEX = 5, 0x2030

@@ -1,26 +1,28 @@
 """No command destroys its input or an earlier result, and no file is ever seen half-written."""
 
-from __future__ import annotations
-
 import errno
 import os
 import resource
 import signal
 import socket
-import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from itertools import count
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import pytest
 
+import hostlink.output_file
 from edge.calibration import Calibration
 from edge.link.settings import SettingsFile
 from edge.runtime.calibration_store import CalibrationStore
 from hostlink.interrupt import ENDING
 from hostlink.output_file import OutputError, WriteError, check_output, find_unfinished, writing
 from tests.support.environment import uncounted
+from tests.support.processes import program, python
 
 
 def test_existing_file_is_refused_without_overwrite(tmp_path: Path) -> None:
@@ -199,7 +201,7 @@ def test_a_folder_of_another_user_is_one_line(tmp_path: Path) -> None:
             parent.chmod(parent.stat().st_mode | 0o011)
     if os.geteuid():
         folder.chmod(0)
-    program = f"""
+    code = f"""
 import logging, os, sys
 from pathlib import Path
 from edge.cli.assembly import _state_directory
@@ -223,22 +225,16 @@ for write in (lambda: settings.change(divider=2), lambda: check_output(folder / 
     except OutputError as error:
         print(error, file=sys.stderr)
 """
-    run = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, env=uncounted(), check=False
-    )
+    run = python("-c", code, env=uncounted())
     lines = run.stderr.splitlines()
     assert (run.returncode, len(lines)) == (0, 5), run.stderr
     assert all(str(folder) in line and "Permission denied" in line for line in lines), run.stderr
 
 
-def make_in_a_process(path: Path, number: int, when: str, **options: Any) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", ENDED, str(number), when, str(path)]
-    return subprocess.run(command, env=uncounted(), capture_output=True, text=True, check=False, **options)
-
-
 def test_command_on_a_full_disk_ends_with_one_line_and_code_1(tmp_path: Path) -> None:
     path, limit = tmp_path / "x.json", (3, 3)  # bytes; signal 0 is none
-    run = make_in_a_process(path, 0, "", preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, limit))
+    small = {"preexec_fn": lambda: resource.setrlimit(resource.RLIMIT_FSIZE, limit)}
+    run = python("-c", ENDED, "0", "", path, env=uncounted(), **small)
     assert (run.returncode, run.stderr) == (1, f"error: {path}: cannot be written: File too large\n")
     assert list(tmp_path.iterdir()) == []
 
@@ -259,6 +255,10 @@ def make(number, when, file):
         os.kill(os.getpid(), number)  # the shell and the kernel both report a terminal's end
     if when == "while it gets its name":
         hostlink.output_file._force_to_disk = end
+    if when == "while its folder is tried":
+        remove = hostlink.output_file._remove
+        hostlink.output_file._remove = lambda path: (end(), remove(path))
+    hostlink.output_file.check_output(file, ())
     with writing(file, keep_partial=when == "a recording") as unfinished:
         unfinished.write_text("content")
         if when != "while it gets its name":
@@ -269,17 +269,65 @@ sys.exit(run_command(make, "make", ()))
 
 
 @pytest.mark.parametrize("number", ENDING)
-@pytest.mark.parametrize("when", ["while it is written", "a recording", "while it gets its name"])
+@pytest.mark.parametrize(
+    "when", ["while its folder is tried", "while it is written", "a recording", "while it gets its name"]
+)
 def test_a_signal_leaves_a_whole_file_or_none(tmp_path: Path, number: signal.Signals, when: str) -> None:
     path = tmp_path / "x.json"
-    run = make_in_a_process(path, number, when)
+    run = python("-c", ENDED, str(int(number)), when, path, env=uncounted())
     assert (run.returncode, run.stderr.strip()) == (128 + number, "")
-    kept = [] if when == "while it is written" else [path]
+    kept = [path] if when in ("a recording", "while it gets its name") else []
     assert list(tmp_path.iterdir()) == kept
     assert all(one.read_text() == "content" for one in kept)
 
 
+@pytest.mark.parametrize("overwrite", [False, True])
+def test_ctrl_c_at_any_instruction_leaves_a_whole_file_or_none(tmp_path: Path, overwrite: bool) -> None:
+    """A recording that is kept half-way replaces an earlier one by something, never by nothing."""
+    path, content = tmp_path / "x.json", {"old" if overwrite else None, "content"}
+    for number in count():
+        if overwrite:
+            path.write_text("old")
+        with interrupted_at(number) as came, suppress(KeyboardInterrupt):
+            check_output(path, (".json",), overwrite=overwrite)
+            with writing(path, overwrite, keep_partial=overwrite) as unfinished:
+                unfinished.write_text("content")
+        if not came:
+            break
+        assert {one.name for one in tmp_path.iterdir()} <= {path.name}
+        assert (path.read_text() if path.exists() else None) in content
+        path.unlink(missing_ok=True)
+    assert number > 300
+    assert path.read_text() == "content"
+
+
+@contextmanager
+def interrupted_at(number: int) -> Iterator[list[int]]:
+    """Ctrl-C before this instruction of the module's, counted from the block's begin.
+
+    The list stays empty if the block ends before.
+    """
+    numbers, came = count(), list[int]()
+
+    def trace(frame: FrameType, event: str, argument: object) -> Any:
+        if frame.f_code.co_filename != hostlink.output_file.__file__:
+            return None
+        frame.f_trace_opcodes = True
+        if event == "opcode" and next(numbers) == number:
+            came.append(number)
+            signal.raise_signal(signal.SIGINT)
+        return trace
+
+    before = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        yield came
+    finally:
+        sys.settrace(before)
+
+
 def test_a_program_under_nohup_goes_on(tmp_path: Path) -> None:
-    command = ["nohup", sys.executable, "-c", ENDED, str(int(signal.SIGHUP)), "", str(tmp_path / "x.json")]
-    assert subprocess.run(command, env=uncounted(), capture_output=True, check=False).returncode == 0
-    assert (tmp_path / "x.json").read_text() == "content"
+    path = tmp_path / "x.json"
+    command = ("nohup", sys.executable, "-c", ENDED, str(int(signal.SIGHUP)), "", path)
+    assert program(*command, env=uncounted()).returncode == 0
+    assert path.read_text() == "content"

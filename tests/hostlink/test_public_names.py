@@ -1,10 +1,6 @@
 """`import hostlink` imports nothing else; each public name is imported when it is first used."""
 
-from __future__ import annotations
-
 import ast
-import subprocess
-import sys
 from importlib import import_module
 from pathlib import Path
 
@@ -15,6 +11,7 @@ import hostlink
 from calib.commands import cli as calib_cli
 from edge.cli import program as edge_cli
 from hostlink.commands import cli as host_cli
+from tests.support.processes import python
 
 
 def typed_names() -> dict[str, str]:
@@ -44,11 +41,11 @@ def test_an_unknown_name_is_an_attribute_error() -> None:
 
 
 def run(code: str) -> str:
-    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    return python("-c", code, check=True).stdout
 
 
 def test_importing_the_package_imports_none_of_its_modules() -> None:
-    heavy = "{'numpy', 'cv2', 'can', 'serial', 'canopen', 'rich', 'click', 'edge'}"
+    heavy = "{'numpy', 'cv2', 'scipy', 'can', 'serial', 'rich', 'click', 'edge', 'calib'}"
     assert run("import sys, hostlink; print([m for m in sys.modules if m.startswith('hostlink.')])") == "[]\n"
     assert run(f"import sys, hostlink; print({heavy} & set(sys.modules))") == "set()\n"
     assert run("import hostlink; print(hostlink.errors.LinkError.__name__)") == "LinkError\n"

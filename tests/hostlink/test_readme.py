@@ -1,9 +1,6 @@
 """README's code is compiled and run unchanged, and obeys WIRE.md's rules."""
 
-from __future__ import annotations
-
 import re
-import subprocess
 import threading
 import time
 from itertools import count
@@ -16,9 +13,10 @@ import hostlink
 from hostlink.recording import LogWriter
 from hostlink.sequence import RESTART_RUN
 from hostlink.wire import NO_CONTROL, State, Status, pack_state
-from tests.hostlink.test_client import make_node
+from tests.support import processes
 from tests.support.bus import message
 from tests.support.c_programs import C, compiled
+from tests.support.fingers import make_node
 from tests.support.waiting import SOON_S, until
 
 NONE = Status(0)
@@ -81,7 +79,7 @@ def test_python_control_loop_moves_on_valid_live_samples_alone(
     sender.start()
     with pytest.raises(SystemExit, match=r"no sample for 5 s"):  # silence ends it
         exec(patiently(code("Python: a control loop", "python").replace("can:can0", bus)), {"print": note})
-    sender.join()
+    sender.join(SOON_S)
     node.close()
     changes = [speed for i, speed in enumerate(moves) if i == 0 or moves[i - 1] != speed]
     assert [c for c in changes if c != "+0.400"] == ["+0.600", "+0.000", "+0.600", "-0.400", "+0.000"]
@@ -163,7 +161,7 @@ def test_c_receive_interrupt_drops_old_invalid_and_replayed_samples(tmp_path: Pa
         (0x181, 28, pack_state(good, 12), 0.5),
     ]  # fmt: skip
     text = "\n".join(f"{can_id:x} {ms} {len(data)} {data.hex()}" for can_id, ms, data, _ in steps)
-    run = subprocess.run([str(program)], input=text, capture_output=True, text=True, check=True)
+    run = processes.program(program, input=text, check=True)
     rows = [line.split() for line in run.stdout.splitlines()]
     assert [float(row[0]) for row in rows] == [
         pytest.approx(expected, nan_ok=True) for _, _, _, expected in steps

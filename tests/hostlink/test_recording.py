@@ -1,12 +1,8 @@
 """Recordings: exact round trips, refused formats, damage, and decoding from file."""
 
-from __future__ import annotations
-
 import struct
-import tracemalloc
 import zlib
-from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import nullcontext
 from datetime import datetime
 from functools import partial
 from itertools import islice
@@ -25,9 +21,11 @@ from hostlink.errors import LinkError, LogError, UsageError
 from hostlink.log_formats import HEAD_N
 from hostlink.recording import LogWriter, SerialWriter, decode_recording, read_log, read_serial
 from hostlink.wire import Message, State, encode_frame, pack_parts, pack_state, unpack_state
+from tests.support.memory import bounded_memory
 from tests.support.seeds import SEED
 from tests.support.states import random_state
 
+MORNING_S = datetime(2026, 11, 26, 8, 0, 0, 500_000).timestamp()
 START_S = 1_767_225_600.123457  # 2026: where a double resolves 0.24 us
 
 
@@ -196,6 +194,7 @@ def test_a_foreign_line_costs_that_line(tmp_path: Path, line: str, caplog: pytes
         (" (1.5)  can0  181  [02]  00 11", (1.5, "can0", 0x181, b"\0\x11")),
         (" (000.000000)  can0  RX B E  181  [01]  00", (0.0, "can0", 0x181, b"\0")),
         (" (1.5)  can0  1ABCDEF0   [0] ", (1.5, "can0", 0x1ABCDEF0, b"")),
+        (" (2026-11-26 08:00:00.500000000)  can0  181  [01]  00", (MORNING_S, "can0", 0x181, b"\0")),
         ("  can0  181   [0]  remote request", (nan, "can0", 0x181, b"")),
         ("  can0  20000004   [1]  00    ERRORFRAME", (nan, "can0", 4, b"\0")),
     ],
@@ -254,6 +253,25 @@ def test_a_log_of_few_frames_or_equal_times_is_as_written(tmp_path: Path) -> Non
     for times_s in ([0.0, 0.1, 0.1], [7.0], []):
         path.write_text("".join(f"({time_s}) can0 181#00\n" for time_s in times_s))
         assert [m.timestamp for m in read_log(path)] == times_s
+
+
+@pytest.mark.parametrize("suffix", [".log", ".asc"])
+def test_a_file_of_nothing_is_no_line(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"a{suffix}"
+    path.write_text("(1.0) can0 181#00\n" if suffix == ".log" else "1.0 1 181 Rx d 1 00\n")
+    with path.open("r+b") as file:
+        file.truncate(30 << 30)
+    messages = read_log(path)
+    assert next(messages).data == b"\0"
+    with pytest.raises(LogError, match="damaged after 1 message: line 2 has no end"):
+        next(messages)
+
+
+def test_a_line_that_is_skipped_costs_no_time(tmp_path: Path) -> None:
+    path = tmp_path / "a.log"
+    lines = ["(0.5) can0 181 [1] 00", "(0.25) can0 123 [0004] (00|567) 11", "remark", "can0 181 [1] 00"]
+    path.write_text("\ufeff" + "\n".join(20 * lines), encoding="utf-8")
+    assert [m.timestamp for m in read_log(path)] == [0.75 * k + at for k in range(20) for at in (0.5, 0.75)]
 
 
 ASC_HEAD = "date Wed Jul 1 {} 2026\nbase {}  timestamps {}\nno internal events logged\n"
@@ -358,7 +376,7 @@ def blf_of(container: bytes, stated: int | None = None) -> bytes:
 def test_a_false_blf_length_allocates_no_memory(tmp_path: Path, stated: int) -> None:
     path = tmp_path / "a.blf"
     path.write_bytes(blf_of(zlib.compress(b"LOBJ" + bytes(60)), stated))
-    with peak_below(4 << 20), pytest.raises(LogError, match=r"damaged after 0 messages: .* at byte 144"):
+    with bounded_memory(4 << 20), pytest.raises(LogError, match=r"damaged after 0 messages: .* at byte 144"):
         list(read_log(path))
 
 
@@ -367,7 +385,7 @@ def test_a_blf_container_that_unpacks_endlessly_counts_as_damaged(tmp_path: Path
     parts = [packer.compress(bytes(1 << 20)) for _ in range(256)]
     path = tmp_path / "a.blf"
     path.write_bytes(blf_of(b"".join([*parts, packer.flush()])))
-    with peak_below(96 << 20), pytest.raises(LogError, match="a container too large at byte 144"):
+    with bounded_memory(96 << 20), pytest.raises(LogError, match="a container too large at byte 144"):
         list(read_log(path))
 
 
@@ -430,17 +448,6 @@ def test_fd_messages_of_both_kinds_of_object_are_read(tmp_path: Path) -> None:
     assert isinstance(event, Sample)
 
 
-@contextmanager
-def peak_below(n_bytes: int) -> Iterator[None]:
-    tracemalloc.start()
-    try:
-        yield
-        _, peak = tracemalloc.get_traced_memory()
-    finally:
-        tracemalloc.stop()
-    assert peak < n_bytes
-
-
 @pytest.mark.generative
 @pytest.mark.parametrize("name", ["a.log", "plain.log", "a.asc", "a.blf", "a.serial"])
 def test_random_damage_is_read_up_to_or_refused(tmp_path: Path, name: str) -> None:
@@ -458,7 +465,7 @@ def test_random_damage_is_read_up_to_or_refused(tmp_path: Path, name: str) -> No
     good, is_text = path.read_bytes(), path.suffix in (".log", ".asc")
     lengths = [0, 1, 16, 32, 0xFFFF, 1 << 24, (1 << 31) - 1, 1 << 31, (1 << 32) - 1]
     refused: list[str] = []
-    with nullcontext() if is_text else peak_below(64 << 20):  # text has no lengths that could be believed
+    with nullcontext() if is_text else bounded_memory(64 << 20):  # text has no lengths that could be believed
         for _ in range(600):
             data = bytearray(good)
             for _ in range(dice.choice([1, 1, 2, 5])):

@@ -1,7 +1,5 @@
 """Samples as a table: every format holds the same values, each under its name."""
 
-from __future__ import annotations
-
 import csv
 from math import isnan
 from pathlib import Path
@@ -18,6 +16,7 @@ from hostlink.recording import LogWriter, read_log
 from hostlink.table import COLUMNS, ROWS_PER_PIECE, write_parquet
 from hostlink.wire import State, pack_state
 from tests.support.bus import message
+from tests.support.commands import Done
 from tests.support.commands import run_host as run
 from tests.support.states import random_state
 
@@ -58,18 +57,15 @@ def test_arrays_hold_each_sample_under_its_names(log: Path) -> None:
     np.testing.assert_equal(hostlink.to_arrays(samples_of(log)), arrays)
 
 
-def test_csv_and_parquet_hold_what_pandas_does(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_csv_and_parquet_hold_what_pandas_does(log: Path) -> None:
     expected = hostlink.to_pandas(log)
     assert expected.attrs["units"]["force_n"] == "N"
     assert sorted(expected.finger.unique()) == [1, 2]
     usable = expected[expected.status & int(hostlink.NO_CONTROL) == 0]
     assert len(usable) == sum(not s.state.status & hostlink.NO_CONTROL for s in samples_of(log))
     table, parquet = log.with_suffix(".csv"), log.with_suffix(".parquet")
-    assert run("decode", str(log), "--csv", str(table)) == 0
-    assert run("decode", str(log), "--parquet", str(parquet)) == 0
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert f"{table}: {SAMPLES} samples" in err
+    for kind, path in (("--csv", table), ("--parquet", parquet)):
+        assert run("decode", log, kind, path) == Done(0, err=f"{path}: {SAMPLES} samples\n")
     pd.testing.assert_frame_equal(pd.read_parquet(parquet), expected)
     pd.testing.assert_frame_equal(pd.read_csv(table), expected, rtol=0, atol=0.6e-6)
     field = pyarrow.parquet.read_schema(parquet).field("force_n")
@@ -78,7 +74,7 @@ def test_csv_and_parquet_hold_what_pandas_does(log: Path, capsys: pytest.Capture
 
 def test_csv_leaves_cells_of_invalid_values_empty(log: Path) -> None:
     path = log.with_suffix(".csv")
-    assert run("decode", str(log), "--finger", "2", "--csv", str(path)) == 0
+    assert run("decode", log, "--finger", "2", "--csv", path).code == 0
     with path.open(newline="") as file:
         rows = list(csv.DictReader(file))
     samples = [s for s in samples_of(log) if s.finger == 2]
@@ -95,14 +91,13 @@ def test_parquet_goes_on_beyond_one_piece(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["csv", "parquet"])
-def test_a_damaged_recording_is_read_up_to_the_damage(
-    log: Path, kind: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_damaged_recording_is_read_up_to_the_damage(log: Path, kind: str) -> None:
     damaged, out = log.with_suffix(".blf"), log.with_suffix(f".{kind}")
     with LogWriter(damaged) as writer:
         for message in read_log(log):
             writer.write(message)
     damaged.write_bytes(damaged.read_bytes() + b"nonsense" * 2)
-    assert run("decode", str(damaged), f"--{kind}", str(out)) == 2
-    assert f"damaged after {SAMPLES} messages" in capsys.readouterr().err
+    done = run("decode", damaged, f"--{kind}", out)
+    assert done.code == 2
+    assert f"damaged after {SAMPLES} messages" in done.err
     assert len(pd.read_csv(out) if kind == "csv" else pd.read_parquet(out)) == SAMPLES

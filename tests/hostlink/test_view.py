@@ -1,7 +1,5 @@
 """The host page's packets: samples of each finger, and viewers' commands."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import os
@@ -19,8 +17,8 @@ from hostlink.view import HandView, hand
 from hostlink.web import pack_packet, parse_listen
 from hostlink.wire import Contact, State
 from tests.edge.worker.test_page import unpack
-from tests.hostlink.test_client import Application, make_node
 from tests.support.commands import run_host
+from tests.support.fingers import Application, make_node
 from tests.support.waiting import SOON_S, until
 
 BUS = f"udp:239.0.0.8?port={23_000 + os.getpid() % 20_000}"
@@ -76,7 +74,11 @@ def setup() -> Iterator[Setup]:
 def watch(setup: Setup, token: str, then: Callable[[Any, dict[str, Any]], Awaitable[Any]]) -> Any:
     async def run() -> Any:
         url = f"http://127.0.0.1:{setup.view.server.port}/live"
-        async with aiohttp.ClientSession() as session, session.ws_connect(url) as socket:
+        async with (
+            asyncio.timeout(SOON_S),
+            aiohttp.ClientSession() as session,
+            session.ws_connect(url) as socket,
+        ):
             await socket.send_json({"token": token, "want": []})
             return await then(socket, await socket.receive_json())
 
@@ -85,12 +87,11 @@ def watch(setup: Setup, token: str, then: Callable[[Any, dict[str, Any]], Awaita
 
 async def packets(socket: Any, enough: Callable[[dict[str, Any]], object]) -> list[dict[str, Any]]:
     taken: list[dict[str, Any]] = []
-    async with asyncio.timeout(SOON_S):
-        while not taken or not enough(taken[-1]):
-            message = await socket.receive()
-            if message.type is aiohttp.WSMsgType.BINARY:
-                taken.append(unpack(message.data))
-                await socket.send_json({"got": len(taken)})
+    while not taken or not enough(taken[-1]):
+        message = await socket.receive()
+        if message.type is aiohttp.WSMsgType.BINARY:
+            taken.append(unpack(message.data))
+            await socket.send_json({"got": len(taken)})
     return taken
 
 
@@ -131,7 +132,7 @@ def test_tare_needs_the_token(setup: Setup) -> None:
     async def ask(socket: Any, hello: dict[str, Any]) -> Any:
         await socket.send_json({"do": "tare", "finger": 4})
         while True:
-            message = await socket.receive(SOON_S)
+            message = await socket.receive()
             if message.type is aiohttp.WSMsgType.TEXT:
                 return hello["may"], json.loads(message.data)
 
@@ -157,6 +158,7 @@ def test_packets_keep_numbers_in_their_places() -> None:
     assert packet["arrays"]["b"].tolist() == [0, 1, 2]
 
 
-def test_the_command(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run_host("view", BUS, "--listen", "127.0.0.1:0", "--seconds", "0.2") == 0
-    assert "live page: http://127.0.0.1:" in capsys.readouterr().err
+def test_the_command() -> None:
+    done = run_host("view", BUS, "--listen", "127.0.0.1:0", "--seconds", "0.2")
+    assert done.code == 0
+    assert "live page: http://127.0.0.1:" in done.err

@@ -1,7 +1,5 @@
 """Frames as fingertips send them, for tests that need no node."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -9,7 +7,7 @@ import can
 
 import hostlink
 from hostlink.wire import State, pack_state
-from hostlink.wire.e2e import protect_p5
+from hostlink.wire.e2e import protected_p5
 from hostlink.wire.fields import DATA_ID
 
 FOREIGN_VERSION = 9
@@ -24,10 +22,8 @@ def message(can_id: int, data: bytes, time_s: float = 0.0) -> can.Message:
 
 def foreign_frame(counter: int, data_id: int = DATA_ID ^ 0x55) -> bytes:
     """A state frame of another version."""
-    frame = bytearray(pack_state(State(sample=counter), counter))
-    frame[3] = FOREIGN_VERSION
-    protect_p5(frame, counter, data_id)
-    return bytes(frame)
+    frame = pack_state(State(sample=counter), counter)
+    return protected_p5(bytes((FOREIGN_VERSION,)) + frame[4:], counter, data_id)
 
 
 class Wire:

@@ -1,7 +1,5 @@
 """C programs made of the shipped sources, with every warning an error."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 from collections.abc import Sequence

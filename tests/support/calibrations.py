@@ -1,7 +1,5 @@
 """A small valid calibration file as plain data, to use and to damage."""
 
-from __future__ import annotations
-
 import copy
 import math
 from typing import Any

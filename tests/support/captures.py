@@ -1,7 +1,5 @@
 """Captures of a small simulated tip, a rig that breaks, and tables of images."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from pathlib import Path
 

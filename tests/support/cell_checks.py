@@ -1,7 +1,5 @@
 """Numerical checks of cells; shared by the tests and the stability report."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from fractions import Fraction
 

@@ -4,8 +4,6 @@ Tests are foldered like the source, so that a change in `edge/cells` asks for `t
 changed, the quick tests of the whole house run too.
 """
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from collections.abc import Iterable

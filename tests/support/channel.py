@@ -4,16 +4,12 @@
 every sample sent between the first and the last delivered is delivered, lost or out of order.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from random import Random
 
 from hostlink.decoder import Event, LinkStatistics, Sample
 from hostlink.wire import State
 from tests.support.states import same
-
-CRC15 = 0x4599  # CAN, ISO 11898-1: x^15 + x^14 + x^10 + x^8 + x^7 + x^4 + x^3 + 1
 
 
 @dataclass
@@ -58,36 +54,3 @@ def flip(data: bytes, positions: list[int]) -> bytes:
 def spots(rng: Random, size: int) -> list[int]:
     """1..8 different bit positions in this many bytes."""
     return rng.sample(range(8 * size), rng.randint(1, 8))
-
-
-def _crc15(bits: list[int]) -> int:
-    register = 0
-    for bit in bits:
-        top = register >> 14 ^ bit
-        register = (register << 1 & 0x7FFF) ^ (CRC15 if top else 0)
-    return register
-
-
-class ClassicLink:
-    """CAN's own CRC-15 under the classic parts: 64 data bits and 15 CRC bits that may flip.
-
-    Header bits are left intact; stuffing is not modelled (a flip that affects it is found by more than the
-    CRC).
-    """
-
-    def __init__(self) -> None:
-        length = 19 + 64  # SOF, identifier, RTR, IDE, r0, DLC; data
-        self._syndromes = []
-        for bit in range(64):  # byte by byte, most significant bit first on the wire
-            bits = [0] * length
-            bits[19 + bit // 8 * 8 + 7 - bit % 8] = 1
-            self._syndromes.append(_crc15(bits))
-        self._syndromes += [1 << bit for bit in range(15)]
-
-    def carry(self, rng: Random, data: bytes) -> bytes | None:
-        """The data with 1..8 flips, or None where the controller finds and discards it."""
-        positions = rng.sample(range(64 + 15), rng.randint(1, 8))
-        syndrome = 0
-        for position in positions:
-            syndrome ^= self._syndromes[position]
-        return None if syndrome else flip(data, [p for p in positions if p < 64])

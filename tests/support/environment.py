@@ -1,7 +1,5 @@
 """The environment of child processes."""
 
-from __future__ import annotations
-
 import os
 
 

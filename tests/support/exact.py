@@ -5,8 +5,6 @@ bisector to every other point. Coordinates are integers (doubles times a power o
 integers, a corner the cross product of two lines; nothing is rounded.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from fractions import Fraction
 from math import hypot

@@ -6,8 +6,6 @@ the soft limits raises `ALARM:2` without an `ok`, an unknown letter `error:20`; 
 `echo:busy: processing` while a move lasts, `ok`.
 """
 
-from __future__ import annotations
-
 import fcntl
 import os
 import pty
@@ -17,6 +15,8 @@ import struct
 import termios
 import threading
 import tty
+
+from tests.support.waiting import SOON_S
 
 WORD = re.compile(r"([A-Z])([-+]?[0-9.]+)")
 
@@ -133,6 +133,6 @@ class FakeStage:
     def close(self) -> None:
         """The thread ends first: a descriptor closed under it may be reused before it reads."""
         os.close(self._end)
-        self._thread.join()
+        self._thread.join(SOON_S)
         for descriptor in (self._ended, self._theirs, self._mine):
             os.close(descriptor)

@@ -13,8 +13,6 @@ Rules
 - A fault ends with its episode, by itself.
 """
 
-from __future__ import annotations
-
 import time
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Sequence

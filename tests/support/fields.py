@@ -1,7 +1,5 @@
 """Hexagonal and square tips, motion fields with known truth, and plain scipy Voronoi areas of them."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

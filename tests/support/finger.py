@@ -1,7 +1,5 @@
 """A finger's loop with a camera controlled by the test: frame by frame, on the test's clock."""
 
-from __future__ import annotations
-
 import threading
 from typing import Any
 

@@ -3,13 +3,15 @@
 with HostileViewers(port, seed) as attack:
     ...
 attack.counts
+
+python -m tests.support.hostile_viewer URL N SECONDS    N honest ones
 """
 
-from __future__ import annotations
-
+import asyncio
 import contextlib
 import math
 import socket
+import sys
 import threading
 import time
 from collections import Counter
@@ -18,6 +20,8 @@ from types import TracebackType
 from typing import Self
 
 import aiohttp
+
+from tests.support.waiting import SOON_S
 
 HALF_OPEN_N = 100  # more than there are places for
 PATIENCE_S = 2.0  # longest duration of an attack
@@ -40,9 +44,13 @@ def message_frame(text: str, opcode: int = 1) -> bytes:
     return bytes([0x80 | opcode]) + length + bytes(4) + data
 
 
-async def look(url: str, packets_n: int = 0, until_s: float = math.inf) -> int:
-    """An honest viewer: connects, reads some packets or for some time, leaves; returns their number."""
-    async with aiohttp.ClientSession() as session, session.ws_connect(url, max_msg_size=0) as connection:
+async def look(url: str, packets_n: int = 2, until_s: float = math.inf) -> int:
+    """An honest viewer: connects, reads some packets (0: any number) or for some time; returns how many."""
+    async with (
+        asyncio.timeout(SOON_S if math.isinf(until_s) else None),
+        aiohttp.ClientSession() as session,
+        session.ws_connect(url, max_msg_size=0) as connection,
+    ):
         await connection.send_json({"want": ["image"]})
         got_n = 0
         async for message in connection:
@@ -74,7 +82,7 @@ class HostileViewers:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._over.set()
-        self._thread.join()
+        self._thread.join(SOON_S)
 
     def _run(self) -> None:
         attacks = (self._never_reads, self._asks_without_end, self._half_open, self._talks_nonsense)
@@ -117,3 +125,12 @@ class HostileViewers:
             raw.sendall(message_frame(self._random.choice(NONSENSE), self._random.choice([1, 1, 2, 9])))
             while raw.recv(1 << 16):
                 pass
+
+
+async def _look_together(url: str, viewers_n: int, seconds: float) -> None:
+    until_s = time.monotonic() + seconds
+    await asyncio.gather(*(look(url, 0, until_s) for _ in range(viewers_n)))
+
+
+if __name__ == "__main__":
+    asyncio.run(_look_together(sys.argv[1], int(sys.argv[2]), float(sys.argv[3])))

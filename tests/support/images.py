@@ -1,7 +1,5 @@
 """Images with the types of the code under test, from OpenCV's functions, whose types are wider."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

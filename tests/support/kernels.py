@@ -5,11 +5,8 @@ checked      build/checked, sanitized build/sanitized: made by `python setup.py 
 python       uncompiled
 """
 
-from __future__ import annotations
-
 import importlib.util
 import os
-import subprocess
 import sys
 from collections.abc import Sequence
 from importlib.abc import MetaPathFinder
@@ -75,21 +72,3 @@ def install() -> None:
     early = sorted(finder.compiled & sys.modules.keys())
     assert not early, f"{', '.join(early)} loaded before the choice of kernels"
     sys.meta_path.insert(0, finder)
-
-
-def uncompiled(test: str, function: str, kernel: str) -> bytes:
-    """The array that a function of a module of tests returns where a kernel runs uncompiled: the reference.
-
-    A process of its own runs it.
-    """
-    code = (
-        "import sys; from tests.support import kernels; kernels.install();"
-        f"from {test} import {function}; import {kernel} as kernel;"
-        "assert kernel.__file__.endswith('.py'), kernel.__file__;"
-        f"sys.stdout.buffer.write({function}().tobytes())"
-    )
-    run = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, env=os.environ | {VARIABLE: "python"}, capture_output=True
-    )
-    assert run.returncode == 0, run.stderr.decode()
-    return run.stdout

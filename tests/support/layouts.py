@@ -1,7 +1,5 @@
 """Point sets that are hard on a tessellation, and tips made of them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

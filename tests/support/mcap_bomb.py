@@ -1,7 +1,5 @@
 """An MCAP file whose only chunk is small and unpacks to 256 MiB."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

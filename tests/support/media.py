@@ -1,7 +1,5 @@
 """A bus or a line without hardware, for sinks and nodes."""
 
-from __future__ import annotations
-
 from typing import Any
 
 __all__ = ["Wire"]

@@ -1,6 +1,4 @@
-"""Programs in a process of their own."""
-
-from __future__ import annotations
+"""Programs in a process of their own, with the deadline that all tests have."""
 
 import subprocess
 import sys
@@ -9,13 +7,18 @@ from typing import Any
 
 from tests.support.waiting import SOON_S
 
-__all__ = ["edge", "python"]
+__all__ = ["edge", "program", "python"]
+
+
+def program(*command: str | Path, **options: Any) -> subprocess.CompletedProcess[str]:
+    """A program with these arguments, to its end; what it prints is kept."""
+    given: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "check": False} | options
+    return subprocess.run([*map(str, command)], text=True, timeout=SOON_S, **given)
 
 
 def python(*arguments: str | Path, **options: Any) -> subprocess.CompletedProcess[str]:
-    """This interpreter with these arguments, to its end; what it prints is kept."""
-    given: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "check": False} | options
-    return subprocess.run([sys.executable, *map(str, arguments)], text=True, timeout=SOON_S, **given)
+    """This interpreter with these arguments."""
+    return program(sys.executable, *arguments, **options)
 
 
 def edge(*arguments: str | Path, **options: Any) -> subprocess.CompletedProcess[str]:

@@ -1,12 +1,13 @@
 """Two serial ports that are one line."""
 
-from __future__ import annotations
-
 import os
 import select
+import termios
 import threading
 import tty
 from pathlib import Path
+
+from tests.support.waiting import SOON_S
 
 
 class Ptys:
@@ -51,5 +52,7 @@ class Ptys:
     def close(self) -> None:
         for path in self.paths:
             path.unlink()
+        for slave in self._slaves:  # the thread may wait until somebody reads what it has written
+            termios.tcflush(slave, termios.TCIFLUSH)
         os.close(self._stop)
-        self._thread.join()
+        self._thread.join(SOON_S)

@@ -1,7 +1,5 @@
 """Seed of the generative tests: 0 in `make test`, another one in each round of `make fuzz`."""
 
-from __future__ import annotations
-
 import os
 
 SEED = int(os.environ.get("FUZZ_SEED", "0"))

@@ -1,7 +1,5 @@
 """Random samples: for property tests (hypothesis) and for long runs (seeded)."""
 
-from __future__ import annotations
-
 from math import inf, isnan, nan
 from random import Random
 

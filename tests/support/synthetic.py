@@ -1,7 +1,5 @@
 """Synthetic frames: modes of motion with a known law for the truth."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

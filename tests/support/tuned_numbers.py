@@ -6,8 +6,6 @@ is on the list of those that nobody chose.
     python -m tests.support.tuned_numbers          # the table; with a stage's name its numbers
 """
 
-from __future__ import annotations
-
 import ast
 import sys
 from collections.abc import Iterator
@@ -26,7 +24,7 @@ NOT_TUNED: dict[str, frozenset[str]] = {
         "edge/view/palette.py:COLOUR_STEPS",
         "edge/link/medium.py:CAN_ERR_BUSOFF",
         "edge/link/medium.py:CAN_ERR_RESTARTED", "edge/link/socketcan.py", "edge/link/nmt.py",
-        "edge/link/object_server.py:FORCE",
+        "edge/limits.py:TICK_HZ", "edge/limits.py:RATE_MIN_HZ", "edge/link/object_server.py:FORCE",
         "edge/link/sinks.py:NODE_DEFAULT", "edge/link/sinks.py:BITRATE", "edge/link/sinks.py:DBITRATE",
         "edge/recording/messages.py:_PIXEL_CENTRE", "edge/recording/messages.py:_POINT",
         "edge/recording/messages.py:_FILL_COLOR", "edge/sources/image_header.py",
@@ -39,7 +37,7 @@ NOT_TUNED: dict[str, frozenset[str]] = {
     }),
     "names of states and of places in an array": frozenset({
         "edge/cells/mesh.py:DONE", "edge/cells/mesh.py:NOT_FINITE", "edge/cells/mesh.py:NO_EXTENT",
-        "edge/cells/mesh.py:NOT_BUILT", "edge/cells/predicates.py", "edge/calibration/polynomial.py:FIELDS",
+        "edge/cells/mesh.py:NOT_BUILT", "edge/cells/predicates.py", "edge/calibration/model.py:FIELDS",
         "edge/calibration/polynomial.py:ROWS",
         "edge/features/peaks.py:_UNKNOWN", "edge/features/peaks.py:_SLOPE", "edge/features/peaks.py:_TOP",
         "edge/features/peaks.py:_PLATEAU", "edge/features/peaks.py:_REACHED",
@@ -60,13 +58,13 @@ NOT_TUNED: dict[str, frozenset[str]] = {
         "edge/features/pin_motion.py:_SIGMA_OF_MAD", "edge/tracking/outliers.py:_SIGMA_OF_MAD",
         "edge/geometry/select.py:SIGMA_OF_MAD",
         "edge/features/pin_motion.py:_ELLIPSE", "edge/features/modes.py:MODE_POWERS",
-        "edge/features/slip.py:NO_SLIP", "edge/pins/blobs.py:_ANGLES", "edge/faults/detector.py:_NOWHERE",
+        "edge/pins/blobs.py:_ANGLES", "edge/faults/detector.py:_NOWHERE",
         "edge/geometry/lattice.py:N_RING", "edge/geometry/lattice.py:N_TWO_RINGS",
         "edge/geometry/lattice.py:THIRD_RING", "edge/rest/sensor_match.py:_SYMMETRY",
         "edge/rest/sensor_match.py:CLEAR", "edge/pins/templates.py:FAR_PX",
         "edge/calibration/grip.py:_RADIUS", "edge/pins/rejection.py:_SLANT",
         "edge/cells/mesh.py:N_GUARD",
-        "edge/features/partial_slip.py:_SHARES",
+        "edge/features/slip.py:_SHARES",
         "edge/view/palette.py:_TO_CONES", "edge/view/palette.py:_TO_LAB",
     }),
     "rounding and the width of a number": frozenset({

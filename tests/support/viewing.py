@@ -6,8 +6,6 @@ with Live(data_dir / "press.mcap") as live:
     live.url, live.loop, live.worker
 """
 
-from __future__ import annotations
-
 import threading
 import time
 from dataclasses import replace
@@ -129,4 +127,4 @@ class Live:
         self.worker.close()
         self.loop.stop()
         self.source.close()
-        self._thread.join()
+        self._thread.join(SOON_S)

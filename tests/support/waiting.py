@@ -3,8 +3,6 @@
 Normally the condition holds within milliseconds: SOON_S only ends a test that fails.
 """
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable

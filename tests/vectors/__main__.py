@@ -1,7 +1,5 @@
 """Writes the golden frames; to be run when, and only when, the wire's version changes."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict
 from math import inf, nan

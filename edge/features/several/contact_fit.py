@@ -55,9 +55,6 @@ _COMMON = cython.declare(cython.Py_ssize_t, 6)
 #: Points of a line, over which its mean is a weighted sum: exact to 1 % for a line of ten pitches and a width
 #: of two thirds of one.
 _NODES = cython.declare(cython.Py_ssize_t, 12)
-_LOG_WIDTH_MAX = cython.declare(cython.double, 3.0)  # a twentieth to twenty pitches: keeps them finite
-_STEPS_MAX = cython.declare(cython.Py_ssize_t, 60)  # so that a frame's time is bounded; more change nothing
-_DAMPING_MIN = cython.declare(cython.double, 1e-9)
 #: Damping of the first step; a tenth of it after one that helped, else tenfold. At 0.1 some lines get short.
 _DAMPING = cython.declare(cython.double, 1.0)
 _ENOUGH = cython.declare(cython.double, 1e-2)  # relative gain of a step that is the last one
@@ -381,7 +378,7 @@ class ContactFit:
             self._now[:size] = self._start[:size]
             self._sum_up()
             # Strengths are zero still: the first step finds them, with places, widths and a line as they are.
-            self._find_step(_DAMPING_MIN)
+            self._find_step(0.0)
             self._now[:size] = self._next[:size]
             if self._is_line:
                 self._now[6:8] = self._start[6:8]
@@ -403,7 +400,7 @@ class ContactFit:
         left: cython.Py_ssize_t
         self._error = self._sum_up()
         for left in range(1, -1, -1):
-            if not self._find_step(_DAMPING_MIN):
+            if not self._find_step(0.0):
                 break
             before = self._error
             other = self._explain(self._next, False)
@@ -430,7 +427,7 @@ class ContactFit:
         before: cython.double
         other: cython.double
         damping: cython.double = _DAMPING
-        steps: cython.Py_ssize_t = _STEPS_MAX
+        steps: cython.Py_ssize_t = size  # so that a frame's time is bounded
         self._error = self._sum_up()
         while steps:  # what a step promises falls with its damping, and ends it
             steps -= 1
@@ -789,7 +786,8 @@ class ContactFit:
         if far > self._reach:
             self._next[p] = self._start[p] + dx * self._reach / far
             self._next[p + 1] = self._start[p + 1] + dy * self._reach / far
-        self._next[p + 2] = min(max(self._next[p + 2], -_LOG_WIDTH_MAX), _LOG_WIDTH_MAX)
+        most: cython.double = log(self._radius)
+        self._next[p + 2] = min(max(self._next[p + 2], -most), most)
         if self._is_line:
             far = hypot(self._next[p + 6], self._next[p + 7])
             if far > self._radius:

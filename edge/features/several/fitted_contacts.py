@@ -86,19 +86,11 @@ class FittedContacts:
         self._decision: _Decision | None = None
         self._moved = 0.0  # pitches, root of the squared distance from the motion that it is about
         self._pair: list[Array] | None = None  # of this frame's two regions
-        self._n = 0  # regions of this frame, before any was split or joined
 
     def forget(self) -> None:
         """The next frame does not follow the last one."""
         self._fit.forget()
-        self._decision = None
-
-    def begin(self) -> None:
-        """Another frame begins, which follows the last one; with other regions it is another scene."""
-        n = self._regions.n_contacts
-        if n != self._n:
-            self.forget()
-        self._pair, self._n = None, n
+        self._decision = self._pair = None
 
     def fit(self, xy: Array, seen: Mask) -> list[FittedContact]:
         """All contacts of the regions, in their order; none: there are too many, or too few pins are seen.
@@ -204,6 +196,7 @@ class FittedContacts:
         wanted    whether `fit` will be asked for the two, if they are two
         Returns   direction of the contact, rad; NaN: there are two, or too few pins are seen
         """
+        self._pair = None
         fit, starts, (x0, y0), (x1, y1) = self._fit, self._starts, self._place_of(0), self._place_of(1)
         self._start_at(x0, y0, x1, y1)
         line_at = 0.5 * (x0 + x1), 0.5 * (y0 + y1), x1 - x0, y1 - y0

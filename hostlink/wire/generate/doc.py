@@ -410,9 +410,9 @@ def _several_hosts() -> list[str]:
         "",
         "- a segment that is equal to the last one gets the same answer;",
         "- so does a write of up to 3 bytes that carries a number of the client's in the bytes behind its value (CiA 301",
-        "  leaves them open), for 1 s: another number each time, not 0. Without a number a write is taken as sent",
+        "  leaves them open), for 2 s: another number each time, not 0. Without a number a write is taken as sent",
         "  again if it comes 0.25 to 1 s after the same one, with no other request between. What was refused is tried anew;",
-        "- over a serial line: the same counter and content as the last request, for 1 s. A new connection begins with",
+        "- over a serial line: the same counter and content as the last request, for 2 s. A new connection begins with",
         "  a request whose answer it does not need.",
         "",
     ]

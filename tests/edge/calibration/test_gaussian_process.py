@@ -2,8 +2,6 @@
 range.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 
@@ -12,7 +10,7 @@ import numpy as np
 import pytest
 
 from edge.calibration.file import Lost, Process
-from edge.calibration.gaussian_process import ProcessKernel, wanted_models
+from edge.calibration.gaussian_process import ProcessKernel
 from edge.errors import CalibrationError
 from edge.types import Array, Complex
 from tests.support.calibrations import calibration_content, parsed
@@ -71,9 +69,10 @@ def _frame(gap: float = 0.0) -> Complex:
 
 def _run(models: list[Process], z: Complex, wanted: Any = None) -> Array:
     kernel = ProcessKernel(INPUTS, models)
-    flags = wanted_models(models, None) if wanted is None else np.array(wanted, np.uint8)
+    if wanted is not None:
+        kernel.want(np.array(wanted, np.bool_))
     out = np.empty((sum(len(m.outputs) for m in models), 3))
-    kernel.run(z.view(np.float64), flags, out)
+    kernel.run(z.view(np.float64), out)
     return out
 
 
@@ -136,7 +135,8 @@ def test_features_not_in_demand_are_none_and_change_nothing() -> None:
     kernel = ProcessKernel(INPUTS, MODELS)  # one kernel, a demand that changes
     out = np.empty((4, 3))
     for wanted in ([0, 1, 0], [1, 1, 1]):
-        kernel.run(z.view(np.float64), np.array(wanted, np.uint8), out)
+        kernel.want(np.array(wanted, np.bool_))
+        kernel.run(z.view(np.float64), out)
     np.testing.assert_array_equal(out, everything)
 
 
@@ -162,21 +162,6 @@ def test_a_value_out_of_range_is_reported_and_set_to_the_range_s_end() -> None:
     high = msgspec.structs.replace(MODELS[1], valid=[(value - 2.0, value - 1.0)])
     np.testing.assert_allclose(_run([low], z)[0], [value + 1.0, sigma, 1.0])
     assert _run([high], z)[0, 0] == value - 1.0
-
-
-def test_sizes_that_do_not_fit_are_refused() -> None:
-    kernel = ProcessKernel(INPUTS, MODELS)
-    z, wanted, out = _frame().view(np.float64), wanted_models(MODELS, None), np.empty((4, 3))
-    for arguments in ((z[:-1].copy(), wanted, out), (z, wanted[1:].copy(), out), (z, wanted, out[:3].copy())):
-        with pytest.raises(ValueError, match="run: "):
-            kernel.run(*arguments)
-
-
-@pytest.mark.parametrize("field", ["weights", "noise_weights", "across_weights", "valid", "sigma"])
-def test_a_model_whose_parts_do_not_fit_is_refused(field: str) -> None:
-    short = msgspec.structs.replace(MODELS[0], **{field: getattr(MODELS[0], field)[1:]})
-    with pytest.raises(ValueError, match="are wanted"):
-        ProcessKernel(INPUTS, [short, *MODELS[1:]])
 
 
 LOST = {"scale": 0.1, "gap_power": 1.0, "volume_power": 0.5, "gap_max": 2.0}

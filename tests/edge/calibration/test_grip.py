@@ -1,7 +1,5 @@
 """Friction and slip margin from a sequence of forces."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,13 +1,12 @@
 """Inputs of models: the same for the same touch at any resolution of the camera."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, InputRow, contact_inputs, frame_inputs
+from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS
+from edge.calibration.model import InputRow, contact_inputs, frame_inputs
 from edge.types import ContactRegion, Features, FittedContact
 from tests.support.calibrations import PATTERN, touched_features
 
@@ -28,21 +27,6 @@ def test_inputs_are_free_of_resolution() -> None:
     )
     larger = replace(PATTERN, tip_radius_px=2 * PATTERN.tip_radius_px)
     np.testing.assert_allclose(frame_inputs(f, PATTERN), frame_inputs(doubled, larger))
-
-
-def test_rows_and_modes_of_another_size_and_a_tip_without_a_radius_are_refused() -> None:
-    f = touched_features(0.05, (4.0, -2.0))
-    for names in ((), FRAME_INPUTS[1:], (*FRAME_INPUTS, "more")):
-        with pytest.raises(ValueError, match="28 inputs are wanted"):
-            InputRow(names).write_frame(f, PATTERN)
-    contact = ContactRegion(XY, 0.1, 9.0, 0.0, 1.0, XY[None], XY, XY, XY)
-    with pytest.raises(ValueError, match="12 inputs are wanted"):
-        InputRow(FRAME_INPUTS).write_contact(contact, f, PATTERN)
-    with pytest.raises(ValueError, match=r"modes \(21,\) are wanted"):
-        frame_inputs(replace(f, modes_px=np.zeros(20, np.complex128)), PATTERN)
-    for radius_px in (0.0, -1.0, 1e-200, np.nan):
-        with pytest.raises(ValueError, match="tip_radius_px: above 0 is wanted"):
-            frame_inputs(f, replace(PATTERN, tip_radius_px=radius_px))
 
 
 def test_the_inputs_of_a_contact() -> None:

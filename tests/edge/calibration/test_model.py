@@ -1,7 +1,5 @@
 """The models of a calibration: values, ranges, sigmas, and values without a model."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace

@@ -1,24 +1,15 @@
 """Cells of a tip: boundary, bounded polygon, lost pins, invariances, walks."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from edge.cells import Tessellator, cell_polygons
 from edge.errors import DegenerateLayout
 from edge.types import Cells
 from tests.bench import stability
-from tests.support.cell_checks import (
-    Points,
-    bounded_polygon_area,
-    random_walks,
-    worst_relative,
-)
+from tests.support.cell_checks import Points, bounded_polygon_area, random_walks, worst_relative
 from tests.support.layouts import (
     CENTRE,
     PITCH_PX,
@@ -36,14 +27,6 @@ def cells_of(rest: Points, now: Points) -> Cells:
     return Tessellator(rest_of(rest)).cells(tracks_of(now))
 
 
-@pytest.mark.parametrize("tip", TIPS)
-def test_at_rest_areas_are_the_rest_areas(tip: str) -> None:
-    rest = TIPS[tip]()
-    cells = cells_of(rest, rest)
-    assert np.isfinite(cells.area_px2).all()
-    assert worst_relative(cells.area_px2, cells.rest_area_px2) <= 1e-14
-
-
 @pytest.mark.parametrize(("tip", "inner"), [("hexagonal", np.sqrt(3) / 2), ("square", 1.0)])
 def test_inner_cells_are_those_of_the_lattice(tip: str, inner: float) -> None:
     rest = TIPS[tip]()
@@ -58,19 +41,6 @@ def test_the_tips_of_the_stability_report_hold() -> None:
     rows = [*stability.tips(), *stability.lost_pins(3)]
     assert len(rows) == len(TIPS) * 14
     assert [row for row in rows if not row.holds] == []
-
-
-@pytest.mark.parametrize("tip", TIPS)
-def test_boundary_is_denser_than_the_pins_and_keeps_its_distance(tip: str) -> None:
-    rest = TIPS[tip]()
-    boundary = cells_of(rest, rest).boundary_img
-    between = np.hypot(*(boundary[:, None] - boundary[None]).transpose(2, 0, 1))
-    np.fill_diagonal(between, np.inf)
-    assert np.median(between.min(axis=1)) < 0.65 * PITCH_PX
-    assert between.min(axis=1).max() < PITCH_PX
-    to_pin = np.hypot(*(boundary[:, None] - rest[None]).transpose(2, 0, 1)).min(axis=1)
-    assert to_pin.min() == pytest.approx(PITCH_PX, rel=0.05)
-    assert to_pin.max() < (1.2 if tip != "horseshoe" else 2.0) * PITCH_PX
 
 
 def test_boundary_bridges_gaps_between_spokes() -> None:
@@ -118,32 +88,6 @@ def test_pins_missing_at_rest_leave_no_boundary_inside() -> None:
     assert not inside.any()
 
 
-@pytest.mark.parametrize("tip", TIPS)
-@given(angle=st.floats(-3.1, 3.1), shift=st.floats(-1e6, 1e6), scale=st.floats(0.1, 10))
-@settings(max_examples=10)
-def test_a_moved_image_has_moved_cells(tip: str, angle: float, shift: float, scale: float) -> None:
-    """Rest and load rotated, shifted and scaled alike: areas follow. 1e6 px off costs 1e-10 px a point."""
-    rest = TIPS[tip]()
-    plain = cells_of(rest, pressed(rest))
-    other = cells_of(moved(rest, angle, scale, shift), moved(pressed(rest), angle, scale, shift))
-    resolution = 1e-10 + 40 * np.spacing(abs(shift) + 500 * scale) / (scale * PITCH_PX)
-    assert worst_relative(other.area_px2, plain.area_px2 * scale**2) <= resolution
-
-
-@pytest.mark.parametrize("tip", TIPS)
-@given(angle=st.floats(-0.5, 0.5), shift=st.floats(-50, 50), scale=st.floats(0.9, 1.1))
-@settings(max_examples=10)
-def test_a_moved_tip_changes_areas_by_its_scale_only(
-    tip: str, angle: float, shift: float, scale: float
-) -> None:
-    """Compared with the tip at rest: the boundary moves with the rim."""
-    rest = TIPS[tip]()
-    tessellator = Tessellator(rest_of(rest))
-    cells = tessellator.cells(tracks_of(moved(rest, angle, scale, shift)))
-    wanted = cells.rest_area_px2 * scale**2
-    assert worst_relative(cells.area_px2, wanted) <= 1e-10
-
-
 def test_rim_cells_hold_when_the_rim_moves_far() -> None:
     """The rim ring 20 px out on one side and 10 px in on the other: no cell opens or collapses."""
     rest = hexagonal()
@@ -159,7 +103,7 @@ def test_rim_cells_hold_when_the_rim_moves_far() -> None:
 
 def test_random_walks_agree_with_fresh_triangulations_without_jumps() -> None:
     """A share of the walks of `python -m tests.bench stability`."""
-    walks = random_walks(40, 10, 0.5, seed=1)
+    walks = random_walks(50, 10, 0.5, seed=1)
     assert walks.worst_difference <= 1e-12
     assert walks.worst_share <= 1.0
     assert walks.flips > 500
@@ -169,22 +113,6 @@ def test_random_walks_agree_with_fresh_triangulations_without_jumps() -> None:
     large = random_walks(20, 30, 2.0, seed=1, explain=False)
     assert large.worst_difference <= 1e-12
     assert large.builds <= 40  # of 600 frames; 78 where triangles that turned over were not repaired
-
-
-# ---- lost pins
-
-
-@pytest.mark.parametrize("tip", TIPS)
-@given(seed=st.integers(0, 2**32 - 1), share=st.floats(0.01, 0.3))
-@settings(max_examples=15)
-def test_blinking_pins_change_nothing_at_rest(tip: str, seed: int, share: float) -> None:
-    rest = TIPS[tip]()
-    lost = np.random.default_rng(seed).random(len(rest)) < share
-    tessellator = Tessellator(rest_of(rest))
-    cells = tessellator.cells(tracks_of(np.where(lost[:, None], np.nan, rest)))
-    assert (np.isnan(cells.area_px2) == lost).all()
-    assert worst_relative(cells.area_px2[~lost], cells.rest_area_px2[~lost]) <= 1e-12
-    assert worst_relative(cells.xy_img, rest) <= 1e-12
 
 
 def test_blinking_pins_add_no_more_than_the_noise_that_is_there() -> None:
@@ -220,20 +148,6 @@ def test_the_gap_is_on_the_side_where_pins_are_lost_and_grows_with_them(side: fl
     assert none.gap_img is None
 
 
-@pytest.mark.parametrize("tip", TIPS)
-def test_lost_pins_under_load_do_not_affect_their_neighbours(tip: str) -> None:
-    rest = TIPS[tip]()
-    now = pressed(rest)
-    tessellator = Tessellator(rest_of(rest))
-    whole = tessellator.cells(tracks_of(now))
-    signal = np.abs(whole.area_px2 / whole.rest_area_px2 - 1).max()
-    lost = np.random.default_rng(2).random(len(rest)) < 0.1
-    cells = tessellator.cells(tracks_of(np.where(lost[:, None], np.nan, now)))
-    error = np.abs(cells.area_px2 - whole.area_px2)[~lost] / whole.rest_area_px2[~lost]
-    assert error.max() <= 0.1 * signal
-    assert np.hypot(*(cells.xy_img - now)[lost].T).max() <= 0.1 * PITCH_PX
-
-
 def test_lost_pins_are_where_a_press_pushes_them() -> None:
     """Along the gradient of a potential: a surface through each component is off by 0.4 px."""
     rest, rng = hexagonal(), np.random.default_rng(8)
@@ -257,7 +171,7 @@ def test_lost_pins_are_where_a_press_pushes_them() -> None:
     assert np.sqrt(np.mean(off**2)) < 0.3 * np.sqrt(np.mean(enlarged**2))
 
 
-def blinked(left: float, forgotten: bool = False) -> tuple[Cells, Points]:
+def blinked(left: float) -> tuple[Cells, Points]:
     """Cells of a pressed tip whose pins are off a smooth motion, as some of them are lost and all move on
     together; and where they are. Of the residuals `left` is said to be left.
     """
@@ -265,8 +179,6 @@ def blinked(left: float, forgotten: bool = False) -> tuple[Cells, Points]:
     now = pressed(rest, 4.0) + np.random.default_rng(5).normal(0.0, 1.0, rest.shape)
     tessellator = Tessellator(rest_of(rest))
     tessellator.cells(tracks_of(now))
-    if forgotten:
-        tessellator.forget()
     there = now + np.array([2.0, -1.0])
     found = there.copy()
     found[::9] = np.nan
@@ -280,23 +192,6 @@ def test_a_lost_pin_keeps_its_place_among_those_that_move_on_together() -> None:
     half, _ = blinked(0.5)
     errors = [np.abs(c.xy_img - there).max() for c in (half, from_frame)]
     assert 0.2 < errors[0] == pytest.approx(errors[1] / 2, rel=1e-6)
-
-
-def test_a_frame_that_was_only_kept_tells_of_lost_pins_all_the_same() -> None:
-    rest = TIPS["hexagonal"]()
-    now = pressed(rest, 4.0) + np.random.default_rng(5).normal(0.0, 1.0, rest.shape)
-    tessellator = Tessellator(rest_of(rest))
-    tessellator.keep(tracks_of(now))
-    found = now.copy()
-    found[::9] = np.nan
-    cells = tessellator.cells(replace(tracks_of(found), autocorrelation=1.0))
-    assert np.abs(cells.xy_img - now).max() < 1e-9
-
-
-def test_a_forgotten_frame_tells_nothing_of_lost_pins() -> None:
-    cells, _ = blinked(1.0, forgotten=True)
-    from_frame, _ = blinked(0.0)
-    np.testing.assert_array_equal(cells.xy_img, from_frame.xy_img)
 
 
 def test_a_lost_pin_follows_an_affine_motion_exactly() -> None:
@@ -319,9 +214,6 @@ def test_rows_of_lost_pins_are_not_read() -> None:
     a = tessellator.cells(tracks)
     b = tessellator.cells(type(tracks)(stale, tracks.sigma_px, tracks.seen, 1.0))
     assert np.array_equal(a.area_px2, b.area_px2, equal_nan=True)
-
-
-# ---- degenerate
 
 
 @pytest.mark.parametrize(
@@ -386,9 +278,6 @@ def test_a_pin_beyond_the_boundary_has_no_area() -> None:
     assert np.isfinite(cells.area_px2).sum() > 80
 
 
-# ---- drawings
-
-
 def test_a_lost_pin_has_no_polygon() -> None:
     rest = hexagonal()
     now = pressed(rest)
@@ -396,17 +285,6 @@ def test_a_lost_pin_has_no_polygon() -> None:
     polygons = cell_polygons(cells_of(rest, now))
     assert len(polygons) == len(rest)
     assert polygons[5].shape == (0, 2)
-
-
-def test_triangles_are_kept_while_nothing_flips() -> None:
-    rest = hexagonal()
-    tessellator = Tessellator(rest_of(rest))
-    now = pressed(rest)
-    first = tessellator.cells(tracks_of(now))
-    second = tessellator.cells(tracks_of(now + 1e-3))
-    assert second.triangles is first.triangles
-    assert not first.triangles.flags.writeable
-    assert not first.rest_area_px2.flags.writeable
 
 
 def test_a_forgotten_mesh_leaves_no_trace_in_the_areas() -> None:

@@ -1,7 +1,5 @@
 """`python -m edge` as a user types it, within this process."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`edge lens`: pictures of a board seen through a known lens give that lens."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Progress is shown on a terminal, and not in a file or a script."""
 
-from __future__ import annotations
-
 import os
 import pty
 import subprocess

@@ -1,7 +1,5 @@
 """`edge render`: the video holds the recording, frame by frame, with the pipeline's results."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -11,7 +9,6 @@ import pytest
 
 from edge.calibration import Calibration
 from edge.cli.render import Style, render_recording
-from edge.errors import CalibrationError, SinkError, SourceError
 from edge.pins import take_rest
 from edge.recording.reader import RecordingSource
 from edge.view.panels import View, draw_camera
@@ -54,32 +51,6 @@ def test_every_frame_is_in_the_video(data_dir: Path, tmp_path: Path) -> None:
     ]
     assert alike[1] > max(0.8, alike[0])
     assert cv2.VideoCapture(str(tmp_path / "a.mkv")).get(cv2.CAP_PROP_FPS) == pytest.approx(25)
-
-
-def test_the_safe_palette_has_no_red(data_dir: Path, tmp_path: Path) -> None:
-    render_recording(str(data_dir / "press.mcap"), tmp_path / "a.mkv", style=Style("safe", height=240))
-    last = frames_of(tmp_path / "a.mkv")[-1][:240, :240]
-    assert red_n(last) == 0
-    b, g, r = (last[..., k].astype(int) for k in range(3))
-    assert ((r > 200) & (g > 110) & (g < 190) & (b < 80)).sum() > 50
-
-
-def test_mistakes_are_reported(data_dir: Path, tmp_path: Path) -> None:
-    press, other = str(data_dir / "press.mcap"), Calibration.load(data_dir / "rings331_ball.json")
-    for error, match, recording, video, calibration in (
-        (SourceError, "no such file", str(tmp_path / "none.mcap"), "a.mp4", None),
-        (SinkError, r"give \.mp4", press, "a.gif", None),
-        (SinkError, "cannot be written", press, "nowhere/a.mp4", None),
-        (
-            CalibrationError,
-            "give the calibration of this tip",
-            str(data_dir / "nothing.mcap"),
-            "a.mp4",
-            other,
-        ),
-    ):
-        with pytest.raises(error, match=match):
-            render_recording(recording, tmp_path / video, calibration)
 
 
 def test_the_command(command: Command, data_dir: Path, tmp_path: Path) -> None:

@@ -1,11 +1,9 @@
 """Measurements of images and motions agree with NumPy."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
-from edge.faults.frame_counts import FocusWindows, PinCounts, sample_levels
+from edge.faults.frame_counts import FocusWindows, PinCounts
 from edge.faults.image_quality import ImageQuality, common_step_px, image_checks, level_of
 from edge.faults.judge import Facts, Judge
 from edge.faults.registry import FaultRegistry
@@ -34,10 +32,24 @@ def test_level_is_the_mean_of_the_samples(image: Image, bits: int) -> None:
     assert level_of(image, bits) == pytest.approx(wanted, rel=1e-12)
 
 
-def test_levels_takes_images_only() -> None:
-    for wrong in (np.zeros(5, np.uint8), np.zeros((5, 5)), np.zeros((5, 5, 3), np.uint8)):
-        with pytest.raises(ValueError, match="image"):
-            sample_levels(wrong, 16, 255)  # type: ignore[arg-type]
+@pytest.mark.parametrize("n", [1, 8, 9])
+def test_the_median_motion_is_given_where_half_of_the_pins_move(n: int) -> None:
+    random = np.random.default_rng(n)
+    counts = PinCounts(np.zeros((n + 1, 2)), np.zeros((n + 1, 1), np.int32))
+    before = np.zeros((n + 1, 2))
+    for least_px in (0.0, 0.5, 1.0, 2.0, 1e9):
+        motion = random.normal(0.0, 1.0, (n + 1, 2))
+        motion[0] = np.nan  # a lost pin
+        for since_last in (False, True):
+            step = np.hypot(*(motion - before * since_last).T)[1:]
+            median = np.median(step) if 2 * np.sum(step >= least_px) >= n else 0.0
+            far_n, middle_px = counts.moved(motion, 1.5, least_px, since_last)
+            assert far_n == np.sum(np.hypot(*motion.T) > 1.5)
+            assert middle_px == pytest.approx(median, rel=1e-12)
+            before = motion
+            motion = motion + random.normal(0.0, 0.5, (n + 1, 2))
+    with pytest.raises(ValueError, match="vectors"):
+        counts.moved(before[1:], 1.0, 1.0, True)
 
 
 @pytest.mark.parametrize("n", [1, 2, 7, 330, 331])
@@ -58,22 +70,6 @@ def test_counts_of_pins_are_numpy_s(n: int, lost: int) -> None:
         assert [new_n, hole_n] == [(bad & ~were_bad).sum(), bad[near].all(axis=1).sum()]
         assert noise == pytest.approx(sigma[seen].mean() if seen.any() else np.nan, nan_ok=True)
         were_bad = bad
-    wanted = np.nanmedian(length) if lost < n else 0.0
-    assert list(counts.moved(now - before, 3.0)) == [far_n, pytest.approx(wanted, rel=1e-12)]
-
-
-def test_counts_take_the_pins_of_their_tip_only() -> None:
-    counts = PinCounts(np.zeros((4, 2)), np.zeros((4, 1), np.int32))
-    for wrong in (np.zeros((3, 2)), np.zeros((4, 3))):
-        with pytest.raises(ValueError, match="4"):
-            counts.seen(wrong, np.zeros(4), 1.0, 1.0)
-        with pytest.raises(ValueError, match="4"):
-            counts.moved(wrong, 1.0)
-    with pytest.raises(ValueError, match="sigmas"):
-        counts.seen(np.zeros((4, 2)), np.zeros(3), 1.0, 1.0)
-    for near in (np.zeros((3, 1), np.int32), np.full((4, 1), 4, np.int32)):
-        with pytest.raises(ValueError, match=r"neighbours|rows"):
-            PinCounts(np.zeros((4, 2)), near)
 
 
 @pytest.mark.parametrize(("kind", "top"), [(np.uint8, 256), (np.uint16, 4096)])

@@ -1,7 +1,5 @@
 """A fault appears at one limit and clears at another; rows of one fault are alternatives."""
 
-from __future__ import annotations
-
 import math
 
 from edge.faults.judge import Check, Facts, Judge
@@ -10,9 +8,9 @@ from hostlink.wire import FaultCode
 
 DARK, BRIGHT = FaultCode.IMAGE_DARK, FaultCode.IMAGE_BRIGHT
 CHECKS = (
-    Check(DARK, "level", 0.25, "", "level {level:.0%}", below=True),
-    Check(DARK, "black", 1.0, "", "black"),
-    Check(BRIGHT, "saturated", 0.5, "", "full {saturated:.0%}"),
+    Check(DARK, "level", "level {level:.0%}", 0.25, below=True),
+    Check(DARK, "black", "black"),
+    Check(BRIGHT, "saturated", "full {saturated:.0%}", 0.5),
 )
 
 
@@ -35,8 +33,8 @@ def test_limits_have_a_hysteresis_either_way() -> None:
 
 
 def test_any_row_of_a_fault_holds_it_and_the_first_gives_the_reason() -> None:
-    assert held_after({"level": 0.9, "black": 1.0}) == [{DARK: "black"}]
-    assert held_after({"level": 0.1, "black": 1.0}) == [{DARK: "level 10%"}]
+    assert held_after({"level": 0.9, "black": True}) == [{DARK: "black"}]
+    assert held_after({"level": 0.1, "black": True}) == [{DARK: "level 10%"}]
     assert held_after({"level": math.nan, "saturated": math.nan}) == [{}]
     # What is not measured anew stays as it was.
     full = {BRIGHT: "full 90%"}

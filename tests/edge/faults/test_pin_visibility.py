@@ -1,7 +1,5 @@
 """Pins that vanish: side by side or by chance, in a hole, many at once; and when values return."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Active faults, the board monitor, and the service manager."""
 
-from __future__ import annotations
-
 import math
 import socket
 import threading
@@ -14,6 +12,7 @@ from edge.params import PARAMS
 from edge.runtime.board_monitor import BoardMonitor, BoardParams, Thermometer, free_space_problem
 from edge.runtime.systemd import Notifier
 from hostlink.wire import FAULTS, FaultCode, Status
+from tests.support.fault_injection import BOARD, CAMERA, EXPECTED, LINK
 from tests.support.waiting import SOON_S
 
 
@@ -47,6 +46,18 @@ def test_each_fault_sets_its_bit_until_the_last_of_the_bit_is_gone(fault: object
         assert len(registry.active) == len(others) - i
         registry.report(other.code, False)
     assert registry.status == Status(0)
+
+
+def test_the_soak_makes_every_camera_link_and_board_fault_of_the_table() -> None:
+    made = frozenset().union(*EXPECTED.values())
+    not_made_here = {
+        FaultCode.CALIBRATION_MISSING,  # a matter of files
+        FaultCode.CALIBRATION_FOREIGN,
+        FaultCode.TARE_IMPLAUSIBLE,
+        FaultCode.OVERLOAD,  # a matter of the skin
+    }
+    assert made == set(FaultCode) - not_made_here
+    assert set(EXPECTED) == {*CAMERA, *LINK, *BOARD}
 
 
 def test_each_fault_is_logged_when_it_appears_and_clears(caplog: pytest.LogCaptureFixture) -> None:
@@ -96,9 +107,6 @@ def test_many_threads_leave_a_consistent_set() -> None:
     for thread in threads:
         thread.join()
     assert {code for code, n in balance.items() if n} == set(registry.active)
-
-
-# ---- the board ----------------------------------------------------------------------------------------
 
 
 def zone(root: Path, number: int, text: str) -> None:
@@ -156,9 +164,6 @@ def test_the_board_monitor_checks_until_closed() -> None:
     monitor.close()
     assert monitor.temperature_degc == 20.0
     assert not monitor._thread.is_alive()
-
-
-# ---- the service manager --------------------------------------------------------------------------------
 
 
 @pytest.fixture

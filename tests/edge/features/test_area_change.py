@@ -1,14 +1,11 @@
 """Gaps in the area changes, and the volume: against the skin's motion, an integral, and noise."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from edge.features.area_change import AreaChange
 from edge.types import Array, Rest
 from tests.support.fields import CENTRE, frame, push, tip
-from tests.support.refusals import refused
 
 pytestmark = pytest.mark.kernels
 
@@ -67,12 +64,3 @@ def test_volume_of_noise_is_zero_and_noise_adds_none_to_a_bump() -> None:
     assert np.mean([volume(d) for d in draws]) < 4e-4 * full
     assert abs(volume(clean) / full - 1.0) < 0.03
     assert abs(np.mean([volume(clean + d) for d in draws]) / volume(clean) - 1.0) < 0.01
-
-
-def test_sizes_that_do_not_fit_are_refused() -> None:
-    rest = tip(127)
-    changes = made(rest)
-    for change, xy in ((np.zeros(126), rest.xy_img), (np.zeros(127), rest.xy_img[1:])):
-        refused("wanted", changes.fill, change, xy)
-    for area in (np.ones(126), np.ones((127, 1))):
-        refused("wanted", AreaChange, rest.xy_img, 32.0, area)

@@ -1,18 +1,13 @@
-"""Pins round a contact: share of visible pins, and place; and what is refused."""
-
-from __future__ import annotations
+"""Pins round a contact: its place and its moments."""
 
 import numpy as np
 import pytest
 
-from edge.features.contact_place import ContactPlace
-from edge.features.peaks import PeakFinder
-from edge.features.regions import Regions
+from edge.features.contacts import ContactFinder
 from edge.features.surface import Surface
 from edge.geometry.thin_plate import thin_plate_operators
 from edge.types import Array
 from tests.support.fields import CENTRE, push, tip
-from tests.support.refusals import refused
 
 pytestmark = pytest.mark.kernels
 
@@ -20,39 +15,25 @@ REST = tip(127)
 PITCH = REST.pattern.pitch_px
 
 
-def made() -> tuple[Surface, PeakFinder, Regions, ContactPlace]:
+def finder_of(xy: Array, change: Array | None = None) -> ContactFinder:
+    """Regions of pins at xy, whose cells have grown by a tenth each or by `change`."""
     surface = Surface(REST)
-    peaks = PeakFinder(surface.inside)
-    regions = Regions(peaks, float(surface.x_img[0]), float(surface.y_img[0]), surface.step_px)
-    return surface, peaks, regions, ContactPlace(REST.xy_img, PITCH, surface.field, regions)
-
-
-def find(
-    surface: Surface, peaks: PeakFinder, regions: Regions, xy: Array, change: Array | None = None
-) -> None:
-    """Contacts of pins at xy, whose cells have grown by a tenth each or by `change`."""
-    surface.field.set_area_change(np.full(127, 0.1) if change is None else change)
-    surface.field.find(xy)
-    peaks.set_field(surface.field.divergence)
-    peaks.find(surface.divergence_noise, 0.1, 0.01)
-    regions.merge(surface.divergence_noise, 0.05)
-
-
-def test_visible_share_counts_pins_within_two_and_a_half_pitches() -> None:
-    *_, near = made()
-    seen = np.random.default_rng(1).random(127) < 0.5
-    within = np.hypot(*(REST.xy_img - CENTRE).T) <= 2.5 * PITCH
-    assert near.visible_share(seen, *CENTRE) == pytest.approx(seen[within].mean())
-    assert near.visible_share(seen, -1e6, 0.0) == 0.0
+    made = ContactFinder(surface, xy)
+    made.field.set_area_change(np.full(127, 0.1) if change is None else change)
+    made.field.find(xy)
+    made.peaks.set_field(made.field.divergence)
+    made.peaks.find(surface.divergence_noise, 0.1, 0.01)
+    made.regions.merge(surface.divergence_noise, 0.05)
+    return made
 
 
 def test_places_are_means_of_the_nearest_pins_weighted_by_area_change() -> None:
-    surface, peaks, regions, near = made()
     xy = REST.xy_img + push(REST, (60.0, -15.0), 40.0, 0.2) + push(REST, (-50.0, 30.0), 40.0, 0.15)
     change = np.random.default_rng(2).normal(0.1, 0.1, 127).astype(np.float32).astype(np.float64)
-    find(surface, peaks, regions, xy, change)
+    near = finder_of(xy, change)
+    regions = near.regions
     assert regions.n_contacts == 2
-    near.find_places(xy)
+    near.find_places()
     middles = np.array(regions.middle)[:2]
     distance = np.hypot(*(xy[:, None] - middles).transpose(2, 0, 1))
     for i in range(2):
@@ -63,18 +44,18 @@ def test_places_are_means_of_the_nearest_pins_weighted_by_area_change() -> None:
 
 
 def test_moments_are_sums_over_the_points_nearest_to_each_contact() -> None:
-    surface, peaks, regions, near = made()
     turning = (REST.xy_img - CENTRE) @ np.array([[0.0, 0.03], [-0.03, 0.0]])
     xy = REST.xy_img + push(REST, (60.0, -15.0), 40.0, 0.2) + push(REST, (-50.0, 30.0), 40.0, 0.15) + turning
-    find(surface, peaks, regions, xy)
+    near = finder_of(xy)
+    regions, points_img = near.regions, np.asarray(near.field.points)
     assert regions.n_contacts == 2
     near.find_moments()
-    _, along_x, along_y = thin_plate_operators(REST.xy_img, surface.points_img)
+    _, along_x, along_y = thin_plate_operators(REST.xy_img, points_img)
     u, v = (xy - REST.xy_img).T
     divergence, curl = along_x @ u + along_y @ v, along_x @ v - along_y @ u
     assert np.median(curl) == pytest.approx(0.06, rel=1e-3)
     middles = np.array(regions.middle)[:2]
-    apart = surface.points_img[:, None] - middles
+    apart = points_img[:, None] - middles
     distance = np.hypot(*apart.transpose(2, 0, 1))
     for i in range(2):
         radius = max(2.0 * PITCH, 1.25 * regions.semi_axis[i])
@@ -84,49 +65,3 @@ def test_moments_are_sums_over_the_points_nearest_to_each_contact() -> None:
         moment, turned = (weight * divergence) @ apart[:, i] / total, (weight * curl) @ apart[:, i] / total
         np.testing.assert_allclose(near.divergence_moment[i], moment, atol=2e-3 * PITCH)
         np.testing.assert_allclose(near.curl_moment[i], [-turned[1], turned[0]], atol=2e-3 * PITCH)
-
-
-def test_a_shear_that_spreads_evenly_has_the_same_moment_of_curl_and_of_divergence() -> None:
-    surface, peaks, regions, near = made()
-    way = np.array([0.8, -0.6])
-    spread = np.exp(-0.5 * (((REST.xy_img - CENTRE) / 40.0) ** 2).sum(axis=1))
-    press = push(REST, (0.0, 0.0), 40.0, 0.2)
-
-    def moments(xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        find(surface, peaks, regions, xy)
-        assert regions.n_contacts == 1
-        near.find_moments()
-        return np.array(near.divergence_moment[0]), np.array(near.curl_moment[0])
-
-    still, no_turn = moments(REST.xy_img + press)
-    np.testing.assert_allclose([still, no_turn], 0.0, atol=0.01 * PITCH)
-    pulled, turned = moments(REST.xy_img + press + 3.0 * spread[:, None] * way)
-    assert np.hypot(*turned) > 0.1 * PITCH
-    assert abs(turned @ [0.6, 0.8]) < 0.05 * np.hypot(*turned)  # along the shear alone
-    # The middle has moved towards the shear's end; its own moment lacks that much.
-    moved = np.array(regions.middle[0]) - CENTRE
-    np.testing.assert_allclose(pulled + moved, turned, atol=0.25 * np.hypot(*turned))
-
-
-def test_guessed_contacts_are_dropped() -> None:
-    surface, peaks, regions, near = made()
-    places = np.array([[60.0, -15.0], [-50.0, 30.0]])
-    xy = REST.xy_img + push(REST, tuple(places[0]), 40.0, 0.2) + push(REST, tuple(places[1]), 40.0, 0.15)
-    away = np.hypot(*(REST.xy_img[:, None] - CENTRE - places).transpose(2, 0, 1)) / PITCH
-
-    def contacts(seen: np.ndarray) -> list[float]:
-        find(surface, peaks, regions, xy)
-        near.drop_guesses(seen)
-        return [float(regions.ridge(i)[0, 0] - CENTRE[0]) for i in range(regions.n_contacts)]
-
-    everyone = np.ones(127, np.bool_)
-    assert contacts(everyone) == pytest.approx([60.0, -50.0], abs=0.5 * PITCH)
-    assert contacts(away[:, 1] > 3.0) == pytest.approx([60.0], abs=0.5 * PITCH)
-    assert len(contacts(np.zeros(127, np.bool_))) == 2  # all there is
-
-
-def test_sizes_that_do_not_fit_are_refused() -> None:
-    surface, _, regions, near = made()
-    refused("wanted", near.visible_share, np.ones(126, np.bool_), 0.0, 0.0)
-    refused("wanted", near.find_places, REST.xy_img[1:])
-    refused("wanted", ContactPlace, REST.xy_img[1:], PITCH, surface.field, regions)

@@ -1,12 +1,11 @@
 """Contacts of fields with known truth."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from calib.sim import Camera, Tip, Tool, ToolPose, deform
 from edge.features.contacts import ContactFinder
+from edge.features.regions import CONTACTS_MAX
 from edge.features.surface import Surface
 from edge.types import Array, ContactRegion, Rest
 from tests.support.fields import CENTRE, bar, frame, make_rest, plane, push, tip
@@ -15,13 +14,12 @@ pytestmark = pytest.mark.kernels
 
 
 def contacts(rest: Rest, motion: Array, noise: float = 0.05, seed: int = 0) -> tuple[ContactRegion, ...]:
-    surface = Surface(rest)
     rng = np.random.default_rng(seed)
     xy = rest.xy_img + motion + rng.normal(0.0, noise, rest.xy_img.shape)
     tracks, cells = frame(rest, xy)
-    surface.field.set_area_change(cells.area_px2 / cells.rest_area_px2 - 1.0)
-    surface.field.find(xy)
-    return ContactFinder(surface).find(xy, tracks.seen, noise)
+    finder = ContactFinder(Surface(rest), xy)
+    finder.field.set_area_change(cells.area_px2 / cells.rest_area_px2 - 1.0)
+    return finder.find(tracks.seen, noise)
 
 
 @pytest.mark.parametrize("pins", [127, 331])
@@ -65,6 +63,12 @@ def test_four_pushes_strongest_first() -> None:
     )
     found = contacts(rest, np.asarray(motion))
     assert [tuple(np.sign(c.xy_img - CENTRE)) for c in found] == [(1, 1), (1, -1), (-1, 1), (-1, -1)]
+
+
+def test_there_are_no_more_contacts_than_the_table_holds() -> None:
+    rest, across = tip(331), (-120.0, -40.0, 40.0, 120.0)
+    motion = sum(push(rest, (x, y), 16.0, 0.3) for x in across for y in across)
+    assert len(contacts(rest, np.asarray(motion))) == CONTACTS_MAX
 
 
 @pytest.mark.parametrize("pins", [127, 331])

@@ -1,15 +1,11 @@
 """One or two, the direction of a long contact, and what is wanted as fitted: on an elastic half-space."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 
 from edge.features.contacts import ContactFinder
-from edge.features.several.contact_fit import ContactFit
 from edge.features.several.fitted_contacts import Fits
 from edge.features.surface import Surface
 from edge.types import ContactRegion, Mask
@@ -21,21 +17,12 @@ REST = tip(127)
 SCALE = REST.pattern.pitch_px / PITCH_MM
 
 
-class Counted:
-    """A fit that counts how often it is asked for a shape."""
+class Touch:
+    """The frames of one tip."""
 
-    def __init__(self, fit: ContactFit) -> None:
-        self._fit, self.n = fit, 0
-
-    def __getattr__(self, name: str) -> Any:
-        self.n += name in ("fit_line", "fit_points")
-        return getattr(self._fit, name)
-
-
-def count_fits(finder: ContactFinder) -> Counted:
-    counted = Counted(finder._fitted._fit)
-    setattr(finder._fitted, "_fit", counted)  # noqa: B010
-    return counted
+    def __init__(self) -> None:
+        self.xy = np.empty_like(REST.xy_img)
+        self.finder = ContactFinder(Surface(REST), self.xy)
 
 
 def contacts(
@@ -43,22 +30,21 @@ def contacts(
     lost: Mask | None = None,
     fits: Fits = Fits.ALL,
     seed: int = 0,
-    finder: ContactFinder | None = None,
+    touch: Touch | None = None,
 ) -> tuple[ContactRegion, ...]:
     """Of pins that are levers under the skin, with a centroid's noise.
 
-    finder  one that saw the frame before; None: a new one
+    touch  that saw the frame before; None: a new one
     """
     skin = displace((REST.xy_img - CENTRE) / SCALE, tools)
     noise = np.random.default_rng(seed).normal(0.0, 0.04, REST.xy_img.shape)
     xy = REST.xy_img + SCALE * (skin.along_mm - LEVER_MM * skin.slope) + noise
     tracks, cells = frame(REST, xy)
-    finder = finder or ContactFinder(Surface(REST))
-    surface = finder._surface
-    surface.field.set_area_change(cells.area_px2 / cells.rest_area_px2 - 1.0)
-    surface.field.find(xy)
+    touch = touch or Touch()
+    touch.xy[:] = xy
+    touch.finder.field.set_area_change(cells.area_px2 / cells.rest_area_px2 - 1.0)
     seen = tracks.seen if lost is None else tracks.seen & ~lost
-    return finder.find(xy, seen, 0.04, fits=fits)
+    return touch.finder.find(seen, 0.04, fits=fits)
 
 
 @pytest.mark.compiled
@@ -90,28 +76,21 @@ def test_two_balls_are_two_and_each_in_its_place() -> None:
     "tools",
     [
         [Bar(0.6, -0.4, 0.5, 1.0, 6.0, 1.5)],
-        [Bar(0.2, 0.4, 2.5, 1.0, 7.0, 1.5)],
-        [Ball(-2.2, 0.3, 1.0, radius_mm=2.4), Ball(2.2, 0.0, 0.8, radius_mm=2.4)],
         [Ball(-1.5, 0.3, 1.0, radius_mm=2.4), Ball(1.5, 0.0, 1.0, radius_mm=2.4)],
     ],
 )
 def test_a_decision_that_stands_is_what_a_new_one_would_be(tools: list[Ball | Bar]) -> None:
-    finder = ContactFinder(Surface(REST))
-    counted = count_fits(finder)
-    wanted_n, depths = 0, [*np.linspace(0.6, 1.2, 12), *np.full(12, 1.2), *np.linspace(1.2, 0.6, 12)]
+    touch = Touch()
+    depths = [*np.linspace(0.6, 1.2, 12), *np.full(12, 1.2), *np.linspace(1.2, 0.6, 12)]
     for seed, depth in enumerate(depths):
         pressed = [replace(tool, depth_mm=depth * tool.depth_mm) for tool in tools]
-        follows = contacts(pressed, fits=Fits.NONE, seed=seed, finder=finder)
-        other = ContactFinder(Surface(REST))
-        anew = count_fits(other)
-        fresh = contacts(pressed, fits=Fits.NONE, seed=seed, finder=other)
-        wanted_n += anew.n
+        follows = contacts(pressed, fits=Fits.NONE, seed=seed, touch=touch)
+        fresh = contacts(pressed, fits=Fits.NONE, seed=seed)
         assert len(follows) == len(fresh) == len(tools)
         for one, two in zip(follows, fresh, strict=True):
             np.testing.assert_allclose(one.xy_img, two.xy_img, atol=0.3)
             if isinstance(tools[0], Bar):
                 assert abs(one.orientation_rad - two.orientation_rad) < np.deg2rad(1.0)
-    assert counted.n < 0.8 * wanted_n
 
 
 @pytest.mark.compiled

@@ -1,13 +1,10 @@
 """Modes against NumPy's least squares, and their behaviour under rotation."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from edge.features.modes import INDEPENDENT_REL, MODE_NAMES, MODE_POWERS, Modes, mode_basis
 from tests.support.fields import CENTRE, make_rest, push, tip
-from tests.support.refusals import refused
 
 pytestmark = pytest.mark.kernels
 
@@ -51,19 +48,3 @@ def test_terms_that_the_layout_cannot_resolve_are_zero() -> None:
     assert empty.any()
     assert not empty[MODE_NAMES.index("c00")]
     assert (fitted[empty] == 0.0).all()
-
-
-def test_nothing_seen_gives_zeros() -> None:
-    np.testing.assert_array_equal(
-        Modes(tip(127)).fit(np.full((127, 2), np.nan), np.zeros(127, np.bool_)), 0.0
-    )
-
-
-def test_sizes_that_do_not_fit_are_refused() -> None:
-    made, seen = Modes(tip(127)), np.ones(127, np.bool_)
-    for motion, mask in (
-        (np.zeros((126, 2)), seen),
-        (np.zeros((127, 3)), seen),
-        (np.zeros((127, 2)), seen[1:]),
-    ):
-        refused("wanted", made.fit, motion, mask)

@@ -1,16 +1,11 @@
-"""Mean motion, contact pins, torsion and planes of motion fields with known truth."""
-
-from __future__ import annotations
-
-from dataclasses import replace
+"""Mean motion, noise, contact pins, torsion and planes of motion fields with known truth."""
 
 import numpy as np
 import pytest
 
-from edge.features.pin_motion import PinMotion
-from edge.types import Array
-from tests.support.fields import CENTRE, make_rest, tip
-from tests.support.refusals import refused
+from edge.features.pin_motion import PinMotion, PinNoise
+from edge.types import Array, Index, Rest
+from tests.support.fields import CENTRE, make_rest, push, tip
 
 
 def turned(xy: Array, angle: float, about: Array) -> Array:
@@ -20,19 +15,32 @@ def turned(xy: Array, angle: float, about: Array) -> Array:
     return motion
 
 
-ALL = np.arange(331, dtype=np.int32)
+def moved(rest: Rest, motion: Array, pins: Index | None = None) -> PinMotion:
+    """With this motion since rest, of which these pins are in the contact; None: all."""
+    made = PinMotion(rest)
+    made.since_rest(rest.xy_img + motion, np.full(len(rest), 0.1))
+    if pins is not None:
+        made.n_pins = len(pins)
+        np.asarray(made.pins)[: len(pins)] = pins
+    return made
+
+
+def contact_of(rest: Rest, change: Array) -> Index:
+    made = PinMotion(rest)
+    found = made.find_contact(change, 0.0)
+    return np.asarray(made.pins)[:found]
 
 
 def test_mean_motion_is_that_of_the_seen_pins() -> None:
     rest = make_rest(np.array([[5.0, 5.0], [6.0, 5.0], [7.0, 5.0]]), 1.0)
     xy = rest.xy_img + np.array([[1.0, 2.0], [3.0, 4.0], [np.nan, np.nan]])
-    out, sigma = np.empty((3, 2)), np.array([0.1, 0.3, np.nan])
-    motion = PinMotion(rest)
-    assert motion.since_rest(xy, sigma, out) == pytest.approx((0.2, 2))
+    motion, sigma = PinMotion(rest), np.array([0.1, 0.3, np.nan])
+    assert motion.since_rest(xy, sigma) == 2
+    assert motion.sigma_px == pytest.approx(0.2)
     np.testing.assert_allclose(motion.mean, [2.0, 3.0])
     np.testing.assert_array_equal(motion.xy, xy)
-    np.testing.assert_array_equal(out, xy - rest.xy_img)
-    assert motion.since_rest(np.full((3, 2), np.nan), sigma, out) == (0.0, 0)
+    np.testing.assert_array_equal(motion.motion, xy - rest.xy_img)
+    assert motion.since_rest(np.full((3, 2), np.nan), sigma) == motion.sigma_px == 0
     assert np.isnan(motion.mean).all()
 
 
@@ -43,17 +51,17 @@ def test_torsion_is_the_angle_of_a_rigid_turn_wherever_it_is(angle: float) -> No
     motion = turned(xy, angle, CENTRE + np.array([80.0, -20.0])) + np.array([7.0, -11.0])
     pins = np.flatnonzero(np.hypot(*(xy - CENTRE - [30.0, 10.0]).T) < 60.0).astype(np.int32)
     motion[pins[3]] = np.nan  # a lost pin does not count
-    assert PinMotion(rest).torsion(motion, pins) == pytest.approx(angle, abs=1e-12)
+    assert moved(rest, motion, pins).torsion() == pytest.approx(angle, abs=1e-12)
 
 
 def test_torsion_does_not_depend_on_shear_or_expansion() -> None:
     rest = tip(331)
     motion = 0.2 * (rest.xy_img - CENTRE) + [5.0, 2.0]
-    assert PinMotion(rest).torsion(motion, ALL) == pytest.approx(0.0, abs=1e-12)
+    assert moved(rest, motion).torsion() == pytest.approx(0.0, abs=1e-12)
 
 
 def test_torsion_needs_two_pins() -> None:
-    assert np.isnan(PinMotion(tip(127)).torsion(np.zeros((127, 2)), ALL[:1]))
+    assert np.isnan(moved(tip(127), np.zeros((127, 2)), np.array([0], np.int32)).torsion())
 
 
 def test_contact_pins_fill_the_ring_of_a_flat_contact() -> None:
@@ -63,7 +71,7 @@ def test_contact_pins_fill_the_ring_of_a_flat_contact() -> None:
     far = np.hypot(*(xy - at).T)
     ring = ((far > 55.0) & (far < 75.0)).astype(np.float64)
     chosen = np.zeros(331, dtype=np.bool_)
-    chosen[PinMotion(rest).in_contact(ring, 0.0)] = True
+    chosen[contact_of(rest, ring)] = True
     assert chosen[far < 50.0].all()
     assert not chosen[far > 120.0].any()
 
@@ -76,82 +84,21 @@ def test_contact_pins_are_those_of_the_plain_ellipse() -> None:
         r = rest.xy_img - c @ rest.xy_img / c.sum()
         inverse = np.linalg.inv((r * c[:, None]).T @ r / c.sum())
         inside = np.einsum("ia,ab,ib->i", r, inverse, r) <= 4.0
-        np.testing.assert_array_equal(PinMotion(rest).in_contact(c, 0.0), np.flatnonzero(inside))
+        np.testing.assert_array_equal(contact_of(rest, c), np.flatnonzero(inside))
     one = np.zeros(331)
     one[7] = 0.3
-    np.testing.assert_array_equal(PinMotion(rest).in_contact(one, 0.0), [7])
-    np.testing.assert_array_equal(PinMotion(rest).in_contact(np.zeros(331), 0.0), np.arange(331))
+    np.testing.assert_array_equal(contact_of(rest, one), [7])
+    np.testing.assert_array_equal(contact_of(rest, np.zeros(331)), np.arange(331))
 
 
-def test_a_plane_removes_the_motion_that_a_load_explains() -> None:
+def test_pin_noise_is_measured_under_load_and_with_bad_pins() -> None:
     rest = tip(331)
-    unit = (rest.xy_img - CENTRE) / rest.pattern.tip_radius_px
-    rng = np.random.default_rng(1)
-    before, now = rng.normal(0.0, 1.0, (2, 331, 2))
-    now[5], before[9] = np.nan, np.nan
-    pins = np.arange(0, 331, 3, dtype=np.int32)
-    used, square, left = PinMotion(rest).fit_step(now, before, pins)
-    step = (now - before)[pins]
-    known = np.isfinite(step[:, 0])
-    basis = np.column_stack([np.ones(len(pins)), unit[pins]])[known]
-    residual = step[known] - basis @ np.linalg.lstsq(basis, step[known], rcond=None)[0]
-    assert used == known.sum()
-    assert square == pytest.approx((step[known] ** 2).sum(), rel=1e-12)
-    assert left == pytest.approx((residual**2).sum(), rel=1e-9)
-    assert PinMotion(rest).fit_step(now, before, pins[:0]) == (0, 0.0, 0.0)
-
-
-def test_a_contact_is_pressed_where_its_cells_grow_together() -> None:
-    made = PinMotion(tip(127))
-    pins = np.arange(40, 60, dtype=np.int32)
-    before = np.random.default_rng(2).normal(0.0, 0.02, 127)
-    sizes = np.linspace(0.01, 0.2, 127)
-    mixed = sizes * np.where(np.arange(127) % 2, 1.0, -1.0)
-    for sign in (1.0, -1.0):
-        assert made.is_pressing(before + sign * sizes, before, pins, 0.9)
-        assert not made.is_pressing(before + sign * mixed, before, pins, 0.9)
-    change = mixed[pins]
-    share = abs(change.sum()) / np.abs(change).sum()
-    assert made.is_pressing(before + mixed, before, pins, share - 1e-9)
-    assert not made.is_pressing(before + mixed, before, pins, share + 1e-9)
-    lost = before + sizes
-    lost[45], before[46] = np.nan, np.nan
-    assert made.is_pressing(lost, before, pins, 0.9)
-    assert not made.is_pressing(np.full(127, np.nan), before, pins, 0.9)
-
-
-def test_a_rest_frame_without_two_coordinates_a_pin_is_refused() -> None:
-    rest = tip(127)
-    pins = replace(rest.pins, xy_img=rest.xy_img[:, :1])
-    refused("wanted", PinMotion, replace(rest, pins=pins))
-
-
-def test_a_tip_without_a_radius_is_refused() -> None:
-    rest = tip(127)
-    flat = replace(rest, pattern=replace(rest.pattern, tip_radius_px=0.0))
-    refused("radius", PinMotion, flat)
-
-
-def test_arrays_that_do_not_fit_are_refused() -> None:
-    rest = tip(127)
-    made, xy = PinMotion(rest), rest.xy_img
-    sigma = np.zeros(127)
-    pins = np.arange(5, dtype=np.int32)
-    for bad in (xy[:-1], np.zeros((127, 3)), np.zeros((128, 2))):
-        refused("wanted", made.since_rest, bad, sigma, np.empty((127, 2)))
-        refused("wanted", made.since_rest, xy, sigma, bad)
-        refused("wanted", made.torsion, bad, pins)
-        refused("wanted", made.fit_step, bad, xy, pins)
-        refused("wanted", made.fit_step, xy, bad, pins)
-    refused("wanted", made.since_rest, xy, sigma[:-1], np.empty((127, 2)))
-    refused("wanted", made.in_contact, sigma[:-1], 0.0)
-    for now, before, rows in (
-        (sigma[:-1], sigma, pins),
-        (sigma, sigma[:-1], pins),
-        (sigma, sigma, pins + 123),
-    ):
-        refused("wanted", made.is_pressing, now, before, rows, 0.5)
-    for row in (-1, 127, 2**31 - 1):
-        pins[3] = row
-        refused("pins", made.torsion, xy, pins)
-        refused("pins", made.fit_step, xy, xy, pins)
+    noise, rng = PinNoise(rest.xy_img, rest.pattern.pitch_px), np.random.default_rng(4)
+    seen = np.ones(331, dtype=np.bool_)
+    load = push(rest, (5.0, -9.0), 40.0, 0.2) + (rest.xy_img - CENTRE) @ [[0.1, 0.2], [-0.1, 0.0]] + 7.0
+    for sigma in (0.05, 0.4):
+        xy = rest.xy_img + load + rng.normal(0.0, sigma, (331, 2))
+        assert noise.sigma_px(xy, seen) == pytest.approx(sigma, rel=0.2)
+        xy[rng.choice(331, 4, replace=False)] += 6.0
+        assert noise.sigma_px(xy, seen) < 2.0 * sigma
+    assert noise.sigma_px(rest.xy_img, np.zeros(331, dtype=np.bool_)) == 0.0

@@ -1,22 +1,41 @@
 """Slip of motion fields with known truth."""
 
-from __future__ import annotations
-
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 
 from calib.sim import Camera, Tip, Tool, ToolPose, deform
 from edge.features.pin_motion import PinMotion
-from edge.features.slip import Slip, SlipState
+from edge.features.slip import Slip
 from edge.frame import Pipeline
 from edge.recording.reader import RecordingSource
 from edge.rest.tare import tare
-from edge.types import Array, Feature
+from edge.types import Array, Feature, Index, Rest
 from tests.support.fields import CENTRE, make_rest, plane, tip
 
 pytestmark = [pytest.mark.kernels, pytest.mark.compiled]
+
+
+class State(NamedTuple):
+    slip_px: float
+    probability: float
+
+
+class Touch:
+    """A touch of given pins, frame by frame."""
+
+    def __init__(self, rest: Rest, pins: Index) -> None:
+        self.rest, self.motion = rest, PinMotion(rest)
+        self.slip = Slip(rest, self.motion)
+        self.motion.n_pins = len(pins)
+        np.asarray(self.motion.pins)[: len(pins)] = pins
+
+    def update(self, motion_px: Array, area_change: Array, sigma_px: float) -> State:
+        self.motion.since_rest(self.rest.xy_img + motion_px, np.full(len(self.rest), sigma_px))
+        self.slip.update(area_change, sigma_px)
+        return State(self.slip.slip_px, self.slip.probability)
 
 
 class TestSlip:
@@ -27,11 +46,10 @@ class TestSlip:
     far = np.hypot(*(xy - CENTRE).T)
     pins = np.flatnonzero(far < 70.0).astype(np.int32)
 
-    def run(self, motions: list[Array], sigma: float = 0.05, seed: int = 0) -> list[SlipState]:
+    def run(self, motions: list[Array], sigma: float = 0.05, seed: int = 0) -> list[State]:
         rng = np.random.default_rng(seed)
-        slip = Slip(self.rest, PinMotion(self.rest))
-        unknown = np.full(len(self.xy), np.nan)
-        return [slip.update(m + rng.normal(0.0, sigma, m.shape), unknown, self.pins, sigma) for m in motions]
+        touch, unknown = Touch(self.rest, self.pins), np.full(len(self.xy), np.nan)
+        return [touch.update(m + rng.normal(0.0, sigma, m.shape), unknown, sigma) for m in motions]
 
     def dragged(self, core_px: float, share: float) -> Array:
         """The core moves; the skin around it by a fifth, lagging as Mindlin has it where a share slides."""
@@ -71,11 +89,11 @@ class TestSlip:
 
     def test_pressing_begins_the_path_anew(self) -> None:
         shares = np.linspace(0.0, 0.95, 40)
-        slip, still = Slip(self.rest, PinMotion(self.rest)), np.zeros(len(self.xy))
+        touch, still = Touch(self.rest, self.pins), np.zeros(len(self.xy))
         for x in shares:
-            state = slip.update(self.dragged(10.0 * x, x), still, self.pins, 0.05)
+            state = touch.update(self.dragged(10.0 * x, x), still, 0.05)
         assert state.probability > 0.9
-        pressed = slip.update(self.dragged(9.5, 0.95), still + 0.1, self.pins, 0.05)
+        pressed = touch.update(self.dragged(9.5, 0.95), still + 0.1, 0.05)
         assert pressed.probability == 0.0
 
     def test_speed_is_that_of_the_contact_s_parts_against_each_other_once_it_slips(self) -> None:
@@ -89,14 +107,13 @@ class TestSlip:
         assert states[5].slip_px < 0.1 * rms
 
     def test_first_frame_and_too_few_pins_give_no_slip(self) -> None:
-        slip = Slip(self.rest, PinMotion(self.rest))
-        change = np.zeros(len(self.xy))
-        assert slip.update(np.zeros_like(self.xy), change, self.pins, 0.05).probability == 0.0
+        touch, change = Touch(self.rest, self.pins[:2]), np.zeros(len(self.xy))
+        assert touch.update(np.zeros_like(self.xy), change, 0.05).probability == 0.0
         for k in range(20):
-            state = slip.update(float(k) * np.ones_like(self.xy), change, self.pins[:2], 0.05)
-            assert state == SlipState(0.0, 0.0)
-        slip.forget()
-        assert slip.update(9.0 * np.ones_like(self.xy), change, self.pins, 0.05).slip_px == 0.0
+            state = touch.update(float(k) * np.ones_like(self.xy), change, 0.05)
+            assert state == State(0.0, 0.0)
+        touch.slip.forget()
+        assert touch.update(9.0 * np.ones_like(self.xy), change, 0.05).slip_px == 0.0
 
     def test_lost_pins_are_left_out(self) -> None:
         shares = np.linspace(0.0, 0.95, 40)
@@ -127,13 +144,12 @@ class TestSlip:
         shift = CENTRE - camera.centre_img
         rest = make_rest(rest_xy + shift, 18.9)
         rng = np.random.default_rng(0)
-        slip = Slip(rest, PinMotion(rest))
         unknown = np.full(len(rest_xy), np.nan)
         pins = np.flatnonzero(np.hypot(*(rest_xy - camera.centre_img).T) < 50.0).astype(np.int32)
-        states = []
+        touch, states = Touch(rest, pins), []
         for d in moved:
             noise = rng.normal(0.0, 0.05, rest_xy.shape)
-            states.append(slip.update(camera.project(d.tips_mm) - rest_xy + noise, unknown, pins, 0.05))
+            states.append(touch.update(camera.project(d.tips_mm) - rest_xy + noise, unknown, 0.05))
         probable = np.array([s.probability for s in states]) > 0.5
         shares = np.array([d.slip[0] for d in moved])
         assert probable.any() == slips

@@ -1,18 +1,9 @@
-"""Neighbours, pitch and stencils on lattices whose answers are known."""
-
-from __future__ import annotations
+"""Pitch and slopes on lattices whose answers are known."""
 
 import numpy as np
 import pytest
 
-from edge.geometry.lattice import (
-    N_RING,
-    N_TWO_RINGS,
-    nearest,
-    pitch_of,
-    residual_stencil,
-    slope_stencil,
-)
+from edge.geometry.lattice import pitch_of, slope_stencil
 from edge.types import Array
 from tests.support.fields import hexagon
 
@@ -33,40 +24,8 @@ def test_the_pitch_of_two_points_is_their_distance() -> None:
     assert pitch_of(np.array([[0.0, 0.0], [3.0, 4.0]])) == pytest.approx(5.0)
 
 
-def test_nearest_starts_with_the_pin_itself_and_grows_outwards() -> None:
-    xy = scattered()
-    near = nearest(xy, N_TWO_RINGS)
-    assert near.shape == (len(xy), N_TWO_RINGS + 1)
-    np.testing.assert_array_equal(near[:, 0], np.arange(len(xy)))
-    distance = np.hypot(*(xy[near] - xy[:, None]).transpose(2, 0, 1))
-    assert (np.diff(distance, axis=1) >= 0).all()
-
-
-def test_of_pins_at_one_distance_the_lower_row_comes_first() -> None:
-    xy = hexagon(2, 1.0)
-    middle = int(np.flatnonzero((np.abs(xy) < 1e-9).all(1))[0])
-    near = nearest(np.round(xy, 6), N_RING)[middle]
-    assert near[0] == middle
-    distance = np.hypot(*(np.round(xy, 6)[near[1:]]).T)
-    for value in np.unique(distance):
-        assert (np.diff(near[1:][distance == value]) > 0).all()
-
-
-def test_fewer_pins_than_neighbours_give_fewer_columns() -> None:
-    assert nearest(hexagon(1, PITCH)[:4], N_TWO_RINGS).shape == (4, 4)
-
-
 def test_the_slope_of_an_affine_motion_is_exact() -> None:
     xy, gradient = scattered(), np.array([[0.03, -0.01], [0.02, 0.05]])
     ring, weight = slope_stencil(xy, PITCH)
     slope = np.einsum("nak,nkc->nac", weight, (xy @ gradient + 3.0)[ring])
     np.testing.assert_allclose(slope, np.broadcast_to(gradient, slope.shape), atol=1e-12)
-
-
-def test_a_quadratic_motion_has_no_residual_and_noise_keeps_its_size() -> None:
-    xy = scattered()
-    x, y = xy.T / PITCH
-    near, weight = residual_stencil(xy, PITCH)
-    for motion in (np.ones_like(x), x, y, x * x, x * y, y * y):
-        np.testing.assert_allclose((weight * motion[near]).sum(1), 0.0, atol=1e-9)
-    np.testing.assert_allclose((weight**2).sum(1), 1.0)

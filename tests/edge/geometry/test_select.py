@@ -1,12 +1,9 @@
 """Selection against sorting."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from edge.geometry.select import kth_smallest
-from tests.support.refusals import refused
 
 pytestmark = pytest.mark.kernels
 
@@ -30,20 +27,3 @@ def test_kth_smallest_is_that_of_the_sorted_values(n: int, kind: str) -> None:
     }[kind]
     for k in {0, 1 % n, n // 2, n - 1}:
         assert kth_smallest(values.copy(), k) == np.sort(values)[k]
-
-
-def test_zeros_of_either_sign_are_no_less_than_each_other() -> None:
-    """A range that is halved at zero: the numbers below it, and no zero, are in the lower half."""
-    for order in (
-        [0.0, -1.0, 1.0],
-        [-0.0, -1.0, 0.0],
-        [-0.0, 0.0, -5e-324, 5e-324],
-        [0.0] * 9 + [-1.0] + [-0.0] * 9 + [1.0],
-    ):
-        for k in range(len(order)):
-            assert kth_smallest(np.array(order), k) == np.sort(order)[k]
-
-
-@pytest.mark.parametrize(("n", "k"), [(0, 0), (3, 3), (3, -1)])
-def test_a_rank_out_of_range_is_refused(n: int, k: int) -> None:
-    refused("values", kth_smallest, np.zeros(n), k)

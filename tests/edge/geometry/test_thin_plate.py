@@ -1,7 +1,5 @@
 """The thin-plate operators against scipy, and at the knots."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.interpolate import RBFInterpolator
@@ -9,7 +7,6 @@ from scipy.interpolate import RBFInterpolator
 from edge.errors import DegenerateLayout
 from edge.geometry.thin_plate import thin_plate_at, thin_plate_operators
 from edge.types import Array
-from tests.support.fields import tip
 
 
 def test_operator_is_scipys_thin_plate_spline() -> None:
@@ -22,12 +19,6 @@ def test_operator_is_scipys_thin_plate_spline() -> None:
     for slope, way in ((along_x, np.array([step, 0.0])), (along_y, np.array([0.0, step]))):
         numeric = (oracle(points + way) - oracle(points - way)) / (2.0 * step)
         np.testing.assert_allclose(slope @ values, numeric, atol=1e-4)
-
-
-def test_operator_returns_the_values_at_the_knots() -> None:
-    knots = tip(127).xy_img
-    value, _, _ = thin_plate_operators(knots, knots)
-    np.testing.assert_allclose(value, np.eye(len(knots)), atol=1e-9)
 
 
 @pytest.mark.parametrize("knots", [np.zeros((2, 2)), np.column_stack([np.arange(9.0), np.arange(9.0)])])

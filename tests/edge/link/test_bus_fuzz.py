@@ -1,7 +1,5 @@
 """Any input from the bus or the line: the node survives, answers, and holds only valid values."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 

@@ -1,7 +1,5 @@
 """A flooded bus loses no sample: reading is throttled, and the medium is not reopened."""
 
-from __future__ import annotations
-
 import can
 import pytest
 
@@ -53,7 +51,7 @@ def test_a_reader_that_never_waits_is_throttled_to_its_share(cost_s: float) -> N
     """Simulated: endless messages, each with this processor time."""
     now_s = cpu_s = 0.0
     budget = ReadBudget(cpu_s, now_s)
-    while now_s < 50 * PARAMS.read_window_s:
+    while now_s < 10.0:
         now_s, cpu_s = now_s + cost_s, cpu_s + cost_s
         now_s += budget.pause_s(cpu_s, now_s)
     assert cpu_s / now_s < 1.2 * PARAMS.read_rel

@@ -1,7 +1,5 @@
 """Results as samples: known values are kept, unknown ones are NaN."""
 
-from __future__ import annotations
-
 from math import isnan
 from types import SimpleNamespace
 from typing import Any
@@ -18,7 +16,7 @@ VALUES = frozenset(f.name for f in FIELDS if not (f.plain or f.contact)) - {
     "latency_us",
     "pins_tracked",
     "temperature_degc",
-    *(name for name, _ in SIGMAS),
+    *(row[0] for row in SIGMAS),
 }
 
 

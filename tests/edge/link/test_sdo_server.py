@@ -1,7 +1,5 @@
 """One SDO transfer at a time, with its own state: no frame of another one gets into a value."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest
@@ -11,6 +9,7 @@ from hypothesis import strategies as st
 from edge.link.object_server import Aborted
 from edge.link.params import PARAMS
 from edge.link.sdo_server import SdoServer
+from hostlink.objects import TIMEOUT_S, TRIES
 from hostlink.wire import Abort
 
 LONG, OTHER, SHORT = (0x2030, 0), (0x2000, 3), (0x1018, 1)
@@ -165,8 +164,8 @@ TARE = (0x2010, 0)
     ("again", "after_s", "between", "done_n"),
     [
         (b"\1\0\0\7", 0.0, False, 1),  # numbered behind the value, as our hosts do
-        (b"\1\0\0\7", 0.9, True, 1),
-        (b"\1\0\0\7", 1.0, True, 2),  # another program's, whose numbers began anew
+        (b"\1\0\0\7", TRIES * TIMEOUT_S, True, 1),  # the second time was lost, too
+        (b"\1\0\0\7", 2.0, True, 2),  # another program's, whose numbers began anew
         (b"\1\0\0\x08", 0.5, False, 2),
         (b"\1", 0.5, False, 1),  # of a client that does not number them: it waited for an answer
         (b"\1", 0.1, False, 2),  # ... for no answer: it asks for another one

@@ -1,7 +1,5 @@
 """Settings survive a restart, or report that they do not; no file stops the finger."""
 
-from __future__ import annotations
-
 import errno
 import os
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Full-frame detection: on rendered and on real images."""
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Window centroids: against a plain NumPy fit, against truth, against the Cramer-Rao bound."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -10,9 +8,7 @@ from scipy.special import erfc
 
 from edge.pins import CentroidRefiner
 from edge.types import Array, Image
-from tests.support.kernels import uncompiled
 from tests.support.pins_rendered import cramer_rao_px, draw, expose, hexagon, known_rest
-from tests.support.refusals import refused
 
 pytestmark = pytest.mark.kernels
 
@@ -62,9 +58,8 @@ def test_agrees_with_the_plain_fit(
     support = min(radius + 3 * edge + 0.5, 0.85 * pitch - radius - 1.5 * edge)
     oracle = np.array([fitted(image, xy, radius, edge, support) for xy in truth])
     apart = np.hypot(*(pins.xy_img - oracle).T) / pins.sigma_px
-    assert (
-        np.median(apart) < 0.35
-    )  # templates at 4 x 4 phases and 5 % steps of radius, slope where it is significant
+    # Templates are at 4 x 4 phases and 5 % steps of radius, a slope is fitted where it is significant.
+    assert np.median(apart) < 0.35
     assert apart.max() < 2.5
 
 
@@ -149,26 +144,6 @@ def test_two_pins_never_share_one_blob() -> None:
     assert np.abs(pins.xy_img[11] - truth[11]).max() < 0.1
 
 
-def test_blobs_that_merge_slowly_are_given_to_one_pin_as_by_a_fresh_start() -> None:
-    """Pins are compared only when they may have come near: what was found before must not matter."""
-    truth = hexagon(2, 22.0, (150.0, 150.0))
-    rest = known_rest(truth, 6.0, 0.9, 120, 1.0, 22.0, SIZE)
-    seasoned, lost_n = CentroidRefiner(rest), []
-    for share in np.linspace(0.0, 0.9, 25):
-        now = truth.copy()
-        now[1] += share * (truth[0] - truth[1])
-        now[5:7] = np.nan if 0.2 < share < 0.5 else now[5:7]
-        image = expose(draw(SIZE, truth[2:], 6.0, 0.9, 120, 30), 1.0, np.random.default_rng(0))
-        image = np.maximum(
-            image, expose(draw(SIZE, now[:2], 6.0, 0.9, 120, 30), 0.0, np.random.default_rng(0))
-        )
-        found = seasoned.refine(image, now)
-        np.testing.assert_array_equal(found.xy_img, CentroidRefiner(rest).refine(image, now).xy_img)
-        lost_n.append(np.isnan(found.xy_img[:2, 0]).sum())
-    assert lost_n[0] == 0
-    assert lost_n[-1] == 1
-
-
 def test_pins_that_the_border_cuts_keep_their_place() -> None:
     truth = np.array(
         [[3.2, 60.0], [60.0, 2.1], [60.0, 60.0], [116.3, 60.0], [60.0, 116.6], [25.0, 25.0], [90.0, 90.0]]
@@ -195,25 +170,6 @@ def test_sixteen_bit_rows_with_a_stride_and_nan_predictions() -> None:
     assert len(pins) == len(truth)
 
 
-def test_arrays_of_another_size_or_type_are_refused() -> None:
-    truth = hexagon(1, 22.0, (50.0, 50.0))
-    refiner = CentroidRefiner(known_rest(truth, 6.0, 0.9, 120, 2.0, 22.0, (100, 100)))
-    refused("are wanted", refiner.refine, np.zeros((100, 100), np.uint8), truth[:3])
-    with pytest.raises(ValueError, match="uint8 or uint16"):
-        refiner.refine(np.zeros((100, 100), np.float32), truth)  # type: ignore[arg-type]
-
-
-def test_refined_pins_are_kept_and_read_ones_are_those_of_the_last_image() -> None:
-    truth, random = hexagon(3, 22.0, (150.0, 150.0)), np.random.default_rng(8)
-    image, shifted = (expose(draw(SIZE, truth + by, 6.0, 0.9, 120, 30), 0.0, random) for by in (0.0, 0.5))
-    refiner = CentroidRefiner(known_rest(truth, 6.0, 0.9, 120, 1.0, 22.0, SIZE))
-    first, read = refiner.refine(image, truth), refiner.read(image, truth)
-    assert np.array_equal(first.xy_img, read.xy_img)
-    refiner.read(shifted, truth)
-    assert np.abs(first.xy_img - truth).max() < 0.1
-    assert np.abs(read.xy_img - truth - 0.5).max() < 0.1
-
-
 def scattered(bits: int, dark: bool) -> tuple[CentroidRefiner, Image, Array]:
     """Pins of five radii, some cut by the border, half of them poorly predicted: refiner, image, predictions.
 
@@ -236,25 +192,6 @@ def scattered(bits: int, dark: bool) -> tuple[CentroidRefiner, Image, Array]:
 
 
 SCATTERED = [(8, False), (8, True), (12, False), (16, True)]
-
-
-def refined() -> Array:
-    """Place, sigma, brightness and fit of the scattered pins, (4, 58, 5)."""
-    answers = []
-    for bits, dark in SCATTERED:
-        refiner, image, predicted = scattered(bits, dark)
-        pins = refiner.refine(image, predicted)
-        answers.append(np.column_stack([pins.xy_img, pins.sigma_px, pins.brightness, refiner.fit]))
-    return np.stack(answers)
-
-
-@pytest.mark.compiled
-def test_compiled_and_uncompiled_give_the_same_to_the_last_bit() -> None:
-    reference = uncompiled("tests.edge.pins.test_refine", "refined", "edge.pins.centroids")
-    ours = refined()
-    assert (np.isnan(ours[..., 0]).sum(axis=1) >= 3).all()
-    assert (np.isnan(ours[..., 0]).sum(axis=1) <= 8).all()
-    np.testing.assert_array_equal(ours, np.frombuffer(reference).reshape(ours.shape))
 
 
 @pytest.mark.parametrize(("bits", "dark"), SCATTERED)
@@ -299,9 +236,3 @@ def test_windows_whose_copies_would_end_beyond_the_image_are_read_pixel_by_pixel
     np.testing.assert_allclose(narrow.xy_img, wide.xy_img, rtol=1e-12)
     np.testing.assert_allclose(narrow.sigma_px, wide.sigma_px, rtol=1e-9)
     assert np.abs(wide.xy_img - truth).max() < 0.15
-
-
-def test_an_image_without_pixels_is_refused() -> None:
-    for shape in ((0, 0), (0, 100), (100, 0)):
-        refiner, _, predicted = scattered(8, dark=False)
-        refused("an image of", refiner.refine, np.zeros(shape, np.uint8), predicted)

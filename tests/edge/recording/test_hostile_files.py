@@ -1,13 +1,10 @@
 """Malicious and randomly damaged recordings: faults are counted, memory is bounded, no traceback."""
 
-from __future__ import annotations
-
 import random
 import struct
-import tracemalloc
 import zlib
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -26,20 +23,10 @@ from edge.types import Frame
 from hostlink.mcap_chunk import UNPACKED_MAX
 from tests.edge.sources.test_image_header import png_of
 from tests.support.mcap_bomb import write_mcap_bomb
+from tests.support.memory import bounded_memory
 from tests.support.seeds import SEED
 
 MEMORY_MAX = 48 << 20  # in addition to that used before; the files are below 1 MiB
-
-
-@contextmanager
-def bounded_memory(more_bytes: int = 0) -> Iterator[None]:
-    tracemalloc.start()
-    try:
-        yield
-        _, peak = tracemalloc.get_traced_memory()
-    finally:
-        tracemalloc.stop()
-    assert peak < MEMORY_MAX + more_bytes, f"{peak >> 20} MiB for a small file"
 
 
 def good_image(value: int = 9) -> Any:
@@ -114,7 +101,7 @@ def test_impossible_frames_are_counted_and_skipped(tmp_path: Path, about: str) -
         ("/camera/frame", bad),
         ("/camera/image", good_image()),
     )
-    with bounded_memory():
+    with bounded_memory(MEMORY_MAX):
         source = RecordingSource(path)
         frames = list(source)
     assert frames[0].sequence == 7
@@ -131,13 +118,13 @@ def test_an_enormous_picture_and_one_of_another_size_are_not_decoded(
 ) -> None:
     large = proto("CompressedImage")(format="png", data=png_of(side_px, side_px))
     path = write(tmp_path / "a.mcap", ("/camera/image", good_image()), ("/camera/image", large))
-    with bounded_memory():
+    with bounded_memory(MEMORY_MAX):
         source = RecordingSource(path)
         assert len(list(source)) == 1
     assert source.faults[fault] == 1
     if fault == "damaged message":
         alone = write(tmp_path / "b.mcap", ("/camera/image", large))
-        with bounded_memory(), pytest.raises(SourceError, match="no complete image"):
+        with bounded_memory(MEMORY_MAX), pytest.raises(SourceError, match="no complete image"):
             RecordingSource(alone)
 
 
@@ -156,7 +143,7 @@ def test_a_chunk_that_unpacks_endlessly_counts_as_damaged(
 ) -> None:
     path = write_mcap_bomb(tmp_path / "a.mcap", compression, stated)
     doubled = 2 * (stated if stated < UNPACKED_MAX else 0)  # lz4 doubles as it grows
-    with bounded_memory(doubled), pytest.raises(SourceError, match=r"cut off before"):
+    with bounded_memory(MEMORY_MAX + doubled), pytest.raises(SourceError, match=r"cut off before"):
         RecordingSource(path)
 
 
@@ -185,7 +172,7 @@ def test_metadata_that_are_listed_often_are_read_once(tmp_path: Path) -> None:
     Footer(summary_start=start, summary_offset_start=0, summary_crc=0).write(tail)
     path = tmp_path / "a.mcap"
     path.write_bytes(before + stored + tail.end() + b"\x89MCAP0\r\n")
-    with bounded_memory():
+    with bounded_memory(MEMORY_MAX):
         assert {name: len(data["key"]) for name, data in read_metadata(path).items()} == {"big": 1 << 20}
 
 
@@ -255,7 +242,7 @@ def test_random_files_are_read_or_refused(tmp_path: Path, repair: Callable[[byte
     good = seeds(tmp_path)
     path = tmp_path / "changed.mcap"
     images_n = 0
-    with bounded_memory():
+    with bounded_memory(MEMORY_MAX):
         for _ in range(400):
             path.write_bytes(repair(mutations(dice, dice.choice(good))))
             images_n += read_everything(path)

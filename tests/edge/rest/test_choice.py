@@ -1,29 +1,21 @@
 """The least deformed image of a recording, with and without untouched images in it."""
 
-from __future__ import annotations
-
-import warnings
 from contextlib import closing
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 
-from calib.sim.camera import Camera
-from calib.sim.mechanics import ToolPose
-from calib.sim.simulator import Simulator
-from calib.sim.tip import Tip
+from calib.sim import Camera, Simulator, Tip, ToolPose
 from calib.targets import read_targets
 from edge.calibration import Calibration
-from edge.errors import NoPins, SourceError
+from edge.errors import NoPins
 from edge.pins import take_rest
-from edge.rest import choice as rest_choice
 from edge.rest.choice import aligned, choose_rest, rest_if_touched, rest_of_source
 from edge.rest.tip_match import in_order_of
 from edge.sources import open_source, read_image
-from edge.types import Array, Image, RecordedSource, Rest
+from edge.types import Image, RecordedSource, Rest
 
 TIP = Tip(n_pins=127, kind="hex")
 RNG = np.random.default_rng(19)
@@ -106,12 +98,6 @@ def test_a_recording_that_begins_touched_gets_an_untouched_rest_frame(tmp_path: 
     assert rest_if_touched(recording(tmp_path / "never_untouched", under_load[:1])) is None
 
 
-@pytest.mark.parametrize(("how", "message"), [("9999", "has no image 9999"), ("none", "needs --calibration")])
-def test_impossible_choices_are_one_line(data_dir: Path, how: str, message: str) -> None:
-    with pytest.raises(SourceError, match=message):
-        rest_of(data_dir, how)
-
-
 @pytest.mark.real
 def test_real_tables_least_deformed_frame_is_a_shallow_one(real_dir: Path) -> None:
     folder = real_dir / "tactip331_binary"
@@ -122,19 +108,3 @@ def test_real_tables_least_deformed_frame_is_a_shallow_one(real_dir: Path) -> No
     depth = targets.values["displacement_mm"][some]
     assert depth[choice.index] <= np.quantile(depth, 0.15)
     assert not choice.trusted
-
-
-def test_a_pin_that_no_identified_image_shows_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without a warning of NumPy on the command line."""
-    images = [simulator().frame().image for _ in range(4)]
-    cells = rest_choice._cells
-
-    def without_the_first_pin(*arguments: Any) -> tuple[Array, Array, Array]:
-        area, sigma, seen = cells(*arguments)
-        area[:, 0] = np.nan
-        return area, sigma, seen
-
-    monkeypatch.setattr(rest_choice, "_cells", without_the_first_pin)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        assert choose_rest(images).trusted

@@ -1,7 +1,5 @@
 """Sensors are recognised by the layout of their pins, simulated and real; what is none of them is not."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import lru_cache
 from itertools import islice

@@ -1,17 +1,12 @@
 """A touch that is seen without knowing the tip, and what must not be taken for one."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from calib.sim.camera import Camera
-from calib.sim.mechanics import ToolPose
-from calib.sim.simulator import Simulator
-from calib.sim.tip import Tip
+from calib.sim import Camera, Simulator, Tip, ToolPose
 from edge.pins import take_rest
 from edge.rest.symmetry import RestSymmetry, symmetry_of
 from edge.sources import open_source, read_image

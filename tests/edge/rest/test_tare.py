@@ -1,7 +1,5 @@
 """A rest frame is taken only of an untouched tip, and each request gets its outcome."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import threading
@@ -14,20 +12,16 @@ import cv2
 import numpy as np
 import pytest
 
-from calib.sim.camera import Camera
-from calib.sim.mechanics import ToolPose
-from calib.sim.simulator import Simulator
-from calib.sim.tip import Tip
+from calib.sim import Camera, Simulator, Tip, ToolPose
 from edge.calibration import Calibration
 from edge.errors import CalibrationError, RequestRefused
 from edge.pins import take_rest
-from edge.pins.detect import learn as really_learn
 from edge.rest.tare import RestFrame, TareRefused, take_rest_frame
 from edge.runtime import measurement
 from edge.runtime.calibration_store import CalibrationStore
 from edge.runtime.device import LoopDevice
 from edge.sources import Paced, open_source
-from edge.types import Frame, Image, Polarity
+from edge.types import Frame, Image
 from hostlink.wire import FaultCode, RestFrameReason, RestFrameState, Status
 from tests.support.finger import Finger
 from tests.support.images import grey
@@ -58,9 +52,6 @@ def images(frames: list[Frame], k: int) -> list[Image]:
     return [np.clip(np.rint(image), 0, 255).astype(np.uint8) for image in noisy]
 
 
-# ---- checks ----------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("k", [10, 25])
 def test_a_steady_touch_is_no_rest_frame(frames: list[Frame], calibration: Calibration, k: int) -> None:
     reference = take_rest(images(frames, 0))
@@ -79,27 +70,6 @@ def test_an_untouched_tip_is_a_rest_frame(frames: list[Frame], calibration: Cali
     for k in (3, 7):
         assert take_rest_frame(images(frames, k), calibration=calibration).reason is RestFrameReason.NONE
         assert take_rest_frame(images(frames, k), reference=reference).reason is RestFrameReason.NONE
-
-
-def test_of_a_still_tip_the_mean_alone_is_searched_without_prior_knowledge(
-    frames: list[Frame], calibration: Calibration, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    searched: list[Polarity] = []
-
-    def learn(image: Image, polarity: Polarity) -> Any:
-        searched.append(polarity)
-        return really_learn(image, polarity)
-
-    monkeypatch.setattr("edge.pins.rest_frame.learn", learn)
-    take_rest_frame(images(frames, 3), calibration=calibration)
-    assert searched == [Polarity.BRIGHT]
-    searched.clear()
-    take_rest_frame(images(frames, 3))
-    assert searched == [Polarity.FOUND]
-    searched.clear()
-    found = take_rest([*images(frames, 25)[:3], *images(frames, 3)[:5]])  # the first ones show a touch
-    assert len(searched) == 3
-    assert np.abs(found.xy_img - take_rest(images(frames, 3)[:5]).xy_img).max() < 1e-9
 
 
 def test_pins_unlike_the_calibrations_are_found_all_the_same(
@@ -152,10 +122,6 @@ def test_half_of_the_pins_covered_are_too_few_and_none_are_no_pattern(
     with pytest.raises(TareRefused) as refused:
         take_rest_frame([np.zeros((320, 320), np.uint8)] * 8, calibration=calibration, force=True)
     assert refused.value.reason is RestFrameReason.NO_PIN_PATTERN
-
-
-# ---- requests
-# -----------------------------------------------------------------------------------------------
 
 
 def test_an_accepted_rest_frame_is_used(finger: Finger) -> None:
@@ -260,9 +226,6 @@ def test_a_first_rest_frame_under_load_is_refused_without_knowing_the_tip() -> N
     assert FaultCode.TARE_IMPLAUSIBLE not in finger.faults
 
 
-# ---- a calibration from a host ----------------------------------------------------------------------------
-
-
 def test_an_upload_while_something_touches_changes_nothing(
     finger: Finger, calibration: Calibration, tmp_path: Path
 ) -> None:
@@ -355,9 +318,6 @@ def test_a_calibration_with_few_of_the_pins_is_another_tips_and_reported_once(
         assert FaultCode.CALIBRATION_FOREIGN in finger.faults
         assert Status.UNCALIBRATED in states[-1].status
     assert finger.registry.appeared[FaultCode.CALIBRATION_FOREIGN] == 1
-
-
-# ---- a loop that goes on meanwhile ------------------------------------------------------------------------
 
 
 def test_on_a_mostly_touched_recording_no_wrong_tare_is_accepted(finger: Finger) -> None:

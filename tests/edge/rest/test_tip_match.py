@@ -1,7 +1,5 @@
 """A calibration belongs to one tip, with all its pins."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Files in a finger's state folder, and the removal of leftovers."""
 
-from __future__ import annotations
-
 import signal
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The loop and its faults: each row of the table seen, announced, cleared; values only while valid."""
 
-from __future__ import annotations
-
 import json
 import math
 import os
@@ -25,8 +23,6 @@ from edge.calibration import Calibration
 from edge.drift import DriftParams
 from edge.faults.detector import FaultParams
 from edge.faults.registry import FaultRegistry
-from edge.features import extract
-from edge.features.contacts import ContactFinder
 from edge.link.sinks import MemorySink
 from edge.runtime.board_monitor import BoardMonitor
 from edge.runtime.loop import PARAMS, Loop
@@ -275,28 +271,6 @@ def test_brightness_of_a_waiting_image_is_reported_during_a_search(finger: Finge
     assert finger.faults == set()
 
 
-# ---- the loop stays alive
-# ------------------------------------------------------------------------------------
-
-
-def test_contacts_are_prepared_while_nothing_touches_yet(
-    finger: Finger, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    made = threading.Event()
-
-    def finder(*arguments: Any) -> ContactFinder:
-        made.set()
-        return ContactFinder(*arguments)
-
-    monkeypatch.setattr(extract, "ContactFinder", finder)
-    finger.loop.measurement.tare.in_thread = True
-    before_n = finger.loop.tares_n
-    finger.loop.request_tare()
-    until(lambda: finger.see(finger.frames[0].image) and finger.loop.tares_n > before_n)
-    assert made.wait(SOON_S)
-    finger.loop.measurement.tare.close()
-
-
 @contextmanager
 def running(loop: Loop) -> Iterator[None]:
     """The loop in a thread of its own, which has ended afterwards."""
@@ -416,9 +390,6 @@ def test_drift_is_learnt_at_rest_and_can_be_forgotten(frames: list[Frame], calib
     assert 0.005 < finger.loop.statistics().drift_px <= 0.3
     finger.loop.forget_drift()
     assert finger.loop.statistics().drift_px == 0.0
-
-
-# ---- as a process ---------------------------------------------------------------------------------------
 
 
 def test_the_service_manager_gets_ready_watchdog_and_stopping(data_dir: Path, tmp_path: Path) -> None:

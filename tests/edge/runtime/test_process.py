@@ -1,7 +1,5 @@
 """A process ends with its status and complete output, even if one of its threads never returns."""
 
-from __future__ import annotations
-
 import os
 
 import pytest

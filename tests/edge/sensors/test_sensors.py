@@ -1,7 +1,5 @@
 """The known sensors' files: each figure with its source, each mistake one line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import msgspec

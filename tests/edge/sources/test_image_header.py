@@ -1,7 +1,5 @@
 """Sizes from headers: the same as decoded, and never a large image for a few bytes."""
 
-from __future__ import annotations
-
 import random
 import struct
 import zlib

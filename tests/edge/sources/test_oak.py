@@ -1,6 +1,4 @@
-"""OAK source without a module: depthai's own replay, a host node, and fakes for the hardware lines."""
-
-from __future__ import annotations
+"""OAK source without a module: a host node of depthai's own, and fakes for the hardware lines."""
 
 import sys
 import threading
@@ -9,14 +7,11 @@ from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
 from datetime import timedelta
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import cv2
 import numpy as np
 import pytest
-from msgspec import structs
 
 from edge.errors import SourceError
 from edge.params import PARAMS as RUNTIME
@@ -73,28 +68,6 @@ def frames_output(
     return make
 
 
-def replay_output(path: Path, rate_hz: float, metadata: Path | None = None) -> oak.MakeOutput:
-    """A video through depthai's own nodes: FFV1 comes out bit-exact; the stream ends with the file.
-
-    metadata  the MCAP that RecordVideo wrote beside it: the original times and sequence numbers
-    """
-
-    def make(pipeline: Any) -> Any:
-        import depthai
-
-        node = pipeline.create(depthai.node.ReplayVideo)
-        node.setReplayVideoFile(path)
-        if metadata is not None:
-            node.setReplayMetadataFile(metadata)
-        node.setOutFrameType(depthai.ImgFrame.Type.GRAY8)
-        node.setLoop(False)
-        if rate_hz:
-            node.setFps(rate_hz)
-        return node.out
-
-    return make
-
-
 def lock_step(dai: Any, steps: list[int], **options: Any) -> tuple[list[Frame], oak.OakSource]:
     """Every frame is taken before the next one is made."""
     go = threading.Semaphore(1)
@@ -110,9 +83,6 @@ def lock_step(dai: Any, steps: list[int], **options: Any) -> tuple[list[Frame], 
     return got, source
 
 
-# -- shared code on real depthai ---------------------------------------------------------------------
-
-
 def test_pixels_times_and_gaps_come_through(dai: Any) -> None:
     steps = [0, 1, 2, 5, 6, 9]
     frames, source = lock_step(dai, steps)
@@ -125,83 +95,6 @@ def test_pixels_times_and_gaps_come_through(dai: Any) -> None:
     (first, second), _ = lock_step(dai, [0, 1], own_clock=True)
     assert (first.capture_ns, second.capture_ns) == (77_000, 4_077_000)
     assert first.clock is Clock.DEVICE
-
-
-def test_a_slow_consumer_gets_the_newest_frame_and_a_count(dai: Any) -> None:
-    hold = {1: threading.Event(), 60: threading.Event()}  # frames that wait for the test
-
-    def gate(n: int) -> None:
-        if n in hold:
-            hold[n].wait(SOON_S)
-
-    source = oak.OakSource(frames_output(dai, list(range(61)), gate), HOST)
-    try:
-        first = source.read(SOON_S)
-        assert first is not None
-        hold[1].set()
-        until(lambda: source._next >= 60, "59 more were received")
-        newest = source.read(SOON_S)
-        assert newest is not None
-        assert (first.sequence, newest.sequence) == (0, 59)
-        # In our slot or in depthai's queue: each of the 58 between is counted once.
-        assert source.dropped_n + source.faults["missed frame"] == 58
-    finally:
-        for event in hold.values():
-            event.set()
-        source.close()
-
-
-def test_replay_is_exact_and_ends(dai: Any, tmp_path: Path) -> None:
-    path, bad = tmp_path / "a.mkv", tmp_path / "bad.mkv"
-    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*"FFV1"), 100, SIZE, False)
-    for i in range(20):
-        writer.write(noise(i))
-    writer.release()
-    before_ns = time.monotonic_ns()
-    with closing(oak.OakSource(replay_output(path, 100.0), structs.replace(HOST, rate_hz=100.0))) as source:
-        frames = list(source)
-        # depthai drops what is still queued at the end of a file; nothing before that is lost.
-        assert len(frames) + source.dropped_n == 20
-        assert source.ended
-    for frame in frames:
-        assert np.array_equal(frame.image, noise(frame.sequence))
-        assert before_ns - 1_000_000_000 < frame.capture_ns <= time.monotonic_ns()
-    bad.write_bytes(b"not a video")
-    with closing(oak.OakSource(replay_output(bad, 0.0), HOST)) as source:
-        assert list(source) == []
-
-
-def test_depthai_recordings_keep_pixels_gaps_and_the_modules_times(dai: Any, tmp_path: Path) -> None:
-    """RecordVideo spends its first ten frames on finding the rate; its file is read back exactly."""
-    steps = [n + 3 * (n > 30) for n in range(50)]
-
-    video, metadata = tmp_path / "a.avi", tmp_path / "a.mcap"
-    with dai.Pipeline(createImplicitDevice=False) as pipeline:
-        recorder = pipeline.create(dai.node.RecordVideo)
-        recorder.setRecordVideoFile(video)
-        recorder.setRecordMetadataFile(metadata)
-        recorder.input.setBlocking(True)
-        recorder.input.setMaxSize(len(steps))  # holds all frames, so that none is dropped
-        output = frames_output(dai, steps)(pipeline)
-        output.link(recorder.input)
-        after = output.createOutputQueue(maxSize=100, blocking=False)
-        pipeline.start()
-        for _ in steps:
-            assert after.get(timedelta(seconds=SOON_S)) is not None
-        until(lambda: not recorder.input.getSize(), "the last frame is taken; stopping waits for its writing")
-        pipeline.stop()
-        pipeline.wait()
-    source = oak.OakSource(replay_output(video, 0.0, metadata), HOST, own_clock=True)
-    frames = list(source)
-    assert len(frames) >= 30
-    assert {f.sequence for f in frames} <= set(steps)
-    for frame in frames:
-        assert np.array_equal(frame.image, noise(frame.sequence))
-        assert frame.capture_ns == 77_000 + 4_000_000 * frame.sequence
-    assert source.faults["missed frame"] >= 3
-
-
-# -- hardware lines -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -256,10 +149,10 @@ class Calls:
     def __init__(self, log: dict[str, Any], name: str = "") -> None:
         self._log, self._name = log, name
 
-    def __getattr__(self, name: str) -> Calls:
+    def __getattr__(self, name: str) -> "Calls":
         return Calls(self._log, name)
 
-    def __call__(self, *positional: Any, **named: Any) -> Calls:
+    def __call__(self, *positional: Any, **named: Any) -> "Calls":
         self._log[self._name] = (positional, named)
         return Calls(self._log)
 

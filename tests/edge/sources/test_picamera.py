@@ -1,7 +1,5 @@
 """CSI cameras, over a stand-in with picamera2's own signatures: no Pi is needed, and none was used."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -28,7 +26,7 @@ COLOUR = {"format": "SRGGB10_CSI2P", "unpacked": "SRGGB10", "size": SIZE}
 class Request:
     """A `CompletedRequest`."""
 
-    def __init__(self, camera: Camera, pixels: np.ndarray, number: int) -> None:
+    def __init__(self, camera: "Camera", pixels: np.ndarray, number: int) -> None:
         self._camera, self._pixels, self._number = camera, pixels, number
 
     def make_array(self, name: str) -> np.ndarray:
@@ -37,6 +35,7 @@ class Request:
 
     def get_metadata(self) -> dict[str, Any]:
         start_ns = self._camera.epoch_ns + 1000 * PERIOD_US * self._number
+        self._camera.now_ns = start_ns + 1000 * PERIOD_US
         return {
             "SensorTimestamp": start_ns + 1000 * EXPOSURE_US,
             "ExposureTime": EXPOSURE_US,
@@ -54,7 +53,7 @@ class Camera:
         self.sensor_modes, self.size = modes, size
         self.numbers: Queue[int | None] = Queue()
         self.stream, self.format = "main", ""
-        self.epoch_ns = 0
+        self.epoch_ns = self.now_ns = time.monotonic_ns()
         self.released_n = 0
         self.free, self.count = True, 0
         self.calls: list[str] = []
@@ -81,7 +80,6 @@ class Camera:
         return self.config
 
     def start(self) -> None:
-        self.epoch_ns = self.epoch_ns or time.monotonic_ns() - 100_000_000
         self.calls.append("start")
 
     def capture_request(self, wait: float | None = None) -> Request:
@@ -116,7 +114,7 @@ class Camera:
 def opened(camera: Camera, **options: Any) -> Iterator[PiCameraSource]:
     """A source of it; closed, its thread, which waits for a frame, has ended."""
     asked = Options(**({"width": SIZE[0], "height": SIZE[1]} | options))
-    source = PiCameraSource(lambda: camera, asked, retry_s=0.01)
+    source = PiCameraSource(lambda: camera, asked, retry_s=0.01, clock_ns=lambda: camera.now_ns)
     camera.free = False
     yield source
     source._closing.set()

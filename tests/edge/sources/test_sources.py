@@ -1,7 +1,5 @@
 """Sources: specifications, errors of bad ones, and the timing of a replay."""
 
-from __future__ import annotations
-
 import re
 import threading
 from collections.abc import Iterator
@@ -49,9 +47,6 @@ def video_of(
         writer.write(cv2.merge([grey, grey, grey]))
     writer.release()
     return path
-
-
-# -- specifications ------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -149,9 +144,6 @@ def open_mine(where: str, options: Options) -> Any:
     return SimpleNamespace(name=f"mine {where} {options.extra['seed']} {options.rate_hz}")
 
 
-# -- folders ---------------------------------------------------------------------------------------
-
-
 def test_folder_in_natural_order(tmp_path: Path) -> None:
     source = FolderSource(folder_of(tmp_path / "f", 12), rate_hz=10.0)
     (tmp_path / "f" / "notes.txt").write_text("not an image, and not named like one")
@@ -215,9 +207,6 @@ def test_missing_and_odd_images_of_a_folder_are_named(tmp_path: Path) -> None:
         list(FolderSource(folder))
 
 
-# -- videos ----------------------------------------------------------------------------------------
-
-
 def test_lossless_video_is_exact(tmp_path: Path) -> None:
     source = VideoSource(video_of(tmp_path / "a.mkv", 10))
     frames = list(source)
@@ -258,18 +247,6 @@ def test_published_videos_play_to_their_end(real_dir: Path, name: str, n: int, r
     assert source.rate_hz == rate_hz
     assert isinstance(source, VideoSource)
     assert not source.faults
-
-
-@pytest.mark.real
-def test_published_stills_open(real_dir: Path) -> None:
-    source = open_source(str(real_dir / "tactip331_binary" / "frames"))
-    assert isinstance(source, FolderSource)
-    assert len(source.paths) == 600
-    numbers = [int(p.stem.split("_")[1]) for p in source.paths]
-    assert numbers == sorted(numbers)
-
-
-# -- live ------------------------------------------------------------------------------------------
 
 
 class Scripted(ThreadedSource):
@@ -367,9 +344,6 @@ def test_watch_sees_frozen_and_black() -> None:
     deep = noise(2).astype(np.uint16)  # up to 255 of 4095: one sixteenth
     assert watch.check(Frame(deep, 0, 0, bits=12)) == ""
     assert watch.check(Frame(deep // 4, 0, 0, bits=12)) == "black"
-
-
-# -- replay ----------------------------------------------------------------------------------------
 
 
 class Clocked:
@@ -490,11 +464,3 @@ def test_a_replay_delivers_its_last_frame_and_ends() -> None:
     assert sequences[-1] == 20
     assert paced.dropped_n + len(sequences) == 3
     assert paced.ended
-
-
-def test_the_address_sets_whether_pins_are_dark(data_dir: Path) -> None:
-    source = open_source(f"mcap:{data_dir / 'press.mcap'}?pins=dark")
-    paced = Paced(source)
-    assert source.polarity is paced.polarity is Polarity.DARK
-    assert open_source(str(data_dir / "press.mcap")).polarity is Polarity.FOUND
-    paced.close()

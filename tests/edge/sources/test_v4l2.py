@@ -1,7 +1,5 @@
 """V4L2 cameras on a fake capture: formats, times, loss and return, settings that have no effect."""
 
-from __future__ import annotations
-
 import threading
 from pathlib import Path
 from typing import Any
@@ -43,7 +41,7 @@ class FakeCapture:
     "ok", "skip" (a frame never came), "freeze", "black", "damage", "lost".
     """
 
-    def __init__(self, camera: FakeCamera) -> None:
+    def __init__(self, camera: "FakeCamera") -> None:
         self.camera = camera
         self.values: dict[int, float] = {
             cv2.CAP_PROP_FRAME_WIDTH: W,
@@ -165,7 +163,7 @@ class Opened:
         self.camera.gate.release()
         until(lambda: self.source.condition == "lost", "the loss is noticed")
 
-    def __enter__(self) -> Opened:
+    def __enter__(self) -> "Opened":
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -331,9 +329,6 @@ def test_a_camera_without_the_size_or_the_format_or_frames_is_refused() -> None:
         with pytest.raises(SourceError, match=stated):
             Opened(camera, **asked)
         assert all(capture.released for capture in camera.captures)
-
-
-# -- finding -----------------------------------------------------------------------------------------
 
 
 @pytest.fixture

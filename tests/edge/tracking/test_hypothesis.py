@@ -1,11 +1,8 @@
 """Which pins of a match are certain, and what is assigned anew: slips, missing pins, false blobs."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
-from edge.geometry.motion_field import PREDICTING, component_covariance
 from edge.tracking.hypothesis import Hypothesis, certain_match
 from edge.tracking.motion_model import MotionModel
 from edge.tracking.tip import TrackedTip
@@ -109,21 +106,6 @@ def test_of_two_blobs_in_one_place_one_is_certain_at_most() -> None:
     assert not np.any(too_near & certain[pairs].all(1))
 
 
-def test_an_affine_motion_is_predicted_exactly_whatever_is_missing() -> None:
-    xy = hexagonal(7)
-    model = model_of(xy)
-    motion = xy / PITCH_PX @ np.array([[0.1, 0.05], [-0.1, 0.2]])
-    known = np.random.default_rng(5).random(N) < 0.6
-    near = model.tip.lattice.near
-    weight, variance = model.kriging.weights(np.arange(N, dtype=np.int32), known[near])
-    np.testing.assert_allclose((weight[..., None] * motion[near]).sum(1), motion, atol=1e-5)
-    assert np.all(variance > model.variance - 1e-9)
-    lost = np.flatnonzero(~known).astype(np.int32)
-    mean, around = model.from_around(motion, known, lost)
-    np.testing.assert_allclose(mean, motion[lost], atol=1e-5)
-    assert np.all(around < variance[lost] + 1e-9)
-
-
 def test_no_pin_is_certain_where_none_is_matched() -> None:
     model, now, blob, _ = inconsistent(0)
     nothing = Hypothesis(model, now, blob, np.zeros(N, bool))
@@ -131,80 +113,3 @@ def test_no_pin_is_certain_where_none_is_matched() -> None:
     nothing.assign(nothing.scale, nothing.freedom)
     assert not nothing.known.any()
     assert nothing.log_posterior == 0.0
-
-
-def test_of_a_match_and_one_a_row_off_the_right_one_is_more_likely() -> None:
-    """Both are as smooth; one row off leaves a row of pins and a row of blobs."""
-    model, now, _, good = inconsistent(0)
-    xy = model.tip.rest_xy
-    apart = np.hypot(*(xy[:, None] - xy + [PITCH_PX, 0.0]).transpose(2, 0, 1))
-    shifted, has = apart.argmin(1).astype(np.int32), apart.min(1) < 1.0
-    right = Hypothesis(model, now, np.arange(N, dtype=np.int32), good)
-    off = Hypothesis(model, now, shifted, has)
-    assert off.known_n > 0.9 * N
-    assert off.differs(right)
-    assert right.log_posterior > off.log_posterior + 50
-
-
-def test_a_side_that_is_hidden_leaves_little_to_tell_a_row_by() -> None:
-    """Without the row at one side the match one row off has as many pins: only the tip's motion tells."""
-    right, off = one_row_off(np.zeros(2), 1)
-    assert 0 < right.log_posterior - off.log_posterior < 10
-
-
-@pytest.mark.parametrize("rows", [4, 8])
-def test_of_a_hidden_side_the_far_rim_tells_a_row_by(rows: int) -> None:
-    """The match one row off has as many pins and moved about as far; but pins are missing on both sides."""
-    right, off = one_row_off(np.array([-0.6 * PITCH_PX, 0.0]), rows)
-    assert right.known_n == off.known_n
-    at_random = [match.log_posterior - match.log_together for match in (right, off)]
-    assert abs(at_random[0] - at_random[1]) < 2
-    assert right.log_posterior > off.log_posterior + 10
-
-
-def one_row_off(shift_px: Array, rows: int) -> tuple[Hypothesis, Hypothesis]:
-    """Two matches of blobs that moved by a shift, without those of some rows at the left: the right one, and
-    one row off towards there.
-    """
-    model, now, _, _ = inconsistent(0)
-    xy = model.tip.rest_xy
-    apart = np.hypot(*(xy[:, None] - xy + [PITCH_PX, 0.0]).transpose(2, 0, 1))
-    to, has = apart.argmin(1).astype(np.int32), apart.min(1) < 1.0
-    seen = np.ones(N, np.bool_)
-    for _ in range(rows):
-        seen &= np.isin(np.arange(N), to[has & seen])
-    blob_of = np.where(seen, np.cumsum(seen) - 1, 0).astype(np.int32)
-    blobs = now[seen] + shift_px
-    return Hypothesis(model, blobs, blob_of, seen), Hypothesis(model, blobs, blob_of[to], has & seen[to])
-
-
-def test_a_pin_far_off_goes_and_takes_none_of_its_neighbours_along() -> None:
-    """Its error makes those around look badly predicted too; they are not evidence for it."""
-    model, now, blob, good = inconsistent(0)
-    now[N // 2] += [0.3 * PITCH_PX, 0.0]
-    found = Hypothesis(model, now, blob, good)
-    assert np.flatnonzero(~found.known).tolist() == [N // 2]
-
-
-@pytest.mark.parametrize("known_n", [18, 17, 10, 4, 3])
-def test_weights_with_unknown_neighbours_solve_the_equations_of_the_known(known_n: int) -> None:
-    """The best linear estimate from the known ones alone: its error is uncorrelated with their motion."""
-    model = model_of(hexagonal(7))
-    near, pin = model.tip.lattice.near, N // 2
-    known = np.zeros(near.shape[1], bool)
-    known[np.random.default_rng(5).permutation(known.size)[:known_n]] = True
-    weight, variance = model.kriging.weights(np.array([pin], np.int32), known[None])
-    assert not weight[0, ~known].any()
-    x = model.tip.rest_xy / model.tip.pitch_px
-    field = component_covariance(x, PREDICTING)
-    here, chosen = near[pin][known], weight[0, known]
-    np.testing.assert_allclose([chosen.sum(), *(chosen @ (x[here] - x[pin]))], [1.0, 0.0, 0.0], atol=1e-4)
-    error = field[pin, pin] - 2 * chosen @ field[here, pin] + chosen @ field[np.ix_(here, here)] @ chosen
-    assert variance[0] == pytest.approx(error, rel=1e-3)
-    # No other weights that continue an affine motion exactly predict with less variance.
-    terms = np.column_stack([np.ones(known_n), x[here] - x[pin]])
-    free = np.linalg.svd(terms.T)[2][3:]
-    for step in free:
-        other = chosen + 0.05 * step
-        worse = field[pin, pin] - 2 * other @ field[here, pin] + other @ field[np.ix_(here, here)] @ other
-        assert worse > error

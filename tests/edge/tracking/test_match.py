@@ -1,16 +1,14 @@
-"""The arithmetic of the search: no blob twice; wrong sizes and indices are refused."""
-
-from __future__ import annotations
+"""The arithmetic of the search: no blob twice, pieces that move alike, and assignments that cost least."""
 
 import numpy as np
 import pytest
+from scipy.optimize import linear_sum_assignment
 
 from edge.geometry.lattice import Lattice
 from edge.tracking.affine import LocalAffine
-from edge.tracking.match import NearestBlob, RegionGrower
+from edge.tracking.match import Links, NearestBlob, RegionGrower, assign
 from edge.types import Array, Index
 from tests.support.fields import hexagon
-from tests.support.refusals import refused
 
 PITCH = 18.0
 SIDE = 200
@@ -37,6 +35,26 @@ def raster(blobs: Array) -> NearestBlob:
 def grower(xy: Array, sweeps: int = 24) -> RegionGrower:
     affine = LocalAffine(Lattice(xy, PITCH), 0.05)
     return RegionGrower(affine, xy, np.full(len(xy), 0.4 * PITCH), 1.2, sweeps)
+
+
+def test_an_affine_motion_is_predicted_from_two_thirds_of_the_neighbours() -> None:
+    rng = np.random.default_rng(9)
+    xy = hexagon(5, PITCH)
+    gradient = 0.05 * rng.normal(size=(2, 2))
+    motion = xy @ gradient + rng.normal(size=2)
+    value, support, slope = LocalAffine(Lattice(xy, PITCH), 0.05).predict(motion, rng.random(len(xy)) < 0.7)
+    inner = np.hypot(*xy.T) < 3 * PITCH
+    assert np.abs(value - motion)[inner].max() < 0.1
+    assert support.min() > 0
+    np.testing.assert_allclose(slope[inner] / PITCH, np.broadcast_to(gradient, slope[inner].shape), atol=0.01)
+
+
+def test_a_pin_does_not_affect_its_own_prediction() -> None:
+    xy = hexagon(3, PITCH)
+    motion = np.zeros_like(xy)
+    motion[7] = 5.0
+    value, _, _ = LocalAffine(Lattice(xy, PITCH), 0.05).predict(motion, np.ones(len(xy), bool))
+    np.testing.assert_array_equal(value[7], 0.0)
 
 
 def test_each_pin_takes_the_nearest_blob_and_none_is_taken_twice() -> None:
@@ -86,32 +104,21 @@ def test_a_grown_match_uses_no_blob_twice_and_moves_to_its_blobs() -> None:
     np.testing.assert_array_equal(motion, before)
 
 
-@pytest.mark.parametrize("blob", [-1, 7, 2**31 - 1])
-def test_a_table_that_names_no_blob_is_refused(blob: int) -> None:
-    blobs = pins(1)
-    table = table_of(blobs)
-    table[3, 4] = blob
-    refused("blobs of 0 to 6", NearestBlob, blobs, table, (0.0, 0.0), 1.0)
+def test_pieces_end_where_the_motion_differs_and_at_unknown_pins() -> None:
+    pairs = np.array([[0, 1], [1, 2], [2, 3], [3, 4], [4, 5]], np.int32)
+    links = Links(6, pairs, np.array([1.0, 1.0, 1.0, 1.0, 1.0]))
+    motion = np.array([[0, 0], [0.9, 0], [1.8, 0], [3.0, 0], [3.0, 0], [3.0, 0]])
+    label = links.pieces(motion, np.array([True, True, True, True, False, True]))
+    assert label[0] == label[1] == label[2] != label[3]
+    assert len({int(label[k]) for k in (2, 3, 4, 5)}) == 4
 
 
-def test_no_blobs_or_no_table_are_refused() -> None:
-    table = np.zeros((2, 2), np.int32)
-    for blobs, cells in ((np.empty((0, 2)), table), (np.zeros((3, 3)), table), (np.zeros((3, 2)), table[:0])):
-        refused("1 or more blobs", NearestBlob, blobs, cells, (0.0, 0.0), 1.0)
-    refused("finite", NearestBlob, np.zeros((3, 2)), table, (0.0, np.nan), 1.0)
-
-
-def test_places_and_gates_of_other_sizes_are_refused() -> None:
-    nearest = raster(pins(1))
-    for at, gate in (((2, 5, 2), 4), ((2, 5, 2), 6), ((2, 5, 3), 5)):
-        refused(r"at \(h, n, 2\)", nearest.match, np.zeros(at), np.ones(gate))
-
-
-def test_a_seed_of_another_tip_is_refused() -> None:
-    xy = pins()
-    for motion, seed in (((36, 2), 37), ((37, 2), 36), ((38, 2), 38), ((37, 3), 37)):
-        with pytest.raises(ValueError, match=r"motion \(37, 2\)"):
-            grower(xy).grow(raster(xy), np.zeros(motion), np.ones(seed, bool))
-    affine = LocalAffine(Lattice(xy, PITCH), 0.05)
-    for rest, gate in ((xy[1:], 37), (xy, 36), (np.zeros((37, 3)), 37)):
-        refused(r"rest_xy \(37, 2\)", RegionGrower, affine, rest, np.ones(gate), 1.2, 24)
+@pytest.mark.parametrize("shape", [(1, 1), (4, 4), (12, 30), (25, 25), (0, 3)])
+@pytest.mark.parametrize("whole", [False, True])
+def test_no_other_assignment_costs_less(shape: tuple[int, int], whole: bool) -> None:
+    rng = np.random.default_rng(3)
+    cost = rng.integers(-3, 3, shape).astype(float) if whole else rng.normal(size=shape)
+    column = assign(cost)
+    assert len(set(column.tolist())) == shape[0]
+    least = cost[linear_sum_assignment(cost)].sum()
+    assert cost[np.arange(shape[0]), column].sum() == pytest.approx(least, abs=1e-12)

@@ -1,7 +1,5 @@
 """A pin with anomalous brightness or sigma must move with its neighbours; another may be off them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +12,6 @@ from edge.tracking.outliers import PhotometricFilter
 from edge.tracking.params import TrackingParams
 from edge.types import Array, Pins, Tracks
 from tests.support.fields import tip
-from tests.support.refusals import refused
 
 PIN = 60
 OFFSET_PX = np.array([1.5, -1.0])  # px
@@ -88,11 +85,3 @@ def test_light_matters_where_it_moves_a_pin_by_more_than_neighbours_do_not_know(
         pins, motion, motion - affine.predict(motion, seen)[0], seen, searched=False
     )
     assert np.flatnonzero(~accepted).tolist() == ([] if kept else [PIN])
-
-
-@pytest.mark.parametrize("field", ["brightness", "sigma_px"])
-def test_arrays_of_another_number_of_pins_are_refused(field: str) -> None:
-    rest = tip(127)
-    affine = LocalAffine(Lattice(rest.xy_img, rest.pattern.pitch_px), 0.05)
-    pins = replace(rest.pins, **{field: getattr(rest.pins, field)[1:]})
-    refused("are wanted", PhotometricFilter, affine, pins, np.ones(127), TrackingParams())

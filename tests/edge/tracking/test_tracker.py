@@ -1,7 +1,5 @@
 """Identity of pins: after a jump, from frame to frame, and when it cannot be determined."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +14,7 @@ from edge.sources import read_image
 from edge.tracking import Tracker
 from edge.tracking.hypothesis import Hypothesis
 from edge.tracking.params import TrackingParams
-from edge.tracking.search import Identifier, Identity, best_of_two
+from edge.tracking.search import Identifier
 from edge.types import Array, Pins, Tracks
 from tests.bench import identity, videos
 from tests.bench.recordings import poses_of_stills
@@ -75,21 +73,31 @@ def test_after_a_jump_from_rest_every_pin_has_its_own_blob(layout: str) -> None:
         np.testing.assert_array_equal(tracker.predict(), now)
 
 
-@pytest.mark.parametrize("layout", ["rings331", "rings127", "hexagonal127"])
-def test_a_third_missing_and_false_blobs_swap_no_pins(layout: str) -> None:
+@pytest.mark.parametrize(
+    ("layout", "missing", "jumps_n", "trusted_least"),
+    [
+        ("rings331", 0.3, 12, 8),
+        ("rings127", 0.3, 12, 8),
+        ("hexagonal127", 0.3, 12, 8),
+        ("rings331", 0.5, 4, 3),
+    ],
+)
+def test_missing_pins_and_false_blobs_swap_no_pins(
+    layout: str, missing: float, jumps_n: int, trusted_least: int
+) -> None:
     rng = np.random.default_rng(2)
     xy = LAYOUTS[layout]
     trusted = 0
-    for _ in range(12):
+    for _ in range(jumps_n):
         now = pressed(xy, rng)
-        blobs = spoiled(now, 0.3, 50, rng)
+        blobs = spoiled(now, missing, 50, rng)
         tracks = Tracker(rest_of(xy)).identify(pins_at(blobs))
         if tracks.confidence >= Tracks.LOW_CONFIDENCE:
             trusted += 1
             assert swapped(tracks, now) == 0
             there = {tuple(xy) for xy in blobs} & {tuple(xy) for xy in now}
             assert tracks.n_seen > 0.8 * len(there)
-    assert trusted >= 8
+    assert trusted >= trusted_least
 
 
 def test_beside_an_inconsistent_place_a_pin_is_lost_but_not_swapped() -> None:
@@ -138,27 +146,8 @@ def test_a_search_ends_after_a_bounded_number_of_matches(monkeypatch: pytest.Mon
     for _ in range(4):
         regions.clear()
         Tracker(rest_of(xy)).identify(pins_at(spoiled(pressed(xy, rng), 0.7, 50, rng)))
-        assert 4 < len(regions) <= TrackingParams().regions_max + 1
-
-
-def test_half_of_the_pins_missing_and_false_blobs_swap_no_pins() -> None:
-    rng = np.random.default_rng(11)
-    xy = LAYOUTS["rings331"]
-    trusted = 0
-    for _ in range(4):
-        now = pressed(xy, rng)
-        tracks = Tracker(rest_of(xy)).identify(pins_at(spoiled(now, 0.5, 50, rng)))
-        if tracks.confidence >= Tracks.LOW_CONFIDENCE:
-            trusted += 1
-            assert swapped(tracks, now) == 0
-    assert trusted >= 3
-
-
-def test_of_two_matches_that_tie_each_is_right_in_half_of_the_cases() -> None:
-    assert best_of_two(0.0) == 0.5
-    chance = [best_of_two(ahead) for ahead in (0.0, 0.5, 1.0, 2.0, 5.0)]
-    assert chance == sorted(chance)
-    assert best_of_two(1.5) < Tracks.LOW_CONFIDENCE < best_of_two(2.5) < 1.0
+        # Every start has one alternative at least; a better one of these, which has its own, is rare.
+        assert 4 < len(regions) <= 3 * (2 * TrackingParams().coarse_n + 1)
 
 
 def test_a_lattice_that_may_have_slipped_by_a_step_has_low_confidence() -> None:
@@ -281,21 +270,6 @@ def test_a_leap_that_loses_pins_is_searched_even_if_most_are_found() -> None:
     np.testing.assert_array_equal(tracks.xy_img, now)
 
 
-def test_after_dark_frames_the_same_identities_return() -> None:
-    rng = np.random.default_rng(6)
-    xy = LAYOUTS["rings331"]
-    tracker = held(xy)
-    dark = np.full_like(xy, np.nan)
-    assert tracker.follow(pins_at(dark)).confidence < Tracks.LOW_CONFIDENCE
-    for _ in range(5):
-        assert tracker.predict() is None
-        assert tracker.identify(pins_at(np.empty((0, 2)))).confidence < Tracks.LOW_CONFIDENCE
-    now = pressed(xy, rng)
-    tracks = tracker.identify(pins_at(rng.permutation(now)))
-    np.testing.assert_array_equal(tracks.xy_img, now)
-    assert tracker.follow(pins_at(now)).n_seen == 331
-
-
 def test_after_a_failed_search_the_followed_pins_are_kept() -> None:
     xy = LAYOUTS["rings331"]
     tracker = held(xy)
@@ -305,22 +279,6 @@ def test_after_a_failed_search_the_followed_pins_are_kept() -> None:
     assert tracks.confidence >= Tracks.LOW_CONFIDENCE
     np.testing.assert_array_equal(tracks.xy_img, np.where(tracks.seen[:, None], xy, np.nan))
     assert tracks.n_seen > 0.5 * 331
-
-
-def test_a_search_that_holds_fewer_pins_than_were_followed_is_not_taken(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Most agree, but few are left by the checks that follow, as under a hard press."""
-    xy = LAYOUTS["rings331"]
-    tracker = held(xy)
-    gone = np.where((np.arange(331) % 5 < 2)[:, None], np.nan, xy)
-    followed = tracker.follow(pins_at(gone))
-    assert followed.confidence < Tracks.LOW_CONFIDENCE
-    few = np.where(np.arange(331) < 100, np.arange(331), -1).astype(np.int32)
-    found = Identity(few, known_n=300, confidence=1.0)
-    monkeypatch.setattr(tracker._identifier, "identify", lambda blobs, guesses: found)
-    assert tracker.identify(pins_at(xy)).n_seen == followed.n_seen > 100
-    assert tracker.predict() is not None
 
 
 def test_a_search_that_finds_fewer_pins_keeps_the_followed_ones() -> None:

@@ -1,7 +1,5 @@
 """Pictures: the right colour in the right place, marks in the right place, files that open."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -64,9 +62,6 @@ def at(canvas: np.ndarray, view: View, xy_img: Array) -> tuple[int, int, int]:
     return b, g, r
 
 
-# -- colours -----------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("palette", [PAPER, SAFE])
 def test_colours_run_from_expanded_over_paper_to_compressed(palette: Palette) -> None:
     colours = cell_colours(np.array([-0.5, 0.0, 0.5, 9.0, np.nan]), palette).tolist()
@@ -79,9 +74,6 @@ def test_colours_run_from_expanded_over_paper_to_compressed(palette: Palette) ->
         nothing, enlarged = cell_rgba(np.array([0.0, 0.5]))
         assert nothing[3] == 0.0
         assert enlarged == (*(level / 255 for level in reversed(palette.compressed)), 0.7)
-
-
-# -- the touch -----------------------------------------------------------------------------------
 
 
 def test_equal_changes_look_equal_to_both_sides() -> None:
@@ -164,9 +156,6 @@ def test_lost_pins_and_open_cells_are_skipped(scene: Scene) -> None:
     assert canvas.shape == (SIZE, SIZE, 3)
 
 
-# -- the camera image ----------------------------------------------------------------------------
-
-
 def test_the_camera_panel_shows_the_same_place_and_brightness(scene: Scene) -> None:
     view, xy, _ = scene
     image = np.zeros((240, 240), np.uint8)
@@ -209,9 +198,6 @@ def test_overlay_of_found_pins(tmp_path: Path) -> None:
         save_pins_overlay(tmp_path / "no such folder" / "a.png", np.zeros((60, 80), np.uint8), pins)
 
 
-# -- print -------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("mm_per_px", [0.0, 0.05])
 def test_figures_for_print(tmp_path: Path, scene: Scene, mm_per_px: float) -> None:
     pytest.importorskip("matplotlib", reason="figures need voronoi-touch[calib]")
@@ -234,9 +220,6 @@ def test_figures_for_print(tmp_path: Path, scene: Scene, mm_per_px: float) -> No
 def test_drawing_does_without_matplotlib() -> None:
     code = "import edge.view.panels, sys; print('matplotlib' in sys.modules)"
     assert python("-c", code).stdout == "False\n"
-
-
-# -- video -------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("suffix", sorted(CODECS))

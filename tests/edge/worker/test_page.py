@@ -1,7 +1,5 @@
 """The live page's protocol: permissions, contents of packets, cost of viewers."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 from collections.abc import Awaitable, Callable, Iterator
@@ -115,9 +113,6 @@ def live_url(live: Live) -> str:
     return f"http://127.0.0.1:{live.worker.port}/live"
 
 
-# ---- addresses ----------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("text", "host", "port"),
     [
@@ -149,9 +144,6 @@ def test_bad_addresses_are_one_line(live: Live) -> None:
         one_line(WebError, parse_listen, text, token)
     used = PageServer(parse_listen(f"127.0.0.1:{live.worker.port}"), "edge.view", lambda wants: None, {})
     assert "give another HOST:PORT" in one_line(WebError, used.start)
-
-
-# ---- files and permissions ----------------------------------------------------------------------------
 
 
 def get(live: Live, path: str, headers: dict[str, str] | None = None) -> tuple[int, str, Any]:
@@ -207,9 +199,6 @@ def test_a_wrong_first_message_disconnects_the_viewer(live: Live) -> None:
 
     for first in ('{"token": "wrong-token"}', "[]", "null", "no JSON", '{"want": 3}'):
         assert asyncio.run(code_after(first)) == 4401
-
-
-# ---- packets ------------------------------------------------------------------------------------------
 
 
 def test_a_packet_holds_what_the_loop_measured(live: Live) -> None:
@@ -290,15 +279,6 @@ def test_charts_get_every_sample_once(monkeypatch: pytest.MonkeyPatch) -> None:
     assert seen == list(range(111))  # up to the last packet that this viewer was sent
 
 
-def test_charts_get_the_loop_s_samples(live: Live) -> None:
-    async def look(viewer: Viewer) -> None:
-        width = len(viewer.hello["hello"]["chart"])
-        packet = await viewer.until(lambda p: p["arrays"]["rows"].size > width)
-        assert (np.diff(packet["arrays"]["rows"].reshape(-1, width)[:, 0]) > 0).all()
-
-    watch(live, look)
-
-
 def test_features_not_in_demand_are_neither_computed_nor_sent(live: Live) -> None:
     pipeline = live.loop.pipeline
     assert pipeline is not None
@@ -338,9 +318,6 @@ def test_faults_have_readable_messages_and_a_stalled_camera_is_reported(live: Li
         await viewer.until(lambda p: p["age_s"] < 0.3 and not p["faults"])
 
     watch(live, look)
-
-
-# ---- commands -----------------------------------------------------------------------------------------
 
 
 def test_tare(live: Live) -> None:
@@ -396,9 +373,6 @@ def test_an_unwritable_folder_is_reported(live: Live) -> None:
     assert not answer["ok"]
     assert "give another folder" in answer["message"]
     assert live.loop.session.recorder is None
-
-
-# ---- cost of viewers --------------------------------------------------------------------------------
 
 
 async def visit(session: aiohttp.ClientSession, url: str, known: set[asyncio.Task[bool] | None]) -> bool:

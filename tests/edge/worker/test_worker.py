@@ -1,7 +1,5 @@
 """The second process: no message to it is lost, it may die or hang, and it ends with the loop."""
 
-from __future__ import annotations
-
 import os
 import pickle
 import re
@@ -34,8 +32,6 @@ from tests.support.finger import Finger
 from tests.support.processes import python
 from tests.support.viewing import Live
 from tests.support.waiting import SOON_S, size_of
-
-# ---- the channel ----------------------------------------------------------------------------------------
 
 
 @contextmanager
@@ -108,9 +104,6 @@ def test_a_reader_that_is_gone_is_no_error() -> None:
         assert not outbox.put("words")
 
 
-# ---- a process that dies or hangs -----------------------------------------------------------------------
-
-
 @pytest.fixture
 def live(data_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Live]:
     monkeypatch.setattr("edge.worker.client.PARAMS", WorkerParams(lived_s=0.0, end_s=SOON_S))
@@ -164,9 +157,6 @@ def test_a_blocked_recorder_is_a_slow_disk_and_the_gap_is_recorded(live: Live) -
     sequences = [frame.sequence for frame in RecordingSource(path)]
     gaps = [b - a - 1 for a, b in pairwise(sequences) if b > a + 1]
     assert sum(gaps) >= lost_n
-
-
-# ---- the loop's process ends ----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, *ENDING])

@@ -1,7 +1,5 @@
 """A ROS 2 peer on Zenoh: decodes CDR by pycdr2, from definitions written here."""
 
-from __future__ import annotations
-
 import json
 import socket
 import struct

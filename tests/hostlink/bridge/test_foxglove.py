@@ -1,7 +1,5 @@
 """The Foxglove bridge, seen by a websocket client that decodes with other libraries than the server's."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import socket
@@ -26,7 +24,6 @@ from hostlink.topics import DIAGNOSTICS, values_of
 from hostlink.web import Listen
 from hostlink.wire import Contact, State, Status, pack_state, unpack_state
 from tests.hostlink.bridge.hand import Hand
-from tests.support.commands import only_error
 from tests.support.commands import run_host as run
 from tests.support.waiting import until
 
@@ -414,22 +411,22 @@ def test_the_layout_shows_what_is_there() -> None:
     assert set(image["annotations"]) == {"/finger_1/pins/overlay", "/finger_1/cells/overlay"}
 
 
-def test_a_taken_port_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_taken_port_is_one_line() -> None:
     outlet = FoxgloveOutlet(Listen("127.0.0.1", 0))
     listen = f"127.0.0.1:{outlet.server.port}"
-    assert run("bridge", "virtual:fox-taken", "--foxglove", "--listen", listen) == 2
-    assert f"--listen {listen}: " in only_error(capsys)
+    refusal = run("bridge", "virtual:fox-taken", "--foxglove", "--listen", listen).refusal
+    assert f"--listen {listen}: " in refusal
     outlet.close()
 
 
-def test_the_command_records_and_prints_the_path(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_records_and_prints_the_path(tmp_path: Path) -> None:
     hand = Hand("fox-command", (2,), state)
     path = tmp_path / "hand.mcap"
     arguments = ("bridge", "virtual:fox-command", "--foxglove", "--listen", "127.0.0.1:0", "--seconds", "2")
-    assert run(*arguments, "--record", str(path)) == 0
-    assert "foxglove: ws://127.0.0.1:" in capsys.readouterr().err
+    done = run(*arguments, "--record", path)
+    assert done.code == 0
+    assert "foxglove: ws://127.0.0.1:" in done.err
     with path.open("rb") as file:
         assert sum(1 for _ in make_reader(file).iter_messages(topics=["/finger_2/sample"])) > 20
-    assert run(*arguments, "--record", str(path)) == 2
-    assert "exists already" in capsys.readouterr().err
+    assert "exists already" in run(*arguments, "--record", path).refusal
     hand.close()

@@ -1,14 +1,12 @@
 """A finger's camera in Foxglove: what the viewer gets is what the finger's page has."""
 
-from __future__ import annotations
-
 import logging
 import threading
 import time
 from collections.abc import Iterable, Iterator
 from itertools import chain, repeat
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import cv2
 import numpy as np
@@ -24,7 +22,6 @@ from hostlink.errors import UsageError
 from hostlink.web import Listen, PageServer, pack_packet, parse_listen, unpack_packet
 from tests.hostlink.bridge.hand import Hand
 from tests.hostlink.bridge.test_foxglove import Viewer, state, watch
-from tests.support.commands import only_error
 from tests.support.commands import run_host as run
 from tests.support.viewing import Live
 from tests.support.waiting import SOON_S, until
@@ -97,7 +94,7 @@ class Pictures:
             assert self._came.wait_for(lambda: len(self.all) > n, SOON_S), "no picture came"
         return self.all[-1]
 
-    def __enter__(self) -> Pictures:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -317,8 +314,7 @@ def test_addresses(text: str, address: tuple[int, str, str], monkeypatch: pytest
     "text",
     ["", "127.0.0.1:8765", "0=http://a", "128=http://a", "http://", "x=http://a", "http://a:99999", "ws://a"],
 )
-def test_bad_addresses_are_one_line(text: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_bad_addresses_are_one_line(text: str) -> None:
     with pytest.raises(UsageError, match="not the page of a finger"):
         parse_page(text)
-    assert run("bridge", "virtual:none", "--foxglove", "--view", text) == 2
-    assert only_error(capsys)
+    assert run("bridge", "virtual:none", "--foxglove", "--view", text).refusal

@@ -1,7 +1,5 @@
 """The observations that the documentation shows for LeRobot."""
 
-from __future__ import annotations
-
 import re
 from math import isnan
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The ROS 2 bridge, received by a peer on Zenoh that decodes CDR with another library."""
 
-from __future__ import annotations
-
 import dataclasses
 import queue
 import struct
@@ -212,7 +210,7 @@ def test_it_waits_for_a_router(caplog: pytest.LogCaptureFixture) -> None:
     thread.start()
     until(lambda: "waiting for it" in caplog.text, "it says so")
     router = open_router(port)
-    thread.join()
+    until(lambda: made, "it is there")
     made[0].close()
     router.close()
 
@@ -243,10 +241,11 @@ def test_requests_without_end_take_no_threads(scene: Scene, monkeypatch: pytest.
     assert served == [3] * 4
 
 
-def test_it_waits_for_a_router_as_long_as_it_runs(capsys: pytest.CaptureFixture[str]) -> None:
+def test_it_waits_for_a_router_as_long_as_it_runs() -> None:
     router = f"tcp/127.0.0.1:{free_port()}"
-    assert run("bridge", "virtual:none", "--ros", "jazzy", "--router", router, "--seconds", "0.2") == 1
-    assert f"error: --router {router}: no router was there for 0.2 s" in capsys.readouterr().err
+    done = run("bridge", "virtual:none", "--ros", "jazzy", "--router", router, "--seconds", "0.2")
+    assert done.code == 1
+    assert f"error: --router {router}: no router was there for 0.2 s" in done.err
 
 
 def test_two_hands_have_names_of_their_own() -> None:

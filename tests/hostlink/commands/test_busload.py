@@ -1,7 +1,5 @@
 """Bus load: published figures, and advice that holds."""
 
-from __future__ import annotations
-
 import pytest
 
 from hostlink.commands.busload import CLASSIC_PARTS, LIMIT, plan

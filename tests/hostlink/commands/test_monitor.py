@@ -1,7 +1,5 @@
 """The monitor's output: arrows, lines, tables, rates."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import nan
 

@@ -1,7 +1,5 @@
 """The C receiver on every link: what Python decodes it decodes too, and a real node answers its requests."""
 
-from __future__ import annotations
-
 import os
 import select
 import shutil
@@ -35,9 +33,11 @@ from hostlink.wire import (
 )
 from hostlink.wire.parts import Assembler, unpack_part
 from hostlink.wire.serial import BODY_MAX, decode_frame
-from tests.hostlink.test_client import make_node
+from tests.support import processes
 from tests.support.c_programs import C, compiled
+from tests.support.fingers import make_node
 from tests.support.states import random_state, same
+from tests.support.waiting import SOON_S
 
 SANITIZED = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
 OWN = ("vt_e2e.c", "vt_parts.c", "vt_serial.c", "vt_request.c", "examples/receiver.c")
@@ -63,8 +63,7 @@ def serial_program(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def run(program: Path, commands: list[str]) -> list[list[str]]:
-    text = "\n".join(commands) + "\n"
-    done = subprocess.run([str(program)], input=text, capture_output=True, text=True, check=True)
+    done = processes.program(program, input="\n".join(commands) + "\n", check=True)
     return [line.split(" ") for line in done.stdout.splitlines()]
 
 
@@ -74,12 +73,8 @@ def test_our_c_files_follow_misra_rules() -> None:
         pytest.skip("no cppcheck")
     left_out = [f"--suppress=misra-c2012-{rule}" for rule in MISRA_LEFT_OUT]
     command = [cppcheck, "--quiet", "--std=c99", "--enable=warning,style,performance,portability", *left_out]
-    checked = subprocess.run(
-        [*command, "--addon=misra", "--error-exitcode=1", *OWN], cwd=C, capture_output=True, text=True,
-        check=False,
-    )  # fmt: skip
-    assert checked.returncode == 0, checked.stderr
-    assert checked.stderr == ""
+    checked = processes.program(*command, "--addon=misra", "--error-exitcode=1", *OWN, cwd=C)
+    assert (checked.returncode, checked.stderr) == (0, "")
 
 
 def mostly_usable(rng: Random, i: int) -> State:
@@ -263,7 +258,7 @@ class Controller:
     def close(self) -> None:
         assert self._process.stdin is not None
         self._process.stdin.close()
-        assert self._process.wait() == 0
+        assert self._process.wait(SOON_S) == 0
         assert self._process.stdout is not None
         self._process.stdout.close()
 

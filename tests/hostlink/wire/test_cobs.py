@@ -1,7 +1,5 @@
 """COBS: published examples, and round trips without zero bytes."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st

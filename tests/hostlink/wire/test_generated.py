@@ -1,7 +1,5 @@
 """The generated files are fresh, and other tools decode with them what our decoder decodes."""
 
-from __future__ import annotations
-
 import json
 import struct
 import subprocess

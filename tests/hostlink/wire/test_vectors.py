@@ -1,7 +1,5 @@
 """Golden frames, both ways: they detect a change of a single bit on the wire."""
 
-from __future__ import annotations
-
 import json
 from functools import partial
 from typing import Any
@@ -25,7 +23,7 @@ from hostlink.wire import (
     unpack_segment,
     unpack_state,
 )
-from hostlink.wire.e2e import protect_p5
+from hostlink.wire.e2e import protected_p5
 from hostlink.wire.fields import OLDER
 from tests.support.states import same
 from tests.vectors.__main__ import FILE
@@ -137,16 +135,15 @@ def test_every_message_of_the_version_before_is_decoded_and_a_damaged_one_is_noi
     assert f"0x{older.hash:08X}" == OLD["schema"]
     assemblers = DetailAssembler()
     assert [assemblers.add(unpack_segment(bytes.fromhex(s))) for s in OLD["detail"]["segments"]][-1]
-    heartbeat = bytearray((0, 0, 0, older.version, 5))
-    protect_p5(heartbeat, 1, older.data_id + Message.HEARTBEAT & 0xFFFF)
-    (event,) = SerialDecoder().receive(encode_frame(Message.HEARTBEAT, bytes(heartbeat)))
+    heartbeat = protected_p5(bytes((older.version, 5)), 1, older.data_id + Message.HEARTBEAT & 0xFFFF)
+    (event,) = SerialDecoder().receive(encode_frame(Message.HEARTBEAT, heartbeat))
     assert isinstance(event, Heartbeat)
     decoder = CanDecoder()
     for counter in range(50):  # the CRC is right, `check` is not: no version, however often
         frame = bytearray(bytes.fromhex(OLD["samples"][1]["frame"]))
         frame[20] ^= 1 + counter
-        protect_p5(frame, counter, older.data_id)
-        assert decoder.receive(CanIds().state(1), bytes(frame)) == []
+        sent = protected_p5(bytes(frame[3:]), counter, older.data_id)
+        assert decoder.receive(CanIds().state(1), sent) == []
     assert decoder.statistics[1].corrupt_n == 50
 
 

@@ -1,0 +1,58 @@
+cimport cython
+
+
+@cython.final
+cdef class QuantizedOperator:
+    cdef readonly float[::1] values
+    cdef readonly float[::1] result
+    cdef short[::1] _weights  # of `_in_runs`, as the next three
+    cdef int[::1] _start
+    cdef int[::1] _begin
+    cdef int[::1] _ahead
+    cdef float[::1] _row_step
+    cdef short[::1] _vector  # (w,), the values in whole steps
+    cdef int[::1] _all  # (k,), every row
+
+    cpdef void apply(self) noexcept
+    cpdef void apply_rows(self, const int[::1] which, Py_ssize_t n) noexcept
+    cdef int _product(self, Py_ssize_t row) noexcept
+    cdef float _quantize(self) noexcept
+
+
+@cython.final
+cdef class ContactField:
+    cdef readonly float[::1] area_change
+    cdef readonly int[::1] active
+    cdef readonly Py_ssize_t n_active
+    cdef readonly float[::1] heights
+    cdef readonly float[::1] divergence
+    cdef readonly float[::1] blend
+    cdef readonly float plane_divergence
+    cdef readonly float plane_curl
+    cdef readonly float[::1] curl
+    cdef readonly double[:, ::1] points
+    cdef Py_ssize_t _n
+    cdef QuantizedOperator _interpolator
+    cdef QuantizedOperator _divergences
+    cdef Py_ssize_t[::1] _column  # of each pin in the interpolator; and in the divergences that of its x
+    cdef Py_ssize_t[::1] _column_both
+    cdef float[::1] _change_row  # what the operators are multiplied with, in the order of their columns
+    cdef float[::1] _detrended  # that is the motion less its plane, px
+    cdef float[::1] _height_row  # results of their rows
+    cdef float[::1] _divergence_row
+    cdef bint _is_whole  # the first is of all points, not of the active ones
+    cdef int[::1] _near  # points near each pin, pin after pin
+    cdef int[::1] _near_start  # (n + 1,)
+    cdef unsigned char[::1] _is_active  # (k,)
+    cdef float _min_area_change
+    cdef const double[:, ::1] _rest
+    cdef double[:, ::1] _inverse  # (3, 3), of the equations of a plane through all pins, about the first
+    cdef float _divergence_rel  # shares of the blend
+    cdef float _heights_rel
+
+    cpdef void set_area_change(self, const double[::1] change) except *
+    cpdef void find(self, const double[:, ::1] xy) except *
+    cpdef void find_curl(self, const int[::1] which, Py_ssize_t n) noexcept
+    cpdef void write_surface(self, const int[::1] at, double[::1] out) except *
+    cdef void _find_active(self) noexcept
+    cdef void _detrend(self, const double[:, ::1] xy) noexcept

@@ -1,0 +1,37 @@
+cimport cython
+
+
+@cython.final
+cdef class PinMotion:
+    cdef readonly double[:, ::1] xy
+    cdef readonly double[:, ::1] motion
+    cdef readonly double[::1] mean
+    cdef readonly double sigma_px
+    cdef readonly int[::1] pins
+    cdef public Py_ssize_t n_pins
+    cdef readonly double left_px2  # of `fit_step`
+    cdef Py_ssize_t _n
+    cdef const double[:, ::1] _rest
+    cdef double[:, ::1] _disc  # places at rest on the tip's unit disc
+    cdef double[:, ::1] _g  # (3, 5), equations of a plane: three unknowns, two right sides
+
+    cpdef Py_ssize_t since_rest(self, const double[:, ::1] xy, const double[:] sigma_px) except -1
+    cpdef Py_ssize_t find_contact(self, const double[::1] area_change, double least) noexcept
+    cpdef double torsion(self) noexcept
+    cpdef bint is_pressing(self, const double[::1] now, const double[::1] before, double least_rel) noexcept
+    cpdef Py_ssize_t fit_step(self, const double[:, ::1] before) noexcept
+    cdef void _add(self, double u, double v, double dx, double dy) noexcept
+    cdef void _solve_plane(self) noexcept
+
+
+@cython.final
+cdef class PinNoise:
+    cdef const double[:, ::1] _rest
+    cdef int[::1] _start
+    cdef unsigned short[::1] _near
+    cdef float[::1] _weight
+    cdef float[::1] _motion  # (2 n,), single precision: its error is 1e-6 px
+    cdef float[::1] _residual
+    cdef double[::1] _sizes
+
+    cpdef double sigma_px(self, const double[:, ::1] xy, const unsigned char[::1] seen) noexcept

@@ -1,0 +1,47 @@
+cimport cython
+from edge.features.pin_motion cimport PinMotion
+
+
+@cython.final
+cdef class Slip:
+    cdef readonly double slip_px
+    cdef readonly double share
+    cdef readonly double probability
+    cdef Py_ssize_t _n
+    cdef PinMotion _motion
+    cdef const double[:, ::1] _rest
+    cdef Py_ssize_t _span
+    cdef double _pressing_rel
+    cdef double[:, :, ::1] _past_px  # motion of the last frames, in turn, and their area changes
+    cdef double[:, ::1] _past_change
+    cdef Py_ssize_t _n_kept  # since the touch
+    cdef bint _begun
+    cdef double[:, ::1] _begin  # motion where the path begins
+    cdef int[::1] _core  # rows of the pins in the core, and of those around the contact
+    cdef Py_ssize_t _n_core
+    cdef int[::1] _around
+    cdef Py_ssize_t _n_around
+    cdef unsigned char[::1] _is_around
+    cdef double[::1] _far2  # of the contact's pins, px2 from its middle
+    cdef double[::1] _some
+    cdef double _noise_s  # px
+    cdef double _noise_q
+    cdef double[::1] _s  # the path
+    cdef double[::1] _q
+    cdef Py_ssize_t _n_path
+    cdef double _spacing_px
+    cdef double[::1] _weight  # of its points
+    cdef double[::1] _curve
+    cdef double[::1] _square  # of each share: of the path's distance from its curve, in sigmas
+    cdef double _turned_sigma
+    cdef double _model_rel
+    cdef double _prior_odds
+
+    cpdef void forget(self) noexcept
+    cpdef void update(self, const double[::1] area_change, double sigma_px) noexcept
+    cdef void _compare(self, const double[::1] area_change, double sigma_px, Py_ssize_t span) noexcept
+    cdef void _forget_path(self) noexcept
+    cdef void _begin_path(self, double sigma_px) noexcept
+    cdef void _go_on(self, double sigma_px) noexcept
+    cdef double _mean_step(self, Py_ssize_t d, int[::1] rows, Py_ssize_t n) noexcept
+    cdef void _evaluate(self) noexcept
