@@ -15,7 +15,7 @@ import msgspec
 from hostlink import input_file
 from hostlink.wire import detail
 
-FILE_BYTES = 2 << 20  # of a calibration, configuration or settings; 1000 pins with every model take 0.5 MB
+FILE_BYTES = input_file.UPLOAD_BYTES  # 1000 pins with every model take a quarter of it
 
 IMAGE_SIDE_PX = 8192  # width or height
 IMAGE_PIXELS = 1 << 24  # 4096 x 4096, more than any camera that fits behind a fingertip

@@ -23,14 +23,20 @@ class RuntimeParams:
     patience_s: float = 1.0  # of waiting for a link, a client or an image, and of reporting a failed write
     wait_s: float = 0.02  # longest time in which a thread looks whether there is something else to do
     stall_s: float = 0.06  # without a new image, or an item that leaves: camera or link has stalled
-    retry_s: float = 0.1  # between two attempts to open a lost camera or link again
+    announced_s: float = 0.1  # promised: so soon it is known that a device fails, is back, or has recorded
     close_s: float = 0.3  # for a thread or driver that does not return
-    check_s: float = 0.04  # between checks of what changes slowly, and between samples without images
     hysteresis_rel: float = 0.1  # of the level at which a fault appears; so far back, it clears
     astray_rel: float = ASTRAY_REL  # of the pins: may be beyond a limit for reasons of their own
     noise_sigma: float = 5.0  # in one place, what is more than this many standard deviations off is no noise
     still_pitches: float = 0.08  # pins of an untouched tip that have moved less are where they were
     load_pitches: float = 1.6  # motion of a pin beyond which it counts as overloaded
+
+    @property
+    def check_s(self) -> float:
+        """Between checks of what changes slowly, and between samples without images: what has stalled for as
+        long as counts is then announced in time.
+        """
+        return self.announced_s - self.stall_s
 
     @property
     def most_rel(self) -> float:

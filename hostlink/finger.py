@@ -19,7 +19,7 @@ from hostlink.errors import (
     VersionMismatch,
 )
 from hostlink.events import Emergency, Sample
-from hostlink.input_file import read_bounded
+from hostlink.input_file import UPLOAD_BYTES, read_bounded
 from hostlink.objects import ObjectClient
 from hostlink.sequence import LinkStatistics
 from hostlink.wire import (
@@ -44,7 +44,6 @@ _EXPLAINED = frozenset({Abort.VALUE_RANGE, Abort.NOT_NOW, Abort.NOT_STORED, Abor
 _REASONS = frozenset(RestFrameReason)
 _NOT_THERE = frozenset({Abort.NO_OBJECT, Abort.NO_SUB})  # an older release
 STALE_S = 0.1  # default age above which `latest` gives nothing
-UPLOAD_BYTES = 2 << 20  # a finger takes no more
 TARE_S = 15.0  # a rest frame of 60 images at 10 Hz, and some retries
 POLL_S = 0.05  # the object with the outcome sends no events: it is polled
 

@@ -9,7 +9,7 @@ AT_MOST = {
     "calibration": 4,
     "cells": 2,
     "cli": 1,
-    "edge": 7,
+    "edge": 6,
     "faults": 4,
     "features": 21,
     "geometry": 5,
@@ -18,11 +18,11 @@ AT_MOST = {
     "recording": 2,
     "rest": 3,
     "runtime": 1,
-    "shared": 14,
+    "shared": 13,
     "sources": 7,
     "tracking": 22,
-    "view": 6,
-    "worker": 6,
+    "view": 5,
+    "worker": 5,
 }
 WORDS_MAX = 3000
 

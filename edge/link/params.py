@@ -10,7 +10,7 @@ class LinkParams:
     """Parameters by name. Units: s, seconds; n, items; rel, a share."""
 
     # --- a medium that fails
-    retry_s: float = RUNTIME.retry_s
+    retry_s: float = RUNTIME.announced_s
     stall_s: float = RUNTIME.stall_s  # nothing leaves for this long: the link counts as down
     write_s: float = 0.2  # a medium that accepts nothing for this long is full
     close_s: float = RUNTIME.close_s  # for the queue, and again for the threads

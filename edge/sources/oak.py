@@ -209,7 +209,7 @@ class OakSource(CameraSource):
         own_clock: bool = False,
         crop: Crop | None = None,
     ) -> None:
-        super().__init__(name, options, RUNTIME.retry_s)
+        super().__init__(name, options, RUNTIME.announced_s)
         self._dai = load_depthai()
         self._make_output, self._module, self._socket_name = make_output, module, socket
         self._own_clock, self._crop = own_clock, crop

@@ -58,7 +58,7 @@ class PiCameraSource(CameraSource):
         *,
         name: str = "camera picamera",
         patience_s: float = LIVE.first_s,
-        retry_s: float = RUNTIME.retry_s,
+        retry_s: float = RUNTIME.announced_s,
         clock_ns: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         super().__init__(name, options, retry_s, clock_ns)

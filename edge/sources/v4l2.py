@@ -122,7 +122,7 @@ class V4l2Source(CameraSource):
         make_capture: Callable[[str], Any] | None = None,
         find: Callable[[str], str] = find_device,
         clock_ns: Callable[[], int] = time.monotonic_ns,
-        retry_s: float = RUNTIME.retry_s,
+        retry_s: float = RUNTIME.announced_s,
         patience_s: float = LIVE.first_s,
     ) -> None:
         super().__init__(f"camera v4l2:{where}", options, retry_s, clock_ns)

@@ -106,7 +106,7 @@ class Follower:
         full[lattice.weight <= 0.0] = 0.0
         self.start, self.near, self.weight = weighted_rows(lattice.near, full)
         self.around = np.array(lattice.near, np.int32, order="C")
-        self.pairs = np.array(lattice.pairs, np.int32, order="C")
+        self.pairs = np.array(lattice.edges, np.int32, order="C")
         self.distance_min = np.array(lattice.distance_min_px, np.float64)
         self.separation = Separation(n)
         self.last, self.last_residual = np.empty((n, 2)), np.empty(2 * n, np.float32)
@@ -508,17 +508,17 @@ def _check(lattice: Lattice, n: int) -> None:
     """Raises ValueError: arrays that are not of n pins, a pin that does not exist, too many."""
     if n > PINS_MAX:
         raise ValueError(f"{n} pins; {PINS_MAX} at most are wanted")
-    pairs_n = len(lattice.pairs)
+    pairs_n = len(lattice.edges)
     shapes = {
         "rest_xy": (lattice.rest_xy, (n, 2)),
         "local_pitch_px": (lattice.local_pitch_px, (n,)),
         "near": (lattice.near, (n, lattice.near.shape[1])),
-        "pairs": (lattice.pairs, (pairs_n, 2)),
+        "edges": (lattice.edges, (pairs_n, 2)),
         "distance_min_px": (lattice.distance_min_px, (pairs_n,)),
     }
     for name, (array, shape) in shapes.items():
         if array.shape != shape:
             raise ValueError(f"{name}: {shape} is wanted for {n} pins, not {array.shape}")
-    for name, pins in (("near", lattice.near), ("pairs", lattice.pairs)):
+    for name, pins in (("near", lattice.near), ("edges", lattice.edges)):
         if pins.size and (pins.min() < 0 or pins.max() >= n):
             raise ValueError(f"{name}: pins of 0 to {n - 1} are wanted, not {pins.min()} to {pins.max()}")

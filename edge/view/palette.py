@@ -19,7 +19,6 @@ class ViewParams:
     """Every chosen number of the pictures; the evidence for each is in docs/tuning.md, "Pictures"."""
 
     full_change: float = 0.5  # area change that gets the full colour
-    change_exponent: float = 0.7  # of an area change; below 1 it emphasises small ones, where a touch begins
     local_gain: float = 2.0  # of each pin's motion, as a vector
     global_gain: float = 6.0  # of the mean motion, which is small beside the largest
     jpeg_quality: int = 80  # of the live page's camera image
@@ -95,7 +94,7 @@ def _ramp(palette: Palette) -> NDArray[np.uint8]:
     expanded, paper, compressed = _oklab(np.array([palette.expanded, palette.paper, palette.compressed]))
     share = np.linspace(-1.0, 1.0, 2 * COLOUR_STEPS + 1)
     end = np.where(share[:, None] < 0, expanded, compressed)
-    return _bgr(paper + (end - paper) * (np.abs(share) ** PARAMS.change_exponent)[:, None])
+    return _bgr(paper + (end - paper) * np.abs(share)[:, None])
 
 
 def _oklab(bgr: NDArray[np.int_]) -> Array:
@@ -117,5 +116,5 @@ def cell_rgba(area_change: Array, palette: Palette = PAPER) -> list[tuple[float,
     rgba = []
     for s in _share(area_change).tolist():
         b, g, r = palette.compressed if s >= 0 else palette.expanded
-        rgba.append((r / 255, g / 255, b / 255, 0.7 * float(abs(s) ** PARAMS.change_exponent)))
+        rgba.append((r / 255, g / 255, b / 255, 0.7 * abs(s)))
     return rgba

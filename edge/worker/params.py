@@ -21,7 +21,7 @@ class WorkerParams:
     command_s: float = 10.0  # until the loop has done what it was asked, above all a tare
 
     # --- what goes to and from it
-    report_s: float = 0.1  # between reports of what is no new result: the rest of a picture, viewers' wishes
+    report_s: float = RUNTIME.announced_s  # between reports of what is no new result
     recent_s: float = 0.5  # time that the charts' rows in a packet tell of
 
 

@@ -243,7 +243,7 @@ class FakeModule:
 def opened(module: FakeModule, monkeypatch: pytest.MonkeyPatch, **settings: Any) -> oak.OakSource:
     monkeypatch.setattr(oak, "load_depthai", lambda: module)
     monkeypatch.setattr(oak, "lens_of", lambda handler, socket, size, crop: None)
-    monkeypatch.setattr(oak, "RUNTIME", replace(RUNTIME, retry_s=0.01))
+    monkeypatch.setattr(oak, "RUNTIME", replace(RUNTIME, announced_s=0.01))
     return oak.OakSource(lambda pipeline: pipeline, Options(**settings), module=lambda: SimpleNamespace())  # type: ignore[arg-type,return-value]
 
 
