@@ -147,7 +147,7 @@ def _losses(tracks: Tracks, rest: Rest) -> Iterator[Tracks]:
         seen = tracks.seen & (along < np.quantile(along, 1.0 - share))
         xy, sigma = tracks.xy_img.copy(), tracks.sigma_px.copy()
         xy[~seen], sigma[~seen] = np.nan, np.nan
-        yield Tracks(xy, sigma, seen, tracks.confidence)
+        yield Tracks.of(xy, sigma, seen, tracks.confidence)
 
 
 def _inputs_of(pipeline: Pipeline, tracks: Tracks) -> Complex:

@@ -43,6 +43,7 @@ class Drift:
     """The learnt offset of each pin of one rest frame.
 
     limit_share  of the pins that would need a larger offset than is allowed
+    learnt       whether anything is subtracted
     """
 
     def __init__(self, rest: Rest, params: DriftParams = PARAMS) -> None:
@@ -51,7 +52,7 @@ class Drift:
         self._near_px = params.near_pitches * rest.pattern.pitch_px
         self.limit_share = 0.0
         self._offset = np.zeros_like(rest.xy_img)
-        self._learnt = False
+        self.learnt = False
         self._last_ns: int | None = None  # the last untouched frame; None: the one before was none
 
     @property
@@ -60,8 +61,8 @@ class Drift:
         return float(np.abs(self._offset).max(initial=0.0))
 
     def correct(self, tracks: Tracks) -> Tracks:
-        """The tracks without the drift; the same object while nothing has been learnt."""
-        return replace(tracks, xy_img=tracks.xy_img - self._offset) if self._learnt else tracks
+        """The tracks without the drift."""
+        return replace(tracks, xy_img=tracks.xy_img - self._offset)
 
     def learn(self, tracks: Tracks, capture_ns: int, quiet: bool) -> None:
         """Learn from one frame, if it is suitable.
@@ -85,13 +86,13 @@ class Drift:
             self._offset += (wanted - self._offset) * min(1.0, gap_s / p.time_s)
             beyond = np.abs(self._offset).max(axis=1) > p.limit_px
             np.clip(self._offset, -p.limit_px, p.limit_px, out=self._offset)
-            self._learnt = True
+            self.learnt = True
             self.limit_share = float(np.mean(beyond))
 
     def forget(self) -> None:
         """Restore the rest frame as it was taken."""
         self._offset = np.zeros_like(self._offset)
-        self._learnt, self.limit_share = False, 0.0
+        self.learnt, self.limit_share = False, 0.0
         self._last_ns = None
 
     def _fit(self, tracks: Tracks, away: Array) -> bool:

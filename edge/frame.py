@@ -97,9 +97,9 @@ class Pipeline:
         self._capture_ns: int | None = None  # of the last frame that gave features
         self._grip = Grip()
         self._refiner = CentroidRefiner(rest)
-        self.tracker = Tracker(rest)
+        self.tracker = Tracker(rest, found=self._refiner.found, expected=self._refiner.predicted)
         self._tessellator = Tessellator(rest)
-        still = Tracks(rest.xy_img, rest.pins.sigma_px, np.ones(len(rest), dtype=np.bool_), 1.0)
+        still = Tracks.of(rest.xy_img, rest.pins.sigma_px, np.ones(len(rest), dtype=np.bool_))
         self._extractor = FeatureExtractor(rest, self._tessellator.cells(still).rest_area_px2)
         self.demand = demand
 
@@ -137,7 +137,7 @@ class Pipeline:
             self._extractor.forget_contacts()
         if tracks.confidence < Tracks.LOW_CONFIDENCE and not (even_untrusted and tracks.n_seen >= 3):
             return Result(frame, tracks, None, None, uncalibrated(), searched)
-        moved = tracks if self.drift is None else self.drift.correct(tracks)
+        moved = self.drift.correct(tracks) if self.drift and self.drift.learnt else tracks
         holds = plan.cells and not plan.areas and self._extractor.contact_holds(moved)
         if holds:
             self._tessellator.keep(moved)
@@ -154,9 +154,9 @@ class Pipeline:
 
     def _locate(self, image: Image) -> tuple[Tracks, bool]:
         """Where each pin is, and whether the whole image was searched for them."""
-        predicted = self.tracker.predict()
-        if predicted is not None:
-            tracks = self.tracker.follow(self._refiner.read(image, predicted))
+        if self.tracker.held:
+            self._refiner.read(image)
+            tracks = self.tracker.follow()
             if tracks.confidence >= Tracks.LOW_CONFIDENCE:
                 return tracks, False
         return self.tracker.identify(detect(image, self.rest.pattern)), True

@@ -309,6 +309,7 @@ class Tracks:
     xy_img       (n, 2) float64 px, C-contiguous; NaN where lost
     sigma_px     (n,) float64; NaN where lost
     seen         (n,) bool
+    n_seen       how many are
     confidence   0..1; certainty of the identities. Below `LOW_CONFIDENCE` they must not be used.
     autocorrelation  0..1; of the pins' motion off that of their neighbours, with that of the last frame: how
                  much the last frame tells of a pin that is lost in this one; 0 if none is followed and lost
@@ -317,14 +318,16 @@ class Tracks:
     xy_img: Array
     sigma_px: Array
     seen: Mask
+    n_seen: int
     confidence: float
     autocorrelation: float = 0.0
 
     LOW_CONFIDENCE = 0.97
 
-    @property
-    def n_seen(self) -> int:
-        return int(np.count_nonzero(self.seen))
+    @classmethod
+    def of(cls, xy_img: Array, sigma_px: Array, seen: Mask, confidence: float = 1.0) -> Tracks:
+        """Those of one frame alone."""
+        return cls(xy_img, sigma_px, seen, int(np.count_nonzero(seen)), confidence)
 
 
 @per_frame

@@ -27,7 +27,7 @@ from calib.ridge import cross_validated_terms
 from calib.targets import Targets
 from edge.calibration.inputs import FRAME_INPUTS, evaluate_terms, term_columns
 from edge.cells import Tessellator
-from edge.features.area_change import AreaChange
+from edge.features.pin_motion import AreaChange
 from edge.features.surface import Surface
 from edge.pins import CentroidRefiner, detect
 from edge.types import Array, Cells, Frame, Rest, Result

@@ -114,7 +114,6 @@ class ProcessKernel:
         z        (2 inputs,) float64: real and imaginary part of each input
         out      (outputs, 3) float64, written
         """
-        m: cython.Py_ssize_t
         self._multiply(z)
         for m in range(self.n_models):
             if self._wanted[m]:
@@ -146,7 +145,6 @@ class ProcessKernel:
                 self._n_active += 1
 
     def _multiply(self, z: Array) -> None:
-        i: cython.Py_ssize_t
         k: cython.Py_ssize_t
         p: cython.Py_ssize_t
         a: cython.Py_ssize_t
@@ -174,9 +172,6 @@ class ProcessKernel:
         value_re: cython.double = 0.0
         value_im: cython.double = 0.0
         k: cython.Py_ssize_t
-        j: cython.Py_ssize_t
-        x: cython.double
-        y: cython.double
         width: cython.Py_ssize_t = self._width
         for j in range(width):
             self._sums[0, j] = 0.0

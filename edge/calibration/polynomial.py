@@ -130,7 +130,6 @@ class ModelKernel:
             self._products[i + 1, 1] = re * q_im + im * q_re
 
     def _leave_out(self, m: cython.Py_ssize_t, out: Array) -> None:
-        output: cython.Py_ssize_t
         for output in range(self._first_output[m], self._first_output[m + 1]):
             out[output, 0] = NAN
             out[output, 1] = NAN

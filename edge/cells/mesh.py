@@ -48,20 +48,21 @@ from __future__ import annotations
 import cython
 import numpy as np
 
+from edge.errors import DegenerateLayout
 from edge.limits import POINTS_MAX
-from edge.types import Array, Index
+from edge.types import Index
 
 if cython.compiled:
+    from cython.cimports.edge.cells.points import FramePoints
     from cython.cimports.edge.cells.predicates import Predicates
     from cython.cimports.edge.cells.triangle_parts import measure
-    from cython.cimports.edge.geometry.views import PointsView
     from cython.cimports.libc.math import fabs
 else:
     from math import fabs
 
+    from edge.cells.points import FramePoints
     from edge.cells.predicates import Predicates
     from edge.cells.triangle_parts import measure
-    from edge.geometry.views import PointsView
 
 INFINITY = cython.declare(cython.double, float("inf"))
 NAN = cython.declare(cython.double, float("nan"))
@@ -124,7 +125,7 @@ class Mesh:
     x: cython.double[::1]  # per point
     y: cython.double[::1]
     area: cython.double[::1]
-    bound: cython.double[::1]  # of the error of the area's parts that are not accurate by themselves
+    bound: cython.double[::1]  # per pin, of the error of the area's parts that are not accurate by themselves
     has_bounds: cython.bint  # one is above 0
     exactly: cython.uchar[::1]  # whether the area must be summed from exact weights
     same_as: cython.int[::1]  # the point whose vertex it uses, mostly itself
@@ -134,9 +135,6 @@ class Mesh:
     stacked: cython.uchar[::1]  # whether it is on the stack
     stack: cython.int[::1]  # half-edges to check
     parts: cython.double[:, ::1]  # of each triangle, as `measure` writes them
-    points_view: PointsView
-    areas: cython.double[::1]  # given last
-    areas_array: Array | None  # the same memory
     total_area = cython.declare(cython.double, visibility="readonly")  # of the pins; NaN if one's is
 
     def __init__(self, n_pins: int, n_boundary: int, n_fence: int = 0) -> None:
@@ -160,7 +158,7 @@ class Mesh:
         self.x = x
         self.y = y
         self.area = np.zeros(n_all)
-        self.bound = np.zeros(n_all)
+        self.bound = np.zeros(n_pins)
         self.exactly = np.zeros(n_all, np.uint8)
         self.same_as, self.sharers = np.zeros((2, n_all), np.int32)
         self.tail = np.zeros(3 * n_triangles, np.int32)
@@ -168,34 +166,50 @@ class Mesh:
         self.stacked = np.zeros(3 * n_triangles, np.uint8)
         self.stack = np.zeros(3 * n_triangles, np.int32)
         self.parts = np.zeros((n_triangles, 4))
-        self.points_view, self.areas_array = PointsView(), None
         self.total_area = 0.0
 
-    def update(self, points: Array, areas: Array) -> int:
+    def update(
+        self, points: cython.const[cython.double][:, ::1], areas: cython.double[::1]
+    ) -> cython.Py_ssize_t:
         """Move the points and write the pins' areas.
 
         points   (n_pins + n_boundary + n_fence, 2) float64, contiguous
         areas    (n_pins,) float64, written; in square units of the points; NaN where a cell is not bounded
         Returns  how often the triangles have changed since the beginning
-        Raises   ValueError: a coordinate is not finite, all points at one place, wrong size
+        Raises   ValueError: wrong size
+                 DegenerateLayout: a coordinate is not finite, all points at one place
                  RuntimeError: another thread is updating this mesh
         """
+        return self._move(points, areas)
+
+    def follow(
+        self,
+        frame: FramePoints,
+        xy: cython.const[cython.double][:, ::1],
+        autocorrelation: cython.double,
+    ) -> cython.Py_ssize_t:
+        """Place the points of a frame, and move to them: `FramePoints.place` and `update`."""
+        frame.place(xy, autocorrelation)
+        return self._move(frame.points, frame.area)
+
+    @cython.cfunc
+    @cython.exceptval(-1)
+    def _move(
+        self, points: cython.const[cython.double][:, ::1], areas: cython.double[::1]
+    ) -> cython.Py_ssize_t:
         if self.busy:
             raise RuntimeError("another thread is updating this mesh")
-        at: cython.const[cython.double][:, ::1] = self.points_view.of(points)
-        if areas is not self.areas_array:
-            self.areas = self.areas_array = areas
-        if at.shape[0] != self.n_points or at.shape[1] != 2 or self.areas.shape[0] != self.n_pins:
+        if points.shape[0] != self.n_points or points.shape[1] != 2 or areas.shape[0] != self.n_pins:
             raise ValueError(f"points ({self.n_points}, 2) and areas ({self.n_pins},) are wanted")
         outcome: cython.int
         self.busy = True
         with cython.nogil:
-            outcome = self._update(at, self.areas)
+            outcome = self._update(points, areas)
         self.busy = False
         if outcome != DONE:
             self.n_triangles = 0
-            raise ValueError(MESSAGES[outcome])
-        return int(self.changes)
+            raise DegenerateLayout(MESSAGES[outcome])
+        return self.changes
 
     def forget(self) -> None:
         """Triangulate the next points from scratch: no rounding of theirs depends on those before.
@@ -420,7 +434,7 @@ class Mesh:
             area[i] = 0.0
         if self.has_bounds:
             self.has_bounds = False
-            for i in range(self.n_points):
+            for i in range(self.n_pins):
                 self.bound[i] = 0.0
         measure(self.tail, self.x, self.y, self.n_triangles, SLIVER, ERROR_BOUND, self.parts)
         for t in range(self.n_triangles):

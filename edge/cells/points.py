@@ -11,7 +11,7 @@ Rules
 - One pin's motion is subtracted from all before sums are formed, so that an origin far away costs no digits.
 """
 
-# mypy: disable-error-code="untyped-decorator,valid-type"
+# mypy: disable-error-code="attr-defined,untyped-decorator,valid-type"
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from edge.geometry.neighbours import short_rows
 from edge.types import Array, Index
 
 
+@cython.final
 @cython.cclass
 class FramePoints:
     """Places the points of one tip's frames.
@@ -30,28 +31,10 @@ class FramePoints:
     rest_xy      (n, 2) float64, px; the pins at rest
     rim_motion   how the b points round the tip follow its r rim pins
     around_rest  (b, 2) float64, px; those points at rest
+    xy_img       (n + b, 2) float64, px; where all of them are in this frame
+    area_px2     (n,) float64; of the pins' cells, which `Mesh.follow` writes
     Raises       ValueError: sizes that do not fit, a rim pin that does not exist
     """
-
-    n_pins: cython.Py_ssize_t
-    n_missing: cython.Py_ssize_t
-    rest: cython.const[cython.double][:, ::1]
-    rim: cython.int[::1]
-    rim_terms: cython.double[:, ::1]
-    fit: cython.double[:, ::1]
-    terms: cython.double[:, ::1]
-    near: cython.ushort[:, ::1]  # where the x of a rim pin's residual stands
-    weight: cython.float[:, ::1]
-    around_rest: cython.double[:, ::1]
-    residual: cython.double[::1]  # (2 r,) x, y, x, y, ...: motion of the rim pins less the affine fit
-    missing: cython.int[::1]
-    rows: cython.double[:, ::1]
-    inverse: cython.double[:, ::1]
-    motion: cython.double[::1]  # (2 n,) of the seen pins, zero where missing
-    left: cython.double[::1]  # (2 n,) of the motion of the last frame
-    pull: cython.double[::1]  # (2 n,) rows times motion
-    points: cython.double[:, ::1]  # given last
-    points_array: Array | None  # the same memory
 
     def __init__(self, rest_xy: Array, rim_motion: RimMotion, around_rest: Array) -> None:
         rim, rim_terms, fit, terms, near, weight = rim_motion
@@ -68,7 +51,8 @@ class FramePoints:
         if near.size and (near.min() < 0 or near.max() >= r):
             raise ValueError(f"near: rim pins of 0 to {r - 1} are wanted")
         self.n_pins = n
-        self.points_array = None
+        self.xy_img = self.points = np.concatenate([rest_xy, around_rest]).astype(np.float64, order="C")
+        self.area_px2 = self.area = np.empty(n)
         self.rest = np.ascontiguousarray(rest_xy, np.float64)
         self.rim = np.array(rim, np.int32)
         self.rim_terms = np.array(rim_terms, np.float64, order="C")
@@ -105,24 +89,18 @@ class FramePoints:
         self.rows = np.array(rows, np.float64, order="C")
         self.inverse = np.array(inverse, np.float64, order="C")
 
-    def place(
-        self, xy: cython.const[cython.double][:, ::1], points: Array, autocorrelation: cython.double = 0.0
-    ) -> None:
-        """Write the points of one frame.
+    def place(self, xy: cython.const[cython.double][:, ::1], autocorrelation: cython.double) -> cython.int:
+        """Write `xy_img` of one frame, where that of the last frame is, if that counts.
 
         xy               (n, 2) float64, px; rows of missing pins are not used
-        points           (n + b, 2) float64, px; those of the last frame, if they count; written
         autocorrelation  of the pins' motion off that of their neighbours with that of the last frame; 0: this
                          frame alone counts
         Raises           ValueError: sizes that do not fit
         """
         n: cython.Py_ssize_t = self.n_pins
-        b: cython.Py_ssize_t = self.around_rest.shape[0]
-        if points is not self.points_array:
-            self.points = self.points_array = points
         out: cython.double[:, ::1] = self.points
-        if xy.shape[0] != n or xy.shape[1] != 2 or out.shape[0] != n + b or out.shape[1] != 2:
-            raise ValueError(f"xy ({n}, 2) and points ({n + b}, 2) are wanted")
+        if xy.shape[0] != n or xy.shape[1] != 2:
+            raise ValueError(f"xy ({n}, 2) is wanted")
         i: cython.Py_ssize_t
         if self.n_missing:
             for i in range(n):
@@ -136,9 +114,8 @@ class FramePoints:
         if self.n_missing:
             self._fill_missing(out)
         self._carry_around(out)
+        return 0
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
     def _fill_missing(self, points: cython.double[:, ::1]) -> cython.void:
         """Put each missing pin to its conditional mean, given the seen ones and what is left of the last
         frame.
@@ -168,8 +145,6 @@ class FramePoints:
             points[i, 0] = left[2 * i]
             points[i, 1] = left[2 * i + 1]
 
-    @cython.cfunc
-    @cython.exceptval(check=False)
     def _carry_around(self, points: cython.double[:, ::1]) -> cython.void:
         """Move the points round the tip with the rim pins."""
         rest: cython.const[cython.double][:, ::1] = self.rest

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from edge.cells.boundary import make_boundary, make_fence, rim_motion
@@ -14,7 +12,7 @@ from edge.cells.points import FramePoints
 from edge.errors import DegenerateLayout
 from edge.geometry.lattice import side_length_of
 from edge.geometry.layout import circumcentres, must_span, spans
-from edge.types import Array, Cells, Index, Rest, Tracks
+from edge.types import Array, Cells, Mask, Rest, Tracks
 
 __all__ = ["Tessellator", "cell_polygons"]
 
@@ -35,18 +33,17 @@ class Tessellator:
         n, b, f = len(xy), len(boundary), len(fence)
         self._rest_img = xy
         motion = rim_motion(xy, rim, boundary, fence, pitch_px)
-        self._frame_points = FramePoints(xy, motion, np.concatenate([boundary, fence]))
-        self._n_boundary = b
+        self._points = FramePoints(xy, motion, np.concatenate([boundary, fence]))
+        # The last frame's, in memory of `_points`.
+        self._area, self._of_pins = self._points.area_px2, self._points.xy_img[:n]
+        self._around = self._points.xy_img[n : n + b]
         self._lost = LostPins(xy, pitch_px)
         self._mesh = Mesh(n, b, f)
-        # The last frame's arrays stay the same objects: kernels need not look at them again.
-        self._points, self._area = np.concatenate([xy, boundary, fence]), np.empty(n)
-        self._of_pins, self._around = self._points[:n], self._points[n : n + b]  # the same memory
         self._rest_area_px2 = np.empty(n)
-        self._mesh.update(self._points, self._rest_area_px2)
+        self._mesh.update(self._points.xy_img, self._rest_area_px2)
         self._rest_area_px2.flags.writeable = False
         self._collapsed_px2 = np.finfo(float).eps ** 0.5 * float(self._rest_area_px2.sum())
-        self._last_counts = False  # whether `_points` are of the frame before
+        self._last_counts = False  # whether those are of the frame before
         self._gap = 0.0
         self._gap_img: Array | None = None
         self._changes = -1
@@ -70,12 +67,17 @@ class Tessellator:
                        `xy_img` is that of the tracks if no pin is lost
         Raises         DegenerateLayout: fewer than 3 visible pins, or all on a line
         """
-        if self._lost.update(tracks.seen):
-            self._frame_points.set_missing(*self._lost.gap)
-            self._gap, self._gap_img = _size_and_place(self._lost.gap, self._rest_img)
+        if tracks.n_seen < len(self._area) or self._gap_img is not None:
+            self._set_lost(tracks.seen)
         autocorrelation, self._last_counts = tracks.autocorrelation if self._last_counts else 0.0, True
-        self._frame_points.place(tracks.xy_img, self._points, autocorrelation)
-        triangles = self._tessellate(tracks)
+        try:
+            changes = self._mesh.follow(self._points, tracks.xy_img, autocorrelation)
+        except DegenerateLayout as error:
+            raise DegenerateLayout(f"{self._seen_of(tracks)}: {error}") from error
+        if not self._mesh.total_area >= self._collapsed_px2:  # rare, or NaN: a cell is not bounded
+            self._must_not_have_collapsed(tracks)
+        if changes != self._changes:
+            self._triangles, self._changes = self._mesh.triangles(), changes
         xy, area = tracks.xy_img, self._area.copy()
         whole: Array | None = None
         if self._gap_img is not None:
@@ -83,7 +85,7 @@ class Tessellator:
             area[self._lost.gap[0]] = np.nan
         # By place: names cost 3,600 instructions a frame.
         around = self._around.copy()
-        return Cells(area, self._rest_area_px2, xy, triangles, around, whole, self._gap, self._gap_img)
+        return Cells(area, self._rest_area_px2, xy, self._triangles, around, whole, self._gap, self._gap_img)
 
     def keep(self, tracks: Tracks) -> None:
         """Make a frame whose cells nobody needs the last one; all of its pins are seen."""
@@ -95,21 +97,15 @@ class Tessellator:
         self._mesh.forget()
         self._last_counts = False
 
-    def _tessellate(self, tracks: Tracks) -> Index:
-        """Write the exact areas of the points of this frame; returns the triangles."""
-        try:
-            changes = self._mesh.update(self._points, self._area)
-        except ValueError as error:
-            raise DegenerateLayout(f"{self._seen_of(tracks)}: {error}") from error
-        total_px2 = self._mesh.total_area
-        if math.isnan(total_px2):  # rare: a cell is not bounded
-            total_px2 = float(np.nansum(self._area)) if spans(self._of_pins) else 0.0
+    def _set_lost(self, seen: Mask) -> None:
+        if self._lost.update(seen):
+            self._points.set_missing(*self._lost.gap)
+            self._gap, self._gap_img = _size_and_place(self._lost.gap, self._rest_img)
+
+    def _must_not_have_collapsed(self, tracks: Tracks) -> None:
+        total_px2 = float(np.nansum(self._area)) if spans(self._of_pins) else 0.0
         if total_px2 < self._collapsed_px2:
             raise DegenerateLayout(f"{self._seen_of(tracks)}: all on a line or at one place")
-        if changes != self._changes:
-            self._triangles = self._mesh.triangles()
-            self._changes = changes
-        return self._triangles
 
     def _seen_of(self, tracks: Tracks) -> str:
         return f"{len(self._area)} pins, {tracks.n_seen} of them seen"

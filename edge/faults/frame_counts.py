@@ -128,18 +128,22 @@ class PinCounts:
         far_n: cython.Py_ssize_t = 0
         bad: cython.bint
         noise: cython.double = 0.0
+        # With local names the loop need not load them again after each number that it writes.
+        rest_img: cython.const[cython.double][:, ::1] = self.rest_img
+        is_bad: cython.uchar[::1] = self.is_bad
+        is_new: cython.uchar[::1] = self.is_new
         for i in range(xy_img.shape[0]):
-            dx: cython.double = xy_img[i, 0] - self.rest_img[i, 0]
-            dy: cython.double = xy_img[i, 1] - self.rest_img[i, 1]
+            dx: cython.double = xy_img[i, 0] - rest_img[i, 0]
+            dy: cython.double = xy_img[i, 1] - rest_img[i, 1]
             far_n += dx * dx + dy * dy > far_px * far_px
             if not isnan(dx):
                 seen_n += 1
                 noise += sigma_px[i]
             bad = not sigma_px[i] <= noisy_px
             bad_n += bad
-            self.is_new[i] = bad and not self.is_bad[i]
-            new_n += self.is_new[i]
-            self.is_bad[i] = bad
+            is_new[i] = bad and not is_bad[i]
+            new_n += is_new[i]
+            is_bad[i] = bad
         mean_px: cython.double = noise / seen_n if seen_n else NAN
         return seen_n, bad_n, new_n, self._holes() if bad_n else 0, far_n, mean_px
 

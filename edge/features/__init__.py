@@ -3,15 +3,13 @@
     plan                  what a demand needs
     extract               the order of the steps, in one call a frame
     contact_detector      is the tip in contact? if not, nothing further is computed
-    pin_motion            motion since rest, pins in the contact, torsion; noise of a pin, by its neighbours
-    area_change           of the cells since rest; the volume
+    pin_motion            motion since rest, pins in the contact, torsion, noise of a pin; areas, volume
     slip, vibration       of the pins in the contact
     modes                 the motion as polynomial coefficients that turn with the tip
     surface               the grid over the tip, and the constant matrices onto it (`quantized_operator`)
     contact_field         a frame's fields on that grid; their volume
     contacts              from the field to the contacts, and where each is, by the pins round it:
-      peaks               regional maxima, and the valleys between them
-      regions             peaks that make one contact; its area and axes
+      regions             peaks, and which of them make one contact; its area and axes
       several             what fits of a few contacts decide; can be left out
     params                every chosen number
 

@@ -119,7 +119,6 @@ class ContactDetector:
         n: cython.Py_ssize_t = self._n
         if xy.shape[0] != n or xy.shape[1] != 2:
             raise ValueError(f"xy ({n}, 2) is wanted")
-        i: cython.Py_ssize_t
         if not self._in_contact:
             return False
         for i in range(n):
@@ -138,10 +137,7 @@ class ContactDetector:
         shift_y: cython.double = self._median_motion(xy, 1)
         if isnan(shift_x) or isnan(shift_y):
             return self._in_contact
-        i: cython.Py_ssize_t
         n: cython.Py_ssize_t = self._n
-        known: cython.Py_ssize_t
-        size: cython.double
         highest: cython.double = 0.0
         self._forget_medians()
         for i in range(n):
@@ -159,9 +155,7 @@ class ContactDetector:
 
     def _highest_mean(self, area_change: Array) -> float:
         """Highest mean over a ring, scaled down where not all of it is known; NaN if no cell is known."""
-        i: cython.Py_ssize_t
         j: cython.Py_ssize_t
-        k: cython.Py_ssize_t
         known: cython.Py_ssize_t
         total: cython.double
         highest: cython.double = 0.0  # times the pins of a ring
@@ -197,7 +191,6 @@ class ContactDetector:
 
         The ring of the highest mean is tried first, then all.
         """
-        i: cython.Py_ssize_t
         at_peak: cython.double = self._clear_sigma / self._raise_sigma * limit
         self._forget_medians()
         for i in range(self._width):
@@ -210,7 +203,6 @@ class ContactDetector:
 
     def _forget_medians(self) -> None:
         """Ring medians of an earlier frame are none of this one."""
-        i: cython.Py_ssize_t
         for i in range(self._n_looked_up):
             self._middle[self._looked_up[i], 0] = NAN
         self._n_looked_up = 0
@@ -218,7 +210,6 @@ class ContactDetector:
     def _median_area_change(self, xy: Array, i: cython.Py_ssize_t) -> float:
         """Area change at pin i by the slope of the ring medians round it."""
         j: cython.Py_ssize_t
-        k: cython.Py_ssize_t
         xx: cython.double = 0.0
         xy_: cython.double = 0.0
         yx: cython.double = 0.0
@@ -235,12 +226,8 @@ class ContactDetector:
 
     def _ring_median(self, xy: Array, i: cython.Py_ssize_t, shift_x: float, shift_y: float) -> int:
         """Median of the motion, less a shift, over ring i, by component; how many of its pins are known."""
-        j: cython.Py_ssize_t
-        k: cython.Py_ssize_t
         to: cython.Py_ssize_t
         known: cython.Py_ssize_t = 0
-        x: cython.double
-        y: cython.double
         for k in range(self._width):
             j = self._ring[i, k]
             x = xy[j, 0] - self._rest[j, 0] - shift_x
@@ -270,7 +257,6 @@ class ContactDetector:
 
     def _median_motion(self, xy: Array, component: cython.Py_ssize_t) -> float:
         """Of the known pins; NaN where fewer than `min_ring_known` are."""
-        i: cython.Py_ssize_t
         known: cython.Py_ssize_t = 0
         for i in range(self._n):
             if isfinite(xy[i, component]):
@@ -282,8 +268,6 @@ class ContactDetector:
         """Move the learnt noise towards that of this untouched frame; `predicted` is the pins' own, in
         pitches.
         """
-        i: cython.Py_ssize_t
-        k: cython.Py_ssize_t
         known: cython.Py_ssize_t = 0
         known_rings: cython.Py_ssize_t = 0
         total: cython.double

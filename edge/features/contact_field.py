@@ -78,7 +78,6 @@ class QuantizedOperator:
 
     def apply_rows(self, which: Index, n: cython.Py_ssize_t) -> None:
         """The first n of `result`: the first n of these rows, (at least n,) int32, times `values`."""
-        p: cython.Py_ssize_t
         step: cython.float = self._quantize()
         row_step: cython.float[::1] = self._row_step
         result: cython.float[::1] = self.result
@@ -101,8 +100,6 @@ class QuantizedOperator:
 
     def _quantize(self) -> float:
         """The values in whole steps; returns the step."""
-        i: cython.Py_ssize_t
-        size: cython.float
         highest: cython.float = 0.0
         values: cython.float[::1] = self.values
         vector: cython.short[::1] = self._vector
@@ -177,7 +174,6 @@ class ContactField:
         """The area changes of a frame, (n,) float64, relative; finite. Raises ValueError: another number."""
         if change.shape[0] != self._n:
             raise ValueError(f"area_change ({self._n},) is wanted")
-        i: cython.Py_ssize_t
         single: cython.float[::1] = self.area_change
         row: cython.float[::1] = self._change_row
         column: cython.Py_ssize_t[::1] = self._column
@@ -194,7 +190,6 @@ class ContactField:
         """
         if xy.shape[0] != self._n or xy.shape[1] != 2:
             raise ValueError(f"xy ({self._n}, 2) is wanted")
-        i: cython.Py_ssize_t
         p: cython.Py_ssize_t
         active: cython.int[::1] = self.active
         height_row: cython.float[::1] = self._height_row
@@ -243,7 +238,6 @@ class ContactField:
         at, out  (k,) int32 and (any,) float64
         Raises   ValueError: sizes that do not fit, a place beyond
         """
-        i: cython.Py_ssize_t
         row: cython.float[::1] = self._height_row
         if at.shape[0] != row.shape[0]:
             raise ValueError(f"at ({row.shape[0]},) is wanted")
@@ -291,11 +285,6 @@ class ContactField:
         rest: cython.const[cython.double][:, ::1] = self._rest
         detrended: cython.float[::1] = self._detrended
         column: cython.Py_ssize_t[::1] = self._column_both
-        i: cython.Py_ssize_t
-        x: cython.double
-        y: cython.double
-        dx: cython.double
-        dy: cython.double
         # Sums, then coefficients, in x and y.
         x0: cython.double = 0.0
         xx: cython.double = 0.0

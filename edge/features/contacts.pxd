@@ -1,8 +1,7 @@
 cimport cython
 from edge.features.contact_field cimport ContactField
-from edge.features.peaks cimport PeakFinder
 from edge.features.pin_motion cimport PinNoise
-from edge.features.regions cimport Regions
+from edge.features.regions cimport PeakFinder, Regions
 
 
 @cython.final

@@ -31,17 +31,15 @@ from edge.features.surface import Surface
 from edge.types import Array, ContactRegion, FittedContact, Mask
 
 if cython.compiled:
-    from cython.cimports.edge.features.peaks import PeakFinder
     from cython.cimports.edge.features.pin_motion import PinNoise
-    from cython.cimports.edge.features.regions import Regions
+    from cython.cimports.edge.features.regions import PeakFinder, Regions
     from cython.cimports.libc.math import NAN, hypot, isnan
 else:
     from math import hypot, isnan
     from math import nan as NAN  # noqa: N812
 
-    from edge.features.peaks import PeakFinder
     from edge.features.pin_motion import PinNoise
-    from edge.features.regions import Regions
+    from edge.features.regions import PeakFinder, Regions
 
 __all__ = ["ContactFinder"]
 
@@ -129,7 +127,6 @@ class ContactFinder:
             self.find_moments()
         fitted = self.fitted.fit(self._xy_array, seen) if regions.n_contacts >= fits else []
         contacts = [self._describe(0, direction, moments, fitted)]
-        i: cython.Py_ssize_t
         for i in range(1, regions.n_contacts):
             contacts.append(self._describe(i, NAN, moments, fitted))
         return tuple(contacts)
@@ -167,10 +164,8 @@ class ContactFinder:
 
     def drop_guesses(self, seen: Mask) -> None:
         """Drop from `regions` the contacts with few seen pins around, (n,) bool, unless no other is left."""
-        i: cython.Py_ssize_t
         n_contacts: cython.Py_ssize_t = self.regions.n_contacts
         n_known: cython.Py_ssize_t = 0
-        share: cython.double
         for i in range(n_contacts):
             share = self.visible_share(seen, self.regions.middle[i, 0], self.regions.middle[i, 1])
             self._kept[i] = 2.0 * share >= 1.0
@@ -180,11 +175,8 @@ class ContactFinder:
 
     def visible_share(self, seen: Mask, x: float, y: float) -> float:
         """Share of the pins round a place at rest, px, that are seen, (n,) bool; 0 where there is none."""
-        i: cython.Py_ssize_t
         n: cython.Py_ssize_t = 0
         n_seen: cython.Py_ssize_t = 0
-        dx: cython.double
-        dy: cython.double
         radius: cython.double = self._visibility_radius_px
         for i in range(self._rest.shape[0]):
             dx = self._rest[i, 0] - x
@@ -196,24 +188,17 @@ class ContactFinder:
 
     def find_places(self) -> None:
         """`place` of each contact: the mean of the pins nearest to its middle, weighted by area change."""
-        i: cython.Py_ssize_t
         n_contacts: cython.Py_ssize_t = self.regions.n_contacts
         for i in range(n_contacts):
             self._find_place(i, n_contacts)
 
     def find_moments(self) -> None:
         """`divergence_moment` and `curl_moment` of each contact, over the points nearest to its middle."""
-        i: cython.Py_ssize_t
         for i in range(self.regions.n_contacts):
             self._find_moments(i, self._find_near(i))
 
     def _find_near(self, i: cython.Py_ssize_t) -> int:
         """The active points round contact i and their weights; how many."""
-        k: cython.Py_ssize_t
-        p: cython.int
-        dx: cython.double
-        dy: cython.double
-        d2: cython.double
         n: cython.Py_ssize_t = 0
         n_contacts: cython.Py_ssize_t = self.regions.n_contacts
         radius: cython.double = self._radius_px(i)
@@ -233,11 +218,6 @@ class ContactFinder:
         return n
 
     def _find_moments(self, i: cython.Py_ssize_t, n: cython.Py_ssize_t) -> None:
-        k: cython.Py_ssize_t
-        dx: cython.double
-        dy: cython.double
-        divergence: cython.double
-        turning: cython.double
         total: cython.double = 0.0
         divergence_x: cython.double = 0.0
         divergence_y: cython.double = 0.0
@@ -268,11 +248,6 @@ class ContactFinder:
     def _find_place(self, i: cython.Py_ssize_t, n_contacts: cython.Py_ssize_t) -> None:
         xy: cython.const[cython.double][:, ::1] = self._xy
         area_change: cython.float[::1] = self.field.area_change
-        p: cython.Py_ssize_t
-        dx: cython.double
-        dy: cython.double
-        d2: cython.double
-        w: cython.double
         total: cython.double = 0.0
         x: cython.double = 0.0
         y: cython.double = 0.0
@@ -297,9 +272,6 @@ class ContactFinder:
         self, x: float, y: float, d2: float, i: cython.Py_ssize_t, n_contacts: cython.Py_ssize_t
     ) -> bool:
         """Whether a place is nearer to another contact's middle than to that of i (squared: d2)."""
-        j: cython.Py_ssize_t
-        dx: cython.double
-        dy: cython.double
         for j in range(n_contacts):
             dx = x - self.regions.middle[j, 0]
             dy = y - self.regions.middle[j, 1]

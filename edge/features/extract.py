@@ -36,11 +36,10 @@ from edge.features.surface import Surface
 from edge.types import Array, Cells, Complex, ContactRegion, Features, Mask, Rest, Tracks
 
 if cython.compiled:
-    from cython.cimports.edge.features.area_change import AreaChange
     from cython.cimports.edge.features.contact_detector import ContactDetector
     from cython.cimports.edge.features.contacts import ContactFinder
     from cython.cimports.edge.features.modes import Modes
-    from cython.cimports.edge.features.pin_motion import PinMotion
+    from cython.cimports.edge.features.pin_motion import AreaChange, PinMotion
     from cython.cimports.edge.features.slip import Slip
     from cython.cimports.edge.features.vibration import Vibration
     from cython.cimports.libc.math import NAN, sqrt
@@ -48,11 +47,10 @@ else:
     from math import nan as NAN  # noqa: N812
     from math import sqrt
 
-    from edge.features.area_change import AreaChange
     from edge.features.contact_detector import ContactDetector
     from edge.features.contacts import ContactFinder
     from edge.features.modes import Modes
-    from edge.features.pin_motion import PinMotion
+    from edge.features.pin_motion import AreaChange, PinMotion
     from edge.features.slip import Slip
     from edge.features.vibration import Vibration
 

@@ -114,7 +114,6 @@ class Modes:
         Returns  (21,) complex128 px, terms `MODE_NAMES`
         Raises   ValueError: motion that is not finite
         """
-        j: cython.Py_ssize_t
         if seen is None or self._are_all(seen):
             self._fit_all(motion)
         else:
@@ -128,7 +127,6 @@ class Modes:
         return result
 
     def _are_all(self, seen: Mask) -> bool:
-        i: cython.Py_ssize_t
         for i in range(self._n):  # noqa: SIM110
             if not seen[i]:
                 return False
@@ -137,7 +135,6 @@ class Modes:
     def _fit_all(self, motion: Array) -> None:
         """Coefficients over all pins."""
         sums: cython.float[:, ::1] = self._sums
-        j: cython.Py_ssize_t
         m: cython.Py_ssize_t
         self._sum_all(motion)
         for j in range(self._k):  # of real part r and imaginary part i: r - i i, and r + i i of the conjugate
@@ -156,10 +153,7 @@ class Modes:
         of_x: cython.float[24] = [0.0] * 24
         of_y: cython.float[24] = [0.0] * 24
         rows: cython.const[cython.float][:, ::1] = self._rows
-        i: cython.Py_ssize_t
         j: cython.Py_ssize_t
-        x: cython.float
-        y: cython.float
         for i in range(self._n):
             x = cython.cast(cython.float, motion[i, 0])
             y = cython.cast(cython.float, motion[i, 1])
@@ -172,8 +166,6 @@ class Modes:
 
     def _sum_seen(self, motion: Array, seen: Mask) -> None:
         """Sums over the seen pins of conj(basis) times motion."""
-        i: cython.Py_ssize_t
-        j: cython.Py_ssize_t
         for j in range(self._k):
             self._sum_re[j] = 0.0
             self._sum_im[j] = 0.0
@@ -185,7 +177,6 @@ class Modes:
 
     def _subtract_lost(self, seen: Mask) -> None:
         """The equations of the seen pins: those of all, less those of the lost ones; lower triangle."""
-        i: cython.Py_ssize_t
         r: cython.Py_ssize_t
         c: cython.Py_ssize_t
         p: cython.double

@@ -1,4 +1,5 @@
-"""Motion of the pins: mean, the pins in the contact, torsion, and what a rigid load does not explain.
+"""Motion of the pins, and area changes of their cells: mean motion, the pins in the contact, torsion, what a
+rigid load does not explain; volume.
 
 Mean motion is the paper's global shear.
 
@@ -10,6 +11,16 @@ contact).
 A step of the motion, from one frame to a later one, is split into a plane in each component (translation,
 rotation and linear strain, which a load on sticking skin explains) and the residual, which `slip` tests.
 
+A lost pin's cell changes as the skin between its neighbours does: by the determinant of the motion's
+gradient.
+
+The volume is the paper's, the integral of the surface through the area changes. The pins' cells at rest tile
+the tip, so the sum over them is that integral; a grid adds nothing (docs/tuning.md, "Volume"). With a fixed
+boundary the areas sum to a constant and so does the plain integral. The volume is therefore that of the
+compressed (positive) part. Rectified noise has a positive mean: changes below the noise's threshold count as
+zero, those above twice the threshold in full (firm shrinkage; Gao and Bruce, WaveShrink with firm shrinkage,
+Statistica Sinica 7, 1997), so that an untouched tip has volume zero and a pressed one no bias.
+
 A kernel: compiled by Cython (see setup.py), and the same when it is not.
 """
 
@@ -20,7 +31,7 @@ from __future__ import annotations
 import cython
 import numpy as np
 
-from edge.geometry.lattice import residual_stencil
+from edge.geometry.lattice import residual_stencil, slope_stencil
 from edge.geometry.neighbours import weighted_rows
 from edge.geometry.select import SIGMA_OF_MAD
 from edge.types import Array, Mask, Rest
@@ -84,7 +95,6 @@ class PinMotion:
         n: cython.Py_ssize_t = self._n
         if xy.shape[0] != n or xy.shape[1] != 2 or sigma_px.shape[0] != n:
             raise ValueError(f"xy ({n}, 2) and sigma_px ({n},) are wanted")
-        i: cython.Py_ssize_t
         n_seen: cython.Py_ssize_t = 0
         x: cython.double = 0.0
         y: cython.double = 0.0
@@ -116,11 +126,7 @@ class PinMotion:
         least        smallest area change that counts as compressed, 0 or more; all pins are in the contact
                      when nothing is compressed
         """
-        i: cython.Py_ssize_t
         n_pins: cython.Py_ssize_t = 0
-        c: cython.double
-        u: cython.double
-        v: cython.double
         total: cython.double = 0.0
         x: cython.double = 0.0
         y: cython.double = 0.0
@@ -167,7 +173,6 @@ class PinMotion:
         rows: cython.int[::1] = self.pins
         motion: cython.double[:, ::1] = self.motion
         i: cython.Py_ssize_t
-        p: cython.Py_ssize_t
         used: cython.Py_ssize_t = 0
         x: cython.double = 0.0
         y: cython.double = 0.0
@@ -183,10 +188,6 @@ class PinMotion:
         y /= used
         re: cython.double = 0.0
         im: cython.double = 0.0
-        bx: cython.double
-        by: cython.double
-        ax: cython.double
-        ay: cython.double
         for p in range(self.n_pins):  # conj(before) after; a common shift of `after` cancels
             i = rows[p]
             if not isnan(motion[i, 0]):
@@ -205,8 +206,6 @@ class PinMotion:
         least_rel    share of the sum of the changes' sizes that the size of their sum exceeds then
         """
         rows: cython.int[::1] = self.pins
-        p: cython.Py_ssize_t
-        change: cython.double
         total: cython.double = 0.0
         size: cython.double = 0.0
         for p in range(self.n_pins):
@@ -226,7 +225,6 @@ class PinMotion:
         now: cython.double[:, ::1] = self.motion
         disc: cython.double[:, ::1] = self._disc
         i: cython.Py_ssize_t
-        p: cython.Py_ssize_t
         used: cython.Py_ssize_t = 0
         dx: cython.double
         dy: cython.double
@@ -274,8 +272,6 @@ class PinMotion:
         r: cython.Py_ssize_t
         c: cython.Py_ssize_t
         row: cython.Py_ssize_t
-        pivot: cython.double
-        factor: cython.double
         g[1, 0], g[2, 0], g[2, 1] = g[0, 1], g[0, 2], g[1, 2]
         for r in range(3):
             pivot = g[r, r]
@@ -286,6 +282,76 @@ class PinMotion:
                     factor = g[row, r]
                     for c in range(r, 5):
                         g[row, c] -= factor * g[r, c]
+
+
+@cython.final
+@cython.cclass
+class AreaChange:
+    """Area changes of one frame of one tip with n pins; `values` (n,) float64, good until the next frame.
+
+    rest_xy, pitch_px  (n, 2) px, and their pitch
+    rest_area_px2      (n,) of each pin's cell at rest
+    Raises             ValueError: sizes that do not fit
+    """
+
+    def __init__(self, rest_xy: Array, pitch_px: float, rest_area_px2: Array) -> None:
+        n = len(rest_xy)
+        if rest_xy.shape != (n, 2) or rest_area_px2.shape != (n,):
+            raise ValueError(f"rest_xy (n, 2) and rest_area_px2 (n,) are wanted, not {rest_area_px2.shape}")
+        self._n = n
+        self._rest = np.ascontiguousarray(rest_xy, np.float64)
+        self._rest_area = np.array(rest_area_px2, np.float64)
+        self._inverse_area = 1.0 / rest_area_px2
+        self._ring, self._slope = slope_stencil(rest_xy, pitch_px)
+        self.values = np.zeros(n)
+
+    def since_rest(self, area_px2: Array, out: Array) -> None:
+        """Relative change of each cell's area, written to `out`; NaN where lost.
+
+        area_px2, out  (n,) float64
+        Raises         ValueError: another number of cells
+        """
+        if area_px2.shape[0] != self._n:
+            raise ValueError(f"area_px2 ({self._n},) is wanted")
+        for i in range(self._n):
+            out[i] = area_px2[i] * self._inverse_area[i] - 1.0
+
+    def fill(self, change: Array, xy: Array) -> None:
+        """`values`: the area changes, gaps filled.
+
+        change  (n,) float64, relative; NaN where lost
+        xy      (n, 2) float64 px, where the pins are; finite
+        """
+        for i in range(self._n):
+            self.values[i] = change[i]
+            if isnan(change[i]):
+                self.values[i] = self._between(xy, i)
+
+    def volume(self, threshold: float) -> float:
+        """Integral of the compressed part of `values`, px2; changes below the threshold are noise."""
+        total: cython.double = 0.0
+        for i in range(self._n):
+            ramp = self.values[i] - threshold
+            if ramp > 0.0:
+                total += self._rest_area[i] * min(ramp + ramp, self.values[i])
+        return total
+
+    def _between(self, xy: Array, i: cython.Py_ssize_t) -> float:
+        """Area change at pin i by the motion of its ring: the determinant of the gradient, less 1."""
+        j: cython.Py_ssize_t
+        xx: cython.double = 0.0
+        xy_: cython.double = 0.0
+        yx: cython.double = 0.0
+        yy: cython.double = 0.0
+        for k in range(self._ring.shape[1]):
+            j = self._ring[i, k]
+            x = xy[j, 0] - self._rest[j, 0]
+            y = xy[j, 1] - self._rest[j, 1]
+            xx += self._slope[i, 0, k] * x
+            xy_ += self._slope[i, 1, k] * x
+            yx += self._slope[i, 0, k] * y
+            yy += self._slope[i, 1, k] * y
+        return (1.0 + xx) * (1.0 + yy) - xy_ * yx - 1.0
 
 
 @cython.final

@@ -99,7 +99,6 @@ class Slip:
         area_change  (n,) float64, relative, since rest; NaN where lost, or unknown
         sigma_px     noise of one coordinate of one pin in one frame
         """
-        i: cython.Py_ssize_t
         at: cython.Py_ssize_t = self._n_kept % self._span
         self.slip_px = 0.0
         if self._n_kept > 0:
@@ -137,8 +136,6 @@ class Slip:
         """Choose the pins of the core, an eighth of the contact or one, and those around it."""
         motion: cython.double[:, ::1] = self._motion.motion
         pins: cython.int[::1] = self._motion.pins
-        i: cython.Py_ssize_t
-        p: cython.Py_ssize_t
         for i in range(self._n):
             self._begin[i, 0] = motion[i, 0]
             self._begin[i, 1] = motion[i, 1]
@@ -211,8 +208,6 @@ class Slip:
 
     def _mean_step(self, d: cython.Py_ssize_t, rows: Index, n: cython.Py_ssize_t) -> float:
         """Mean of the first n of these pins' step since the path began, in x or y; NaN: none is seen."""
-        p: cython.Py_ssize_t
-        step: cython.double
         total: cython.double = 0.0
         used: cython.double = 0.0
         for p in range(n):
@@ -225,19 +220,11 @@ class Slip:
     def _evaluate(self) -> None:
         """Likelihood of each share, from the path."""
         k: cython.Py_ssize_t
-        p: cython.Py_ssize_t
         n: cython.Py_ssize_t = self._n_path
         s: cython.double[::1] = self._s
         q: cython.double[::1] = self._q
         weight: cython.double[::1] = self._weight
         curve: cython.double[::1] = self._curve
-        of_s: cython.double
-        of_model: cython.double
-        sticks: cython.double
-        along: cython.double
-        across: cython.double
-        factor: cython.double
-        square: cython.double
         least: cython.double = HUGE_VAL
         for p in range(n):
             of_s = q[p] / s[p] * self._noise_s
@@ -257,7 +244,6 @@ class Slip:
                 square += (q[p] - factor * curve[p]) ** 2 * weight[p]
             self._square[k] = square
             least = min(least, square)
-        likelihood: cython.double
         total: cython.double = 0.0
         most: cython.double = 0.0
         mean: cython.double = 0.0

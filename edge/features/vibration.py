@@ -106,10 +106,7 @@ class Vibration:
         gain: cython.double = 0.5 * (1.0 + pole)
         held_n: cython.Py_ssize_t = 0
         total: cython.double = 0.0
-        once: cython.double
-        twice: cython.double
         axis: cython.Py_ssize_t
-        k: cython.Py_ssize_t
         i: cython.Py_ssize_t
         for k in range(n_pins):
             i = pins[k]
@@ -133,7 +130,6 @@ class Vibration:
         twice: cython.double
         axis: cython.Py_ssize_t
         i: cython.Py_ssize_t
-        k: cython.Py_ssize_t
         for axis in range(2):
             once = twice = 0.0
             for k in range(n_pins if held_n else 0):

@@ -44,7 +44,7 @@ class LatticeParams:
 
     longest_edge: float = 1.6  # pins further apart are no neighbours: there is a bay of the hull
     near_width: float = 1.6  # of the Gaussian weight
-    distance_min: float = 0.5  # no two tracks come nearer; pins nearer at rest, than this share of it
+    distance_min: float = 0.5  # no two tracks come nearer, against their distance at rest where that is less
 
 
 PARAMS = LatticeParams()
@@ -135,7 +135,8 @@ class Lattice:
     weight           (n, 18) of these by distance, zero from the third ring on
     local_pitch_px   (n,) distance to the next pin, a median over the neighbourhood: the unit of all
                      thresholds
-    distance_min_px  (e,) that the tracks of an edge's pins keep
+    pairs            (p, 2) int32, each pin and its first ring, each pair once
+    distance_min_px  (p,) that the tracks of such a pair keep
     """
 
     def __init__(self, rest_xy: Array, pitch_px: float) -> None:
@@ -160,9 +161,13 @@ class Lattice:
         # mistaken for.
         nearest_px = distance[:, 0] * pitch_px
         self.local_pitch_px: Array = np.median(nearest_px[near[:, :N_RING]], axis=1)
-        apart, least = np.hypot(*along.T), PARAMS.distance_min * pitch_px
-        # Pins that are closer at rest may stay close.
-        self.distance_min_px = np.where(apart > least, least, PARAMS.distance_min * apart)
+        # Pins that are close at rest may stay close.
+        ring = self.near[:, :N_RING]
+        pin = np.repeat(np.arange(n, dtype=np.int32), ring.shape[1])
+        both = np.sort(np.stack([pin, ring.ravel()], axis=1))
+        self.pairs, first = np.unique(both, axis=0, return_index=True)
+        apart = distance[:, :N_RING].ravel()[first]
+        self.distance_min_px = PARAMS.distance_min * np.minimum(1.0, apart) * pitch_px
 
 
 def _edges(xy: Array, longest: float) -> Index:

@@ -4,6 +4,7 @@ An unknown value is NaN, never 0. Without trusted identities, or without a resul
 status bits and time, no values.
 """
 
+from itertools import starmap
 from math import nan
 from typing import Any
 
@@ -67,6 +68,6 @@ def to_state(
             frame["pins_tracked"] = tracks.n_seen / n
         if len(found):
             frame["contact_n"] = len(found)
-            frame["contacts"] = tuple([Contact(*row) for row in found[:CONTACTS_MAX].tolist()])
+            frame["contacts"] = tuple(starmap(Contact, found[:CONTACTS_MAX].tolist()))
     frame["status"] = status_of(status)
     return State.of(frame)

@@ -9,7 +9,7 @@ Rules
 - Nothing is configured: size, spacing and brightness come from the image.
 - Detection (`blobs`, `pattern`, `partial`, `detect`) may read every pixel; `refine` reads windows only.
   Both end in the same estimator (`centroids`), so a pin has one position whichever way it was found; which
-  of the followed pins count is decided over all of them (`rejection`).
+  of the followed pins count is decided there, over all of them.
 """
 
 from edge.pins.detect import detect, inspect_image, learn_pattern, to_grey

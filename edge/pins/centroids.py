@@ -18,7 +18,7 @@ Rules
 - Dark pins are bright ones in the inverted image, whose sums follow from the image's own: the result is the
   same to the last bit.
 - A pin that the image's border cuts takes its steps alone, by what there is of its templates.
-- Which of the centroids count is decided afterwards, over all pins (`rejection`).
+- Which of the centroids count is decided afterwards, over all pins (`CentroidFilter`).
 """
 
 # mypy: disable-error-code="untyped-decorator,valid-type,index,attr-defined,assignment"
@@ -34,6 +34,8 @@ from edge.pins.window_sums import FETCH, KIND
 from edge.types import Array, Image, Index
 
 if cython.compiled:
+    from cython.cimports.edge.geometry.neighbours import Separation
+    from cython.cimports.edge.geometry.select import select_kth
     from cython.cimports.edge.pins.centroid_steps import (
         D2,
         LONGEST,
@@ -46,13 +48,15 @@ if cython.compiled:
         take_step,
         take_steps,
     )
-    from cython.cimports.edge.pins.rejection import CentroidFilter
     from cython.cimports.edge.pins.window_sums import Fetch, Kind, Windows, sum_window, windows_of
-    from cython.cimports.libc.math import HUGE_VAL, sqrt
+    from cython.cimports.libc.math import HUGE_VAL, NAN, isnan, sqrt
 else:
     from math import inf as HUGE_VAL  # noqa: N812
-    from math import sqrt
+    from math import isnan, sqrt
+    from math import nan as NAN  # noqa: N812
 
+    from edge.geometry.neighbours import Separation
+    from edge.geometry.select import select_kth
     from edge.pins.centroid_steps import (
         D2,
         LONGEST,
@@ -64,12 +68,182 @@ else:
         take_step,
         take_steps,
     )
-    from edge.pins.rejection import CentroidFilter
     from edge.pins.window_sums import sum_window, windows_of
 
 INT_MAX = cython.declare(cython.Py_ssize_t, np.iinfo(np.int32).max)
 N_PHASES = cython.declare(cython.int, PHASES)
 LEVEL_MAX = cython.declare(cython.int, STEP_MAX)
+#: Pins are compared in their order along (1, slant), turned and scaled: along x, whole columns of a lattice
+#: would come together.
+_SLANT = cython.declare(cython.double, 0.3)
+
+
+@cython.cclass
+class CentroidFilter:
+    """Rejects those of the n centroids of one tip that do not count: spots unlike their pin, two on a blob.
+
+    The disc must explain enough of its window, and be bright enough beside the pin at rest. Illumination may
+    have changed for all pins at once: brightness is compared after the gain that they share. Of a pair closer
+    than their clash distance the one that moved further from its prediction is lost.
+
+    rest_amplitude  (n,) float64, levels
+    share_min       of its window's variation that the disc has to explain, and of the amplitude at rest that
+                    is left after the common gain
+    clash_px        two centroids nearer than this lie on one blob
+    """
+
+    n: cython.Py_ssize_t
+    share_min: cython.double
+    scale: cython.double
+    clash_slanted: cython.double
+    rest_amplitude: cython.double[::1]
+    ratio: cython.double[::1]
+    along: cython.double[::1]
+    x: cython.double[::1]
+    y: cython.double[::1]
+    order: cython.int[::1]
+    separation: Separation
+
+    def __init__(self, rest_amplitude: Array, share_min: float, clash_px: float) -> None:
+        self.rest_amplitude = np.array(rest_amplitude, np.float64)
+        self.n = self.rest_amplitude.shape[0]
+        self.share_min = share_min
+        self.scale = (1.0 + _SLANT * _SLANT) ** 0.5
+        self.clash_slanted = clash_px * self.scale
+        self.ratio = np.empty(self.n)
+        self.order = np.arange(self.n, dtype=np.int32)
+        self.along = np.empty(self.n)
+        self.x, self.y = np.empty(self.n), np.empty(self.n)  # slanted, of the pins in that order
+        self.separation = Separation(self.n)
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def reject(
+        self,
+        xy: cython.double[:, ::1],
+        sigma: cython.double[::1],
+        amplitude: cython.const[cython.double][::1],
+        fit: cython.const[cython.double][::1],
+        predicted: cython.const[cython.double][:, ::1],
+    ) -> cython.void:
+        """NaN in xy and sigma of the pins that do not count.
+
+        xy, sigma, amplitude, fit  of `CentroidKernel`; xy and sigma are written
+        predicted                  (n, 2) px
+        """
+        i: cython.Py_ssize_t
+        m: cython.Py_ssize_t = 0
+        gain: cython.double
+        low: cython.double = HUGE_VAL
+        high: cython.double = 0.0
+        for i in range(self.n):
+            if fit[i] > self.share_min:
+                gain = amplitude[i] / self.rest_amplitude[i]
+                low = gain if gain < low else low
+                high = gain if gain > high else high
+                self.ratio[m] = gain
+                m += 1
+            else:
+                xy[i, 0] = xy[i, 1] = sigma[i] = NAN
+        if not low > self.share_min * high:  # else none is too dim, whatever the gain
+            self._reject_dim(xy, sigma, amplitude, m)
+        if not self.separation.holds(xy):
+            self._sort(xy)
+            self._reject_clashes(xy, sigma, predicted)
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _reject_dim(
+        self,
+        xy: cython.double[:, ::1],
+        sigma: cython.double[::1],
+        amplitude: cython.const[cython.double][::1],
+        m: cython.Py_ssize_t,
+    ) -> cython.void:
+        """The pins that are too dim beside the gain, the median of the first m of `ratio`, are lost."""
+        i: cython.Py_ssize_t
+        gain: cython.double = select_kth(self.ratio, m, m // 2) if m else 1.0
+        least: cython.double = self.share_min * gain
+        for i in range(self.n):
+            if amplitude[i] < least * self.rest_amplitude[i]:
+                xy[i, 0] = xy[i, 1] = sigma[i] = NAN
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _sort(self, xy: cython.const[cython.double][:, ::1]) -> cython.void:
+        """`order` by `along`, lost pins last. It is kept from image to image, so it is nearly sorted
+        already.
+        """
+        along: cython.double[::1] = self.along
+        order: cython.int[::1] = self.order
+        i: cython.Py_ssize_t
+        j: cython.Py_ssize_t
+        who: cython.int
+        for i in range(self.n):
+            along[i] = HUGE_VAL if isnan(xy[i, 0]) else xy[i, 0] + _SLANT * xy[i, 1]
+        for i in range(1, self.n):
+            who = order[i]
+            j = i
+            while j > 0 and along[order[j - 1]] > along[who]:
+                order[j] = order[j - 1]
+                j -= 1
+            order[j] = who
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _reject_clashes(
+        self,
+        xy: cython.double[:, ::1],
+        sigma: cython.double[::1],
+        predicted: cython.const[cython.double][:, ::1],
+    ) -> cython.void:
+        """Of two pins on one blob the one that moved further is lost."""
+        x: cython.double[::1] = self.x
+        y: cython.double[::1] = self.y
+        i: cython.Py_ssize_t
+        j: cython.Py_ssize_t
+        m: cython.Py_ssize_t = 0  # of the pins that are not lost, which come first in order
+        dx: cython.double
+        dy: cython.double
+        distance2: cython.double
+        clash: cython.double = self.clash_slanted
+        nearest2: cython.double = HUGE_VAL  # of two that do not clash
+        while m < self.n and self.along[self.order[m]] < HUGE_VAL:
+            x[m] = self.along[self.order[m]]
+            y[m] = xy[self.order[m], 1] - _SLANT * xy[self.order[m], 0]
+            m += 1
+        for i in range(m):
+            for j in range(i + 1, m):
+                dx = x[j] - x[i]
+                if dx * dx > nearest2:
+                    break
+                dy = y[j] - y[i]  # NaN where one is lost by now
+                distance2 = dx * dx + dy * dy
+                if distance2 <= clash * clash:
+                    self._reject_one(xy, sigma, predicted, i, j)
+                elif distance2 < nearest2:
+                    nearest2 = distance2
+        self.separation.renew(xy, (sqrt(nearest2) - clash) / self.scale)
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _reject_one(
+        self,
+        xy: cython.double[:, ::1],
+        sigma: cython.double[::1],
+        predicted: cython.const[cython.double][:, ::1],
+        i: cython.Py_ssize_t,
+        j: cython.Py_ssize_t,
+    ) -> cython.void:
+        """The i-th or the j-th in order: the one that moved further."""
+        a: cython.Py_ssize_t = self.order[i]
+        b: cython.Py_ssize_t = self.order[j]
+        went2: cython.double = square(xy[a, 0] - predicted[a, 0], xy[a, 1] - predicted[a, 1])
+        if not went2 > square(xy[b, 0] - predicted[b, 0], xy[b, 1] - predicted[b, 1]):
+            i = j
+        self.y[i] = NAN
+        i = self.order[i]
+        xy[i, 0] = xy[i, 1] = sigma[i] = NAN
 
 
 @cython.final
@@ -77,16 +251,19 @@ LEVEL_MAX = cython.declare(cython.int, STEP_MAX)
 class CentroidKernel:
     """Centroids of the n pins of one tip. All arrays are good until the next image.
 
+    predicted       (n, 2) px, where pins are to be searched for; to be written
     xy, sigma       (n, 2) and (n,) px; NaN where a pin is lost
     amplitude, fit  (n,) levels, and the share of the window's variation that the disc explained
     """
 
+    predicted = cython.declare(object, visibility="readonly")
     xy = cython.declare(object, visibility="readonly")
     sigma = cython.declare(object, visibility="readonly")
     amplitude = cython.declare(object, visibility="readonly")
     fit = cython.declare(object, visibility="readonly")
     n: cython.Py_ssize_t
-    _xy: cython.double[:, ::1]  # the same memory
+    _predicted: cython.double[:, ::1]  # the same memory
+    _xy: cython.double[:, ::1]
     _sigma: cython.double[::1]
     _amplitude: cython.double[::1]
     _fit: cython.double[::1]
@@ -119,8 +296,6 @@ class CentroidKernel:
     _values: cython.short[::1]  # of the templates
     _uv: cython.schar[::1]
     _norms: cython.double[:, ::1]
-    _predicted: cython.double[:, ::1]
-    _predicted_array: object  # the same memory
     _filter: CentroidFilter
     _pixels: cython.uchar[::1]
     _window: cython.short[::1]
@@ -170,6 +345,7 @@ class CentroidKernel:
         self._near2, self._far2 = (limits["near_phases"] / PHASES) ** 2, FAR_PX**2
         self._share_min = limits["share_min"]
         self._filter = CentroidFilter(rest_amplitude, limits["share_min"], limits["clash_px"])
+        self.predicted = self._predicted = np.full((self.n, 2), np.nan)
         self.xy = self._xy = np.full((self.n, 2), np.nan)
         self.sigma = self._sigma = np.full(self.n, np.nan)
         self.amplitude = self._amplitude = np.full(self.n, np.nan)
@@ -178,18 +354,12 @@ class CentroidKernel:
         self._pixels = np.zeros(plane_max + 2 * HALF_MAX + LANES, np.uint8)
         self._window = np.zeros(plane_max, np.int16)
         self._sums = np.zeros(NORM.index("inv_d"))
-        self._predicted_array = None
         self._normal = np.empty((4, 5))
         self._inverse = np.empty((4, 4))
         self._basis = np.empty(4)
 
-    def read(self, image: Image, predicted: Array) -> None:
-        """Find the pins of one image.
-
-        image      (h, w) uint8 or uint16
-        predicted  (n, 2) float64, px
-        Raises     ValueError: another kind of image, another number of predictions
-        """
+    def read(self, image: Image) -> None:
+        """Find the pins of one image (h, w) uint8 or uint16. Raises ValueError: another kind of image."""
         if image.dtype == np.uint8 and image.ndim == 2:
             self._wide = False
             self._image8 = image
@@ -202,10 +372,6 @@ class CentroidKernel:
             self._set_shape(self._image16.shape[0], self._image16.shape[1], 0)
         else:
             raise ValueError(f"image of {image.ndim} axes, {image.dtype}: 2 axes, uint8 or uint16 wanted")
-        if predicted is not self._predicted_array:  # to take an array costs 2,000 instructions
-            self._predicted = self._predicted_array = predicted
-        if self._predicted.shape[0] != self.n or self._predicted.shape[1] != 2:
-            raise ValueError(f"predictions of {self.n} pins are wanted, not of {self._predicted.shape[0]}")
         self._read()
         self._filter.reject(self._xy, self._sigma, self._amplitude, self._fit, self._predicted)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from edge.geometry.lens import corrected, magnification, seen
@@ -13,7 +15,12 @@ from edge.types import Array, Image, Pins, Rest
 
 
 class CentroidRefiner:
-    """Reads the pins of `rest` in image after image, each near where it is predicted."""
+    """Reads the pins of `rest` in image after image, each near where it is predicted.
+
+    predicted  (n, 2) px, where pins are to be searched for; to be written before `read`
+    found      what `read` found there; row i is pin i, NaN where there is none
+    Both are the same arrays in all frames.
+    """
 
     def __init__(self, rest: Rest, params: PinParams = PARAMS) -> None:
         self._lens = rest.pattern.lens
@@ -42,27 +49,35 @@ class CentroidRefiner:
             pattern.dark,
         )
         kernel = self._kernel
-        self._pins = Pins(kernel.xy, kernel.sigma, radius, kernel.amplitude)  # the kernel's memory
+        self.predicted: Array = kernel.predicted
+        self.found = Pins(kernel.xy, kernel.sigma, radius, kernel.amplitude)
+        self.read: Callable[[Image], None] = kernel.read
+        if self._lens is not None:  # the kernel's are as the camera sees them
+            self.predicted = kernel.predicted.copy()
+            self.found = Pins(kernel.xy.copy(), kernel.sigma.copy(), radius, kernel.amplitude)
+            self.read = self._read_through_lens
 
     def refine(self, image: Image, xy_img_predicted: Array) -> Pins:
-        """Centroid of each pin near its prediction; row i is pin i, NaN where there is none.
+        """Centroid of each pin near its prediction, in arrays of its own.
 
         image             (h, w) uint8 or uint16
         xy_img_predicted  (n, 2) float64, px; within half a pitch of the truth; NaN gives NaN
         Raises            ValueError: another image or another number of predictions
         """
-        pins = self.read(image, xy_img_predicted)
+        if xy_img_predicted.shape != self.predicted.shape:
+            raise ValueError(f"predictions {self.predicted.shape} are wanted, not {xy_img_predicted.shape}")
+        self.predicted[:] = xy_img_predicted
+        self.read(image)
+        pins = self.found
         return Pins(pins.xy_img.copy(), pins.sigma_px.copy(), pins.radius_px, pins.brightness.copy())
 
-    def read(self, image: Image, xy_img_predicted: Array) -> Pins:
-        """As `refine`, but the arrays are good until the next image: for a frame's hot path."""
-        predicted = xy_img_predicted if self._lens is None else seen(self._lens, xy_img_predicted)
-        self._kernel.read(image, np.ascontiguousarray(predicted, np.float64))
-        pins = self._pins
-        if self._lens is None:
-            return pins
-        xy, sigma = corrected(self._lens, pins.xy_img), pins.sigma_px * self._magnification
-        return Pins(xy, sigma, pins.radius_px, pins.brightness)
+    def _read_through_lens(self, image: Image) -> None:
+        kernel, lens = self._kernel, self._lens
+        assert lens is not None
+        kernel.predicted[:] = seen(lens, self.predicted)
+        kernel.read(image)
+        self.found.xy_img[:] = corrected(lens, kernel.xy)
+        self.found.sigma_px[:] = kernel.sigma * self._magnification
 
     @property
     def fit(self) -> Array:

@@ -33,6 +33,7 @@ class _About(msgspec.Struct):
 
     sequence: Annotated[int, msgspec.Meta(ge=0, le=_SEQUENCE_MAX)]
     capture_ns: Annotated[int, msgspec.Meta(ge=0, le=_TIME_MAX_NS)]
+    clock: Clock = Clock.RECORDED
     bits: Annotated[int, msgspec.Meta(ge=1, le=16)] | None = None
 
 

@@ -51,7 +51,7 @@ def symmetry_of(rest: Rest) -> RestSymmetry:
     pattern = rest.pattern
     all_seen = np.ones(len(rest), dtype=np.bool_)
     try:
-        cells = Tessellator(rest).cells(Tracks(rest.xy_img, rest.pins.sigma_px, all_seen, 1.0))
+        cells = Tessellator(rest).cells(Tracks.of(rest.xy_img, rest.pins.sigma_px, all_seen))
     except DegenerateLayout:
         return RestSymmetry(0.0, 0.0)
     place = np.asarray((rest.xy_img - pattern.centre_img) / pattern.tip_radius_px @ (1, 1j))

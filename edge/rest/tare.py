@@ -157,7 +157,7 @@ def _begins(rest: Rest, first: Pins, last: Pins) -> TareRefused | None:
     before = Rest(replace(rest.pins, xy_img=np.where(seen[:, None], first.xy_img, rest.xy_img)), rest.pattern)
     xy = np.where(seen[:, None], last.xy_img, np.nan)
     sigma = np.where(seen, last.sigma_px, np.nan)
-    if _touch_sigmas(before, Tracks(xy, sigma, seen, 1.0)):
+    if _touch_sigmas(before, Tracks.of(xy, sigma, seen)):
         return TareRefused(Reason.UNSTEADY, "a touch began or ended while the rest frame was taken", LET_GO)
     return None
 

@@ -60,7 +60,7 @@ class LoopDevice:
         self._loop.request_tare(force)
 
     def rest_frame(self) -> Mapping[str, int | float | str | bytes]:
-        outcome = self._loop.tare_outcome
+        outcome = self._loop.measurement.tare.outcome
         return {
             "rest_frame_request_n": outcome.number,
             "rest_frame_state": outcome.state,
@@ -87,7 +87,7 @@ class LoopDevice:
 
     def set_features(self, names: frozenset[str]) -> None:
         demand = frozenset(Feature(name) for name in names) | self._extra
-        self._loop.post(lambda: self._loop.set_demand(demand))
+        self._loop.post(lambda: self._loop.measurement.set_demand(demand))
 
     def reboot(self) -> None:
         self.reboot_wanted = True

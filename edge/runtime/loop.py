@@ -39,12 +39,12 @@ from edge.link.sample import to_state
 from edge.link.sinks import Sink
 from edge.params import PARAMS as RUNTIME
 from edge.recording.session import RecordingSession
-from edge.rest.request import TareOutcome, TareRequest
+from edge.rest.request import TareRequest
 from edge.runtime.board_monitor import BoardMonitor
 from edge.runtime.measurement import LoopConfig, Measurement
 from edge.runtime.statistics import LoopStatistics, StatisticsCollector
 from edge.runtime.systemd import Notifier
-from edge.types import Clock, Feature, Frame, FrameSource, LiveSource, Result
+from edge.types import Clock, Frame, FrameSource, LiveSource, Result
 from hostlink.wire import State, Status
 
 __all__ = ["Loop", "LoopConfig", "ResultCallback"]
@@ -144,11 +144,6 @@ class Loop:
         """
         return self.measurement.tare.ask(force, calibration, store)
 
-    @property
-    def tare_outcome(self) -> TareOutcome:
-        """Outcome of the last request for a rest frame."""
-        return self.measurement.tare.outcome
-
     def stop(self) -> None:
         """End the loop after the current frame. May be called from a signal handler; closes nothing."""
         self._stop.set()
@@ -191,26 +186,9 @@ class Loop:
         return self.measurement.in_contact
 
     @property
-    def taring(self) -> bool:
-        """Whether a rest frame is being taken."""
-        return self.measurement.tare.busy
-
-    @property
     def tares_n(self) -> int:
         """Rest frames taken since the start."""
         return self.measurement.tares_n
-
-    def forget_drift(self) -> None:
-        """Measure from the rest frame as it was taken, until drift is learnt again."""
-        self.measurement.forget_drift()
-
-    def set_demand(self, demand: frozenset[Feature]) -> None:
-        """Compute these features from the next frame on."""
-        self.measurement.set_demand(demand)
-
-    def set_shown(self, features: frozenset[Feature]) -> None:
-        """Features that viewers show beyond the demand: computed as long as they watch."""
-        self.measurement.set_shown(features)
 
     # ---- the loop -----------------------------------------------------------------------------------
 
@@ -279,7 +257,7 @@ class Loop:
     def _check_frame_time(self) -> None:
         """Called from the board's thread: whether the current frame takes long."""
         # A recording waits for its search; and the first frame after a tare has to search.
-        if not self.taring and self.last is not None and self.source.live:
+        if not self.measurement.tare.busy and self.last is not None and self.source.live:
             self._detector.slow(self._frame_begun_ns)
 
     def step(self, frame: Frame) -> State:

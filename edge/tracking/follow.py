@@ -26,7 +26,7 @@ from edge.geometry.lattice import Lattice
 from edge.geometry.neighbours import weighted_rows
 from edge.limits import PINS_MAX
 from edge.tracking.params import TrackingParams
-from edge.types import Array, Mask
+from edge.types import Array, Mask, Pins
 
 if cython.compiled:
     from cython.cimports.edge.geometry.neighbours import Separation, weighted_sums
@@ -48,6 +48,9 @@ class Follower:
 
     lattice      of the rest frame
     photometric  of the same tip
+    found        the pins that were found where they were expected, row i is pin i, NaN where nothing was
+                 found; written before `follow`
+    expected     (n, 2) px, places in the next frame; written
     Raises       ValueError: another number of pins, a pin that does not exist
     """
 
@@ -59,6 +62,11 @@ class Follower:
     change2: cython.double  # limit of the square of a residual's change, in these
     leap2: cython.double  # of an innovation: a leap, and so far that pins are others' neighbours, in these
     gate2: cython.double
+    full_share_min: cython.double
+    baseline_share_min: cython.double
+    baseline_frames: cython.double
+    research_frames: cython.Py_ssize_t
+    damping: cython.double  # share of a frame's motion that is expected again
     start: cython.int[::1]  # of `weighted_rows`, where all neighbours are known
     near: cython.ushort[::1]
     weight: cython.float[::1]
@@ -68,21 +76,22 @@ class Follower:
     separation: Separation
     # of the last frame that was accepted
     last: cython.double[:, ::1]
-    expected: cython.double[:, ::1]  # places in the next frame
-    expected_array: Array  # the same memory
+    expected: cython.double[:, ::1]
     last_residual: cython.float[::1]  # (2 n,)
     last_seen: cython.uchar[::1]
-    # given last; the arrays beside them are the same memory
+    baseline_share: cython.double  # of the pins, seen lately
+    found_share: cython.double  # the largest that a search found
+    since_search_n: cython.Py_ssize_t  # frames
+    # of the frame in hand
+    pins: Pins  # found, and the same memory
     found: cython.const[cython.double][:, ::1]
     sigma: cython.const[cython.double][::1]
     brightness: cython.const[cython.double][::1]
-    given: tuple[Array, Array, Array] | None
     results: tuple[Array, Array, Mask]  # of `follow`, and their memory
     result_xy: cython.double[:, ::1]
     result_sigma: cython.double[::1]
     result_seen: cython.uchar[::1]
     all_seen: Mask  # shared by frames, read-only
-    # of the frame in hand
     now: cython.double[:, ::1]
     residual: cython.float[::1]  # (2 n,)
     seen: cython.uchar[::1]
@@ -93,30 +102,44 @@ class Follower:
     limits: cython.double[::1]  # of the residuals' squares, px2
     before: cython.uchar[::1]
 
-    def __init__(self, lattice: Lattice, photometric: PhotometricFilter, params: TrackingParams) -> None:
+    def __init__(
+        self,
+        lattice: Lattice,
+        photometric: PhotometricFilter,
+        params: TrackingParams,
+        found: Pins,
+        expected: Array,
+    ) -> None:
         n = lattice.n
         _check(lattice, photometric.n)
+        sizes = (found.xy_img.shape, found.sigma_px.shape, found.brightness.shape, expected.shape)
+        if sizes != ((n, 2), (n,), (n,), (n, 2)):
+            raise ValueError(f"found and expected of {n} pins are wanted, not {sizes}")
+        self.pins, self.found, self.sigma = found, found.xy_img, found.sigma_px
+        self.brightness = found.brightness
         self.n = n
         self.photometric = photometric
         self.rest = np.ascontiguousarray(lattice.rest_xy, np.float64)
         self.pitch2 = np.square(lattice.local_pitch_px)
         self.change2 = params.innovation_max**2
         self.leap2, self.gate2 = params.leap_innovation**2, params.gate**2
+        self.full_share_min, self.baseline_share_min = params.full_share_min, params.baseline_share_min
+        self.baseline_frames, self.research_frames = params.baseline_frames, params.research_frames
+        self.damping = params.velocity_damping
         full = np.take_along_axis(photometric.affine.matrix(), lattice.near, 1)
         full[lattice.weight <= 0.0] = 0.0
         self.start, self.near, self.weight = weighted_rows(lattice.near, full)
         self.around = np.array(lattice.near, np.int32, order="C")
-        self.pairs = np.array(lattice.edges, np.int32, order="C")
+        self.pairs = np.array(lattice.pairs, np.int32, order="C")
         self.distance_min = np.array(lattice.distance_min_px, np.float64)
         self.separation = Separation(n)
         self.last, self.last_residual = np.empty((n, 2)), np.empty(2 * n, np.float32)
-        self.expected_array = self.expected = np.empty((n, 2))
+        self.expected = expected
         self.now, self.residual = np.empty((n, 2)), np.empty(2 * n, np.float32)
         self.predicted, self.known = np.empty((2, 2 * n), np.float32)
         self.last_seen, self.seen = np.empty(n, np.uint8), np.empty(n, np.uint8)
         self.before = np.empty(n, np.uint8)
         self.some, self.limits = np.empty(n), np.empty(n)
-        self.given = None
         self.results = xy, sigma, seen = np.empty((n, 2)), np.empty(n), np.empty(n, np.bool_)
         self.result_xy, self.result_sigma, self.result_seen = xy, sigma, seen.view(np.uint8)
         self.all_seen = np.ones(n, np.bool_)
@@ -129,48 +152,28 @@ class Follower:
         self.expected[:] = self.rest
         self.last_residual[:] = 0
         self.last_seen[:] = False
+        self.baseline_share = self.found_share = 0.0
+        self.since_search_n = 0
 
     def last_xy(self) -> Array:
         """(n, 2) px, where each pin was in the last frame that was accepted."""
         return np.array(self.last)
 
-    def predict(self) -> Array:
-        """(n, 2) px, where each pin is expected in the next frame; good until one is accepted."""
-        return self.expected_array
+    def follow(self) -> tuple[Array, Array, Mask, int, float, bool, bool]:
+        """Evaluate one frame, and make it the last one if the identities are held in it.
 
-    def follow(
-        self, found: Array, sigma: Array, brightness: Array
-    ) -> tuple[Array, Array, Mask, int, bool, bool, float]:
-        """Evaluate one frame; `accept` makes it the last one.
-
-        found, sigma  (n, 2) and (n,) float64, px; row i is pin i, NaN where nothing was found
-        brightness    (n,) float64, levels
-        Returns       (n, 2) px and (n,) px, found and sigma of the seen pins, NaN elsewhere; (n,) bool,
-                      seen, read-only if all are; how many are seen; whether the median pin leapt, and
-                      whether it strayed; the autocorrelation of the residuals, 0 if no pin is lost
-        Raises        ValueError: sizes that do not fit
+        Returns  (n, 2) px and (n,) px, place and sigma of the seen pins, NaN elsewhere; (n,) bool, seen,
+                 read-only if all are; how many are seen; the autocorrelation of the residuals, 0 if no pin is
+                 lost; whether each pin went on to its own place and not its neighbour's, of which most pins
+                 are to tell; whether the identities are held: that, and enough pins
         """
         n: cython.Py_ssize_t = self.n
-        given = self.given
-        if given is None or given[0] is not found or given[1] is not sigma or given[2] is not brightness:
-            self.given = None  # until all are found to be of the right type
-            taken = (
-                np.ascontiguousarray(found),
-                np.ascontiguousarray(sigma),
-                np.ascontiguousarray(brightness, np.float64),
-            )
-            self.found, self.sigma, self.brightness = taken
-            self.given = taken  # a copy is another object than what is given: it is made anew in each frame
-        if (
-            self.found.shape[0] != n
-            or self.found.shape[1] != 2
-            or self.sigma.shape[0] != n
-            or self.brightness.shape[0] != n
-        ):
-            raise ValueError(f"found ({n}, 2), sigma ({n},) and brightness ({n},) are wanted")
         seen_n: cython.Py_ssize_t
         leapt: cython.bint
         strayed: cython.bint
+        goes_on: cython.bint
+        is_held: cython.bint
+        share: cython.double
         with cython.nogil:
             self._find_residuals(self.found)
             self._keep_apart(self.found)
@@ -180,29 +183,25 @@ class Follower:
             if seen_n < n:  # of no use to pins that are seen
                 self.autocorrelation = self._correlate(self.residual, self.seen)
                 self._place_lost()
-            leapt = self._is_median_beyond(self.now, self.leap2)
-            strayed = leapt and self._is_median_beyond(self.now, self.gate2)
+            share = cython.cast(cython.double, seen_n) / n
+            strayed = leapt = self._is_median_beyond(self.now, self.leap2)
+            if leapt:
+                strayed = self._is_median_beyond(self.now, self.gate2)
+            goes_on = 2.0 * share >= 1.0 and not strayed
+            self.since_search_n += 1
+            is_held = goes_on and not self._is_too_few(share, leapt)
+            self.baseline_share += (share - self.baseline_share) / self.baseline_frames
+            if is_held:
+                self._accept()
         if seen_n == n:
-            return found.copy(), sigma.copy(), self.all_seen, n, leapt, strayed, 0.0
-        xy_seen, sigma_seen, seen = self.results
-        return xy_seen.copy(), sigma_seen.copy(), seen.copy(), seen_n, leapt, strayed, self.autocorrelation
+            return self.pins.xy_img.copy(), self.pins.sigma_px.copy(), self.all_seen, n, 0.0, goes_on, is_held
+        xy, of_xy, seen = self.results
+        return xy.copy(), of_xy.copy(), seen.copy(), seen_n, self.autocorrelation, goes_on, is_held
 
-    def accept(self, damping: cython.double) -> None:
-        """Make the frame that was followed the last one; damping: share of its motion that is expected
-        again.
-        """
-        i: cython.Py_ssize_t
-        d: cython.int
-        now: cython.double[:, ::1] = self.now
-        last: cython.double[:, ::1] = self.last
-        expected: cython.double[:, ::1] = self.expected
-        for i in range(self.n):
-            for d in range(2):
-                expected[i, d] = now[i, d] + damping * (now[i, d] - last[i, d])
-        # The next frame writes all of the three that are exchanged.
-        self.last, self.now = self.now, self.last
-        self.last_residual, self.residual = self.residual, self.last_residual
-        self.last_seen, self.seen = self.seen, self.last_seen
+    def accept(self) -> None:
+        """Make the frame that was followed the last one, though few pins are seen: a search found no more."""
+        self.since_search_n = 0
+        self._accept()
 
     def settle(self, xy: Array, residual: Array, seen: Mask) -> float:
         """Make what a search found the last frame, at a standstill.
@@ -219,6 +218,9 @@ class Follower:
         np.asarray(self.expected)[:] = xy
         np.asarray(self.last_residual)[:] = residual.ravel()
         np.asarray(self.last_seen)[:] = is_seen
+        self.baseline_share = np.count_nonzero(seen) / self.n
+        self.found_share = max(self.baseline_share, self.found_share)
+        self.since_search_n = 0
         return float(self.autocorrelation)
 
     def strayed(self, xy: Array) -> bool:
@@ -491,6 +493,40 @@ class Follower:
             within += x * x + y * y <= limit2 * pitch2[i]
         return within <= self.n // 2
 
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    @cython.nogil
+    def _is_too_few(self, share: cython.double, leapt: cython.bint) -> cython.bint:
+        """Whether so few pins are seen, against the baseline, that the identities are given up.
+
+        If a third vanish at once, the rest may be a lattice that slipped. A region that was lost as a whole
+        does not come back by itself: it is searched for from time to time. And in a leap some pins may take
+        their neighbours' blobs while others are lost.
+        """
+        vanished: cython.bint = share < self.baseline_share_min * self.baseline_share
+        incomplete: cython.bint = share < self.full_share_min * self.found_share
+        is_due: cython.bint = self.since_search_n >= self.research_frames
+        swapped: cython.bint = leapt and share < self.full_share_min * self.baseline_share
+        return vanished or (incomplete and is_due) or swapped
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    @cython.nogil
+    def _accept(self) -> cython.void:
+        """Make the frame in hand the last one."""
+        i: cython.Py_ssize_t
+        d: cython.int
+        now: cython.double[:, ::1] = self.now
+        last: cython.double[:, ::1] = self.last
+        expected: cython.double[:, ::1] = self.expected
+        for i in range(self.n):
+            for d in range(2):
+                expected[i, d] = now[i, d] + self.damping * (now[i, d] - last[i, d])
+        # The next frame writes all of the three that are exchanged.
+        self.last, self.now = self.now, self.last
+        self.last_residual, self.residual = self.residual, self.last_residual
+        self.last_seen, self.seen = self.seen, self.last_seen
+
 
 @cython.cfunc
 @cython.inline
@@ -508,17 +544,17 @@ def _check(lattice: Lattice, n: int) -> None:
     """Raises ValueError: arrays that are not of n pins, a pin that does not exist, too many."""
     if n > PINS_MAX:
         raise ValueError(f"{n} pins; {PINS_MAX} at most are wanted")
-    pairs_n = len(lattice.edges)
+    pairs_n = len(lattice.pairs)
     shapes = {
         "rest_xy": (lattice.rest_xy, (n, 2)),
         "local_pitch_px": (lattice.local_pitch_px, (n,)),
         "near": (lattice.near, (n, lattice.near.shape[1])),
-        "edges": (lattice.edges, (pairs_n, 2)),
+        "pairs": (lattice.pairs, (pairs_n, 2)),
         "distance_min_px": (lattice.distance_min_px, (pairs_n,)),
     }
     for name, (array, shape) in shapes.items():
         if array.shape != shape:
             raise ValueError(f"{name}: {shape} is wanted for {n} pins, not {array.shape}")
-    for name, pins in (("near", lattice.near), ("edges", lattice.edges)):
+    for name, pins in (("near", lattice.near), ("pairs", lattice.pairs)):
         if pins.size and (pins.min() < 0 or pins.max() >= n):
             raise ValueError(f"{name}: pins of 0 to {n - 1} are wanted, not {pins.min()} to {pins.max()}")

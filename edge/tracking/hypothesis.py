@@ -225,7 +225,7 @@ class Hypothesis:
         """(n,) without the less likely of two that are too near to each other: one is a reflection, or both
         are the same pin.
         """
-        first, second = self._tip.lattice.edges.T
+        first, second = self._tip.lattice.pairs.T
         gap = np.hypot(*(self.blob_xy[self.blob[first]] - self.blob_xy[self.blob[second]]).T)
         near = certain[first] & certain[second] & (gap < self._tip.lattice.distance_min_px)
         certain[np.where(odds[first] < odds[second], first, second)[near]] = False

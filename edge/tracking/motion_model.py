@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from edge.geometry.motion_field import PREDICTING, component_covariance
-from edge.tracking.kriging import Kriging
+from edge.tracking.match import Kriging
 from edge.tracking.tip import TrackedTip
 from edge.types import Array, Index, Mask
 

@@ -95,7 +95,7 @@ class Identifier:
         return Identity(np.where(certain, again.blob, -1), best.known_n, confidence)
 
     def _search(self, blobs: _BlobIndex, guesses: list[Array]) -> list[Hypothesis]:
-        """All hypotheses, the best first; ends with one that can be trusted, or without another start."""
+        """All hypotheses, the best first; ends with one to be trusted, or without another start."""
         p = self._tip.params
         tried: list[Hypothesis] = []
         for motion, seed in self._starts(blobs, guesses):

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from edge.geometry.lattice import Lattice
-from edge.tracking.affine import LocalAffine
-from edge.tracking.outliers import PhotometricFilter
+from edge.tracking.outliers import LocalAffine, PhotometricFilter
 from edge.tracking.params import TrackingParams
 from edge.types import Array, Rest
 

@@ -24,58 +24,64 @@ __all__ = ["Tracker"]
 
 
 class Tracker:
-    """Keeps which blob is which pin. Row i of everything is pin i of the rest frame."""
+    """Keeps which blob is which pin. Row i of everything is pin i of the rest frame.
 
-    def __init__(self, rest: Rest, params: TrackingParams | None = None) -> None:
-        """Raises DegenerateLayout: fewer than 4 pins at rest, or all on a line."""
+    held  whether the identities are known, so that the pins of the next frame can be followed
+    """
+
+    def __init__(
+        self,
+        rest: Rest,
+        params: TrackingParams | None = None,
+        found: Pins | None = None,
+        expected: Array | None = None,
+    ) -> None:
+        """The arrays that all frames share; None: arrays of its own.
+
+        found     what is found in a frame at the predicted places
+        expected  (n, 2) px, the predicted places; written
+        Raises    DegenerateLayout: fewer than 4 pins at rest, or all on a line
+        """
         self._tip = TrackedTip.of(rest, params)
-        self._params, self._n = self._tip.params, len(self._tip)
-        self._full_share_min = self._params.full_share_min
-        self._follower = Follower(self._tip.lattice, self._tip.photometric, self._params)
-        self._expected = self._follower.predict()  # the follower's memory
+        self._n = len(self._tip)
+        tip, n = self._tip, self._n
+        self._found = found or Pins(np.empty((n, 2)), np.empty(n), np.empty(n), np.empty(n))
+        self._expected = np.empty((n, 2)) if expected is None else expected
+        self._follower = Follower(tip.lattice, tip.photometric, tip.params, self._found, self._expected)
         self._identifier = Identifier(self._tip)
         self.forget()
 
     def forget(self) -> None:
         """Treat the next frame on its own, as after a jump from rest."""
         self._follower.reset()
-        self._held = False
+        self.held = False
         self._confidence = 0.0  # of the identities that are held, or were
         self._fresh = False  # the last positions are of the frame before: later they are no evidence
-        self._baseline_share = 0.0  # of the pins, seen lately
-        self._found_share = 0.0  # the largest that a search found
-        self._frames_since_search = 0
         self._fallback: Tracks | None = None  # what `follow` found and refused in this frame
 
     def predict(self) -> Array | None:
         """(n, 2) px, where each pin is expected in the next frame; None: identities are not held."""
-        return self._expected if self._held else None
+        return self._expected if self.held else None
 
-    def follow(self, pins: Pins) -> Tracks:
+    def follow(self, pins: Pins | None = None) -> Tracks:
         """Check what was found at the predicted places.
 
-        pins  row i is pin i; NaN where nothing was found
+        pins  row i is pin i; NaN where nothing was found; None: those in `found`
         The confidence is that of the search that found the identities; none: too few pins, or all of them too
         far off, and the whole frame is to be searched.
         """
-        p = self._params
-        xy, sigma, seen, seen_n, leapt, strayed, autocorrelation = self._follower.follow(
-            pins.xy_img, pins.sigma_px, pins.brightness
-        )
-        share = seen_n / self._n
-        tracks = Tracks(xy, sigma, seen, self._confidence, autocorrelation)
-        self._frames_since_search += 1
-        # Each pin went on to its own place and not its neighbour's; most are to tell where the others are.
-        continues = 2.0 * share >= 1.0 and not strayed
-        refused = not continues or self._too_few(share, leapt)
-        self._baseline_share += (share - self._baseline_share) / p.baseline_frames
-        if refused:
-            self._held = False
-            self._fallback = tracks if continues else None
-            return replace(tracks, confidence=0.0)
-        self._follower.accept(p.velocity_damping)
-        self._hold()
-        return tracks
+        if pins is not None:
+            found = self._found
+            found.xy_img[:], found.sigma_px[:] = pins.xy_img, pins.sigma_px
+            found.brightness[:] = pins.brightness
+        xy, sigma, seen, seen_n, autocorrelation, goes_on, is_held = self._follower.follow()
+        tracks = Tracks(xy, sigma, seen, seen_n, self._confidence, autocorrelation)
+        self.held = is_held
+        if is_held:
+            self._fresh, self._fallback = True, None
+            return tracks
+        self._fallback = tracks if goes_on else None
+        return replace(tracks, confidence=0.0)
 
     def identify(self, pins: Pins) -> Tracks:
         """Find the identities of unordered pins, from rest or from where they were last seen.
@@ -85,35 +91,33 @@ class Tracker:
         """
         identity = self._identifier.identify(pins.xy_img, [self._follower.last_xy()])
         fallback, self._fallback = self._fallback, None
-        xy, sigma = self._found(pins, identity, searched=fallback is None)
+        xy, sigma = self._seen(pins, identity, searched=fallback is None)
         seen = np.isfinite(xy[:, 0])
         predicted, _, _ = self._tip.affine.predict(xy - self._tip.rest_xy, seen)
         now = np.where(seen[:, None], xy, self._tip.rest_xy + predicted)
-        self._frames_since_search = 0
-        share = float(np.count_nonzero(seen)) / self._n
+        seen_n = int(np.count_nonzero(seen))
         confidence = identity.confidence
         # Most pins are to tell where the others are.
         if self._fresh and 2 * identity.known_n >= self._n and not self._follower.strayed(now):
             confidence = max(confidence, self._confidence)
-        if fallback is not None and fallback.n_seen > np.count_nonzero(seen):
+        if fallback is not None and fallback.n_seen > seen_n:
             confidence = 0.0
         if confidence >= Tracks.LOW_CONFIDENCE:
             self._confidence = confidence
-            self._baseline_share, self._found_share = share, max(share, self._found_share)
             autocorrelation = self._follower.settle(now, now - self._tip.rest_xy - predicted, seen)
             self._hold()
-            return Tracks(xy, sigma, seen, confidence, autocorrelation)
+            return Tracks(xy, sigma, seen, seen_n, confidence, autocorrelation)
         if fallback is not None:
-            self._follower.accept(self._params.velocity_damping)
+            self._follower.accept()
             self._hold()
             return fallback
-        self._held = self._fresh = False
-        return Tracks(xy, sigma, seen, confidence)
+        self.held = self._fresh = False
+        return Tracks(xy, sigma, seen, seen_n, confidence)
 
     def _hold(self) -> None:
-        self._held, self._fresh, self._fallback = True, True, None
+        self.held, self._fresh, self._fallback = True, True, None
 
-    def _found(self, pins: Pins, identity: Identity, searched: bool) -> tuple[Array, Array]:
+    def _seen(self, pins: Pins, identity: Identity, searched: bool) -> tuple[Array, Array]:
         """(n, 2) and (n,) px, place and sigma of each pin's blob; NaN where it has none, or an outlier.
 
         searched  the result of the search is all that is known of the frame
@@ -131,16 +135,3 @@ class Tracker:
             seen = self._tip.photometric.accepted(of_pins, motion, motion - predicted, seen, searched)
             xy[~seen], sigma[~seen] = np.nan, np.nan
         return xy, sigma
-
-    def _too_few(self, share: float, leapt: bool) -> bool:
-        """Whether so few pins are seen, against the baseline, that the identities are given up.
-
-        If a third vanish at once, the rest may be a lattice that slipped. A region that was lost as a whole
-        does not come back by itself: it is searched for from time to time. And in a leap some pins may take
-        their neighbours' blobs while others are lost.
-        """
-        p = self._params
-        vanished = share < p.baseline_share_min * self._baseline_share
-        incomplete = share < self._full_share_min * self._found_share
-        leapt = leapt and share < self._full_share_min * self._baseline_share
-        return vanished or (incomplete and self._frames_since_search >= p.research_frames) or leapt

@@ -207,7 +207,7 @@ class WorkerClient:
 
         def change() -> None:
             self.view.set_watched(wants is not None)
-            self._loop.set_shown(shown)
+            self._loop.measurement.set_shown(shown)
 
         self._loop.post(change)
 

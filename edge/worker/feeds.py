@@ -69,7 +69,7 @@ class ViewFeed:
             None if rest is rest_shown else rest,
             {
                 "faults": [[_MEANING[code], message] for code, message in loop.faults.active.items()],
-                "taring": loop.taring,
+                "taring": loop.measurement.tare.busy,
                 "tares_n": loop.tares_n,
                 "calibrated": loop.calibration is not None,
                 "dropped_n": loop.source.dropped_n,

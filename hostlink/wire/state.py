@@ -27,7 +27,7 @@ from hostlink.wire.fields import (
     VERSION,
     Schema,
 )
-from hostlink.wire.state_fields import StateFields
+from hostlink.wire.generated_state import StateFields
 from hostlink.wire.status import status_of
 
 __all__ = ["Contact", "State", "check_of", "frame_of", "pack_state", "quantise", "restore", "unpack_state"]

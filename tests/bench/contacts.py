@@ -213,7 +213,7 @@ class SecondTip:
     def _row(self, pipeline: Pipeline, xy_img: Array) -> Measured:
         """What a calibration is fitted to, of pins at given places."""
         seen = np.ones(len(xy_img), np.bool_)
-        features = pipeline.features(Tracks(xy_img, self.rest.pins.sigma_px, seen, 1.0))
+        features = pipeline.features(Tracks.of(xy_img, self.rest.pins.sigma_px, seen))
         contact = np.full(len(CONTACT_INPUTS), nan, np.complex128)
         if features.contacts:
             contact = contact_inputs(features.contacts[0], features, self.rest.pattern)

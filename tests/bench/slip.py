@@ -152,7 +152,7 @@ class Bench:
     def _probability(self, pipeline: Pipeline, xy: Array, rng: np.random.Generator) -> float:
         n = len(xy)
         noisy = xy + rng.normal(0.0, NOISE_PX, (n, 2))
-        tracks = Tracks(noisy, np.full(n, NOISE_PX), np.ones(n, dtype=np.bool_), 1.0)
+        tracks = Tracks.of(noisy, np.full(n, NOISE_PX), np.ones(n, dtype=np.bool_))
         return pipeline.features(tracks).slip_probability or 0.0
 
 

@@ -113,7 +113,7 @@ def evaluate(video: str, way: str, rest: Rest, tracks: list[Tracks], searched: i
     sure = [t for t in tracks if t.confidence >= Tracks.LOW_CONFIDENCE]
     nearest, leaps, before = np.inf, 0, None
     for t in sure:
-        a, b = tip.lattice.edges.T
+        a, b = tip.lattice.pairs.T
         gap = np.hypot(*(t.xy_img[a] - t.xy_img[b]).T)
         nearest = min(nearest, float(np.nanmin(gap, initial=np.inf)) / pitch)
         motion = np.where(t.seen[:, None], t.xy_img - rest.xy_img, 0.0)

@@ -10,7 +10,7 @@ from edge.types import Reading, Tracks
 
 
 def made() -> Tracks:
-    return Tracks(np.zeros((3, 2)), np.ones(3), np.array([True, False, True]), 0.98)
+    return Tracks.of(np.zeros((3, 2)), np.ones(3), np.array([True, False, True]), 0.98)
 
 
 def test_an_object_of_a_frame_is_copied_with_changes_and_stays_unchanged() -> None:
@@ -20,7 +20,8 @@ def test_an_object_of_a_frame_is_copied_with_changes_and_stays_unchanged() -> No
     after = replace(before, confidence=0.5)
     assert (after.confidence, before.confidence) == (0.5, 0.98)
     assert after.xy_img is before.xy_img
-    assert [f.name for f in fields(Tracks)] == ["xy_img", "sigma_px", "seen", "confidence", "autocorrelation"]
+    names = " ".join(f.name for f in fields(Tracks))
+    assert names == "xy_img sigma_px seen n_seen confidence autocorrelation"
     assert (before.n_seen, before.autocorrelation) == (2, 0.0)
     for wrong in ({"certainty": 0.5}, {"xy": before.xy_img}):
         with pytest.raises(TypeError):

@@ -26,12 +26,13 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from edge.errors import DegenerateLayout
 from tests.support import kernels
 
 kernels.install()
 
-# The last: no array at all, and one that must be writable.
-REFUSALS = (ValueError, TypeError, OverflowError, AttributeError, BufferError)
+# The last: no array at all, one that must be writable, and points that span no plane.
+REFUSALS = (ValueError, TypeError, OverflowError, AttributeError, BufferError, DegenerateLayout)
 OUT_OF_BOUNDS = (
     "Out of bounds on buffer access"  # raised by the checked build; the others would access the memory
 )

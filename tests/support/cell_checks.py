@@ -23,9 +23,9 @@ def points_of(cells: Cells) -> Points:
 
 def fresh_areas(tessellator: Tessellator) -> Points:
     """Areas of the last frame's points from a triangulation made from scratch."""
-    n, b = len(tessellator.rest_area_px2), tessellator._n_boundary
+    n, b, points = len(tessellator.rest_area_px2), len(tessellator._around), tessellator._points.xy_img
     areas = np.empty(n)
-    Mesh(n, b, len(tessellator._points) - n - b).update(tessellator._points, areas)
+    Mesh(n, b, len(points) - n - b).update(points, areas)
     return areas
 
 

@@ -61,7 +61,7 @@ def frame(
     if lost is not None:
         seen[lost] = False
     gone = np.where(seen, 0.0, np.nan)
-    tracks = Tracks(xy + gone[:, None], np.full(len(xy), sigma) + gone, seen, 1.0)
+    tracks = Tracks.of(xy + gone[:, None], np.full(len(xy), sigma) + gone, seen)
     none = np.empty((0, 3), dtype=np.int32)
     cells = Cells(
         areas(xy, rest) + gone,

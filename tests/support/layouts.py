@@ -79,7 +79,7 @@ def rest_of(xy: Points) -> Rest:
 def tracks_of(xy: Points) -> Tracks:
     """Pins at `xy`; NaN rows are lost."""
     seen: Mask = np.isfinite(xy[:, 0] + xy[:, 1])
-    return Tracks(xy, np.where(seen, 0.05, np.nan), seen, 1.0)
+    return Tracks.of(xy, np.where(seen, 0.05, np.nan), seen)
 
 
 # ---- sets for the mesh alone: pins inside of the unit disc, and the points that bound them

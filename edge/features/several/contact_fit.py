@@ -169,7 +169,6 @@ class ContactFit:
 
     def forget(self) -> None:
         """The next frame does not follow the last one."""
-        i: cython.Py_ssize_t
         for i in range(_EVEN + 1):
             self._is_known[i] = False
 
@@ -187,12 +186,8 @@ class ContactFit:
         Raises   ValueError: sizes that do not fit
         """
         self._check(xy, seen, places)
-        i: cython.Py_ssize_t
-        j: cython.Py_ssize_t
         k: cython.Py_ssize_t = places.shape[0]
         n: cython.Py_ssize_t = 0
-        x: cython.double
-        y: cython.double
         radius2: cython.double = self._radius * self._radius
         self._middle_x = 0.0
         self._middle_y = 0.0
@@ -220,7 +215,6 @@ class ContactFit:
 
     def mark(self) -> None:
         """Say later how far the motion is from the present one."""
-        i: cython.Py_ssize_t
         for i in range(self.n_pins):
             self._marked[i, 0], self._marked[i, 1] = self._motion[i, 0], self._motion[i, 1]
 
@@ -239,9 +233,6 @@ class ContactFit:
         Raises            ValueError: sizes that do not fit
         """
         self._check(xy, seen, places)
-        i: cython.Py_ssize_t
-        x: cython.double
-        y: cython.double
         square: cython.double = 0.0
         if places.shape[0] != self._near_n:
             return _NO_LIMIT
@@ -282,7 +273,6 @@ class ContactFit:
     @cython.exceptval(check=False)
     def _take_motion(self, xy: cython.const[cython.double][:, ::1]) -> cython.void:
         """Of the pins that count."""
-        i: cython.Py_ssize_t
         p: cython.Py_ssize_t
         for i in range(self.n_pins):
             p = self._pin[i]
@@ -329,7 +319,6 @@ class ContactFit:
         evenly                with an even pressure along it, not Hertz's
         Returns               the squared error left, in squared pitches; 0 where no pin counts
         """
-        i: cython.Py_ssize_t
         self._m, self._is_line, self._evenly, self._limit = 1, True, evenly, limit
         self._clear()
         self._start[0] = x / self._pitch_px
@@ -395,8 +384,6 @@ class ContactFit:
         Whether they end in an optimum, or out of reach of the limit.
         """
         size: cython.Py_ssize_t = _OWN * self._m + _COMMON
-        before: cython.double
-        other: cython.double
         left: cython.Py_ssize_t
         self._error = self._sum_up()
         for left in range(1, -1, -1):
@@ -424,8 +411,6 @@ class ContactFit:
     def _descend(self) -> cython.void:
         """Steps while they gain."""
         size: cython.Py_ssize_t = _OWN * self._m + _COMMON
-        before: cython.double
-        other: cython.double
         damping: cython.double = _DAMPING
         steps: cython.Py_ssize_t = size  # so that a frame's time is bounded
         self._error = self._sum_up()
@@ -451,13 +436,10 @@ class ContactFit:
     @cython.exceptval(check=False)
     def _follow(self, shape: cython.Py_ssize_t) -> cython.bint:
         """Begin where the last frame's fit ended; False: there is none, or not near where to begin."""
-        i: cython.Py_ssize_t
         j: cython.Py_ssize_t
         nearest: cython.Py_ssize_t
         p: cython.Py_ssize_t
         own: cython.Py_ssize_t = _OWN * self._m
-        far: cython.double
-        least: cython.double
         if not self._is_known[shape]:
             return False
         for i in range(self._m):
@@ -685,21 +667,6 @@ class ContactFit:
         11 f^2 d^2 i2; 12, 13 2 f^3 d^2 i2 d. Without derivatives only the first three.
         """
         s: cython.double[14] = [0.0] * 14
-        k: cython.Py_ssize_t
-        z: cython.double
-        dx: cython.double
-        dy: cython.double
-        r2: cython.double
-        f: cython.double
-        wf: cython.double
-        g: cython.double
-        gx: cython.double
-        gy: cython.double
-        gxx: cython.double
-        gxy: cython.double
-        gyy: cython.double
-        g3: cython.double
-        turn: cython.double
         x: cython.double = self._place[i, 0] - parameters[0]
         y: cython.double = self._place[i, 1] - parameters[1]
         for k in range(_NODES):

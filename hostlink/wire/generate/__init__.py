@@ -40,7 +40,7 @@ def generate(node: int = 1) -> dict[str, str]:
         "c/vt_e2e.h": c.e2e_header(),
         "c/vt_e2e.c": c.e2e_source(),
         "c/vt_parts_fields.h": c.parts_fields(),
-        "wire/state_fields.py": python.state_fields(),
+        "wire/generated_state.py": python.generated_state(),
         "WIRE.md": doc.markdown(),
         "bridge/voronoi_touch_msgs/msg/TactileContact.msg": ros.contact(),
         "bridge/voronoi_touch_msgs/msg/TactileSample.msg": ros.sample(),

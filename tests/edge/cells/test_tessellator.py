@@ -212,7 +212,7 @@ def test_rows_of_lost_pins_are_not_read() -> None:
     stale[7] = 1e9
     tessellator = Tessellator(rest_of(rest))
     a = tessellator.cells(tracks)
-    b = tessellator.cells(type(tracks)(stale, tracks.sigma_px, tracks.seen, 1.0))
+    b = tessellator.cells(replace(tracks, xy_img=stale))
     assert np.array_equal(a.area_px2, b.area_px2, equal_nan=True)
 
 

@@ -15,7 +15,7 @@ PITCH = REST.pattern.pitch_px
 
 def frame(lost: Mask, motion_px: Array | float = 0.0) -> Tracks:
     xy = np.where(lost[:, None], np.nan, XY + motion_px)
-    return Tracks(xy, np.where(lost, np.nan, REST.pins.sigma_px), ~lost, 1.0)
+    return Tracks.of(xy, np.where(lost, np.nan, REST.pins.sigma_px), ~lost)
 
 
 def block(rng: np.random.Generator, area: float, share: float) -> Mask:

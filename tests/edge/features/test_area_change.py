@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from edge.features.area_change import AreaChange
+from edge.features.pin_motion import AreaChange
 from edge.types import Array, Rest
 from tests.support.fields import CENTRE, frame, push, tip
 

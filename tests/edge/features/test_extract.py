@@ -92,7 +92,7 @@ def test_without_cells_motion_alone_is_given() -> None:
     assert got.in_contact
     assert np.isnan(got.area_change).all()
     assert given_fields(got) == {"shear_px", "modes_px", "torsion_rad", "slip_px", "vibration_px"}
-    shaken = Tracks(rest.xy_img + np.array([3.0, -2.0]), tracks.sigma_px, tracks.seen, 1.0)
+    shaken = Tracks.of(rest.xy_img + np.array([3.0, -2.0]), tracks.sigma_px, tracks.seen)
     assert not extractor(rest).extract(shaken, None, ALL).in_contact
 
 
@@ -180,7 +180,7 @@ def test_a_probe_under_lost_pins_is_detected() -> None:
     seen = np.ones(127, dtype=np.bool_)
     seen[np.argsort(np.hypot(*(rest.xy_img - CENTRE).T))[:4]] = False
     gone = np.where(seen, 0.0, np.nan)
-    tracks = Tracks(xy + gone[:, None], gone + 0.05, seen, 1.0)
+    tracks = Tracks.of(xy + gone[:, None], gone + 0.05, seen)
     tessellator = Tessellator(rest)
     cells = tessellator.cells(tracks)
     made: Any = FeatureExtractor(rest, tessellator.rest_area_px2)
@@ -211,7 +211,7 @@ def test_all_pins_lost_is_survived() -> None:
     rest = tip(127)
     made = extractor(rest)
     gone = np.full_like(rest.xy_img, np.nan)
-    tracks = Tracks(gone, gone[:, 0], np.zeros(127, dtype=np.bool_), 0.0)
+    tracks = Tracks.of(gone, gone[:, 0], np.zeros(127, dtype=np.bool_), 0.0)
     _, cells = frame(rest, rest.xy_img)
     dark = Cells(gone[:, 0], cells.rest_area_px2, rest.xy_img, cells.triangles, cells.boundary_img)
     for given in (dark, None):
@@ -259,7 +259,7 @@ def test_real_flat_contacts_are_one_contact_each(real_dir: Path) -> None:
     folder = real_dir / "tactip331_binary"
     rest = take_rest([read_grey(folder / "rest.png")])
     tracker, tessellator = Tracker(rest), Tessellator(rest)
-    still = Tracks(rest.xy_img, rest.pins.sigma_px, np.ones(len(rest), dtype=np.bool_), 1.0)
+    still = Tracks.of(rest.xy_img, rest.pins.sigma_px, np.ones(len(rest), dtype=np.bool_))
     made: Any = FeatureExtractor(rest, tessellator.cells(still).rest_area_px2)
     with (folder / "targets.csv").open() as file:
         names = [row["sensor_image"] for row in csv.DictReader(file)][::24]

@@ -27,7 +27,7 @@ def measured(tracks: Tracks, reading: Reading) -> Any:
 
 def tracks(n: int = 10, seen: int = 8, confidence: float = 1.0) -> Tracks:
     mask = np.arange(n) < seen
-    return Tracks(np.zeros((n, 2)), np.ones(n), mask, confidence)
+    return Tracks.of(np.zeros((n, 2)), np.ones(n), mask, confidence)
 
 
 def reading(contacts: int = 2, **values: float) -> Reading:

@@ -85,6 +85,7 @@ def read_everything(path: Path) -> int:
         '"bits": null, "sequence": 1e400',
         '"sequence": -1',
         '"capture_ns": 99999999999999999999999',
+        '"clock": "sundial"',
         '"x": ' + "[" * 5000,
     ],
 )

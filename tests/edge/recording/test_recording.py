@@ -112,7 +112,7 @@ def results() -> tuple[Tracks, Cells, Features, Reading]:
     lost = xy.copy()
     lost[2] = np.nan
     sigma = np.where(seen, 0.05, np.nan)
-    tracks = Tracks(lost, sigma, seen, 0.99)
+    tracks = Tracks.of(lost, sigma, seen, 0.99)
     area = np.where(seen, rng.uniform(200, 300, N), np.nan)
     cells = Cells(area, np.full(N, 250.0), xy, np.zeros((1, 3), np.int32), np.zeros((4, 2)))
     contact = contact_region((30.0, 20.0), 0.4, 120.0)

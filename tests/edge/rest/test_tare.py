@@ -127,13 +127,13 @@ def test_half_of_the_pins_covered_are_too_few_and_none_are_no_pattern(
 def test_an_accepted_rest_frame_is_used(finger: Finger) -> None:
     before = finger.loop.pipeline
     request = finger.loop.request_tare()
-    assert finger.loop.tare_outcome.state is RestFrameState.BUSY
+    assert finger.loop.measurement.tare.outcome.state is RestFrameState.BUSY
     with pytest.raises(RequestRefused):  # one at a time
         finger.loop.request_tare()
     finger.show(*UNTOUCHED)
     outcome = request.done.result(0)
     assert (outcome.number, outcome.state, outcome.message) == (1, ACCEPTED, "")
-    assert finger.loop.tare_outcome is outcome
+    assert finger.loop.measurement.tare.outcome is outcome
     assert finger.loop.pipeline is not before
     assert not finger.faults
     assert finger.loop.request_tare().number == 2
@@ -298,7 +298,7 @@ def test_a_start_with_another_tips_file_falls_back_to_the_one_before(
     finger.frames = frames
     finger.show(*UNTOUCHED)
     assert finger.loop.calibration is calibration
-    assert finger.loop.tare_outcome.state is RestFrameState.UNKNOWN  # nobody asked
+    assert finger.loop.measurement.tare.outcome.state is RestFrameState.UNKNOWN  # nobody asked
     assert not finger.faults
     assert f"using the calibration stored before, {calibration.content_id:08x}" in caplog.text
     assert finger.show(25).displacement_mm == pytest.approx(3.0, abs=0.3)
@@ -371,7 +371,7 @@ def test_samples_go_on_while_a_rest_frame_is_checked(
         pass
     for _ in range(3):  # results, although the new rest frame is not ready
         assert measured.acquire(timeout=SOON_S)
-    assert finger.loop.tare_outcome.state is RestFrameState.BUSY
+    assert finger.loop.measurement.tare.outcome.state is RestFrameState.BUSY
     go_on.set()
     assert request.done.result(SOON_S).state in (ACCEPTED, FORCED)
     finger.loop.stop()

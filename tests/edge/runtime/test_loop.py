@@ -388,7 +388,7 @@ def test_drift_is_learnt_at_rest_and_can_be_forgotten(frames: list[Frame], calib
     for _ in range(1000):  # 10 s at 100 frames/s
         finger.see(grey(moved))
     assert 0.005 < finger.loop.statistics().drift_px <= 0.3
-    finger.loop.forget_drift()
+    finger.loop.measurement.forget_drift()
     assert finger.loop.statistics().drift_px == 0.0
 
 

@@ -1,11 +1,14 @@
 """The kernel of `follow`: pins that are lost, and what is left of the residuals."""
 
+from copy import deepcopy
+from typing import Any
+
 import numpy as np
 import pytest
 
 from edge.tracking.follow import Follower
 from edge.tracking.tip import TrackedTip
-from edge.types import Rest
+from edge.types import Array, Rest
 from tests.support.fields import CENTRE, hexagon, make_rest
 
 pytestmark = pytest.mark.kernels
@@ -15,17 +18,24 @@ def small_tip(rings: int = 2) -> Rest:
     return make_rest(hexagon(rings, 19.0) + CENTRE, 19.0)
 
 
-def follower(rest: Rest) -> Follower:
-    tip = TrackedTip.of(rest)
-    return Follower(tip.lattice, tip.photometric, tip.params)
+class Frames:
+    """A kernel at rest, and the frames that it is given."""
+
+    def __init__(self, rest: Rest) -> None:
+        tip, n = TrackedTip.of(rest), len(rest)
+        self.found = deepcopy(rest.pins)
+        self.kernel = Follower(tip.lattice, tip.photometric, tip.params, self.found, np.empty((n, 2)))
+        self.kernel.settle(rest.xy_img, np.zeros((n, 2)), np.ones(n, bool))
+
+    def follow(self, found: Array) -> tuple[Any, ...]:
+        self.found.xy_img[:] = found
+        return self.kernel.follow()
 
 
 def off_by(pitches: float, step: float) -> int:
     """For how many steps a pin is seen that moves off its neighbours, `step` a frame; pitches."""
     rest = small_tip(4)
-    n = len(rest)
-    kernel = follower(rest)
-    kernel.settle(rest.xy_img, np.zeros((n, 2)), np.ones(n, bool))
+    frames = Frames(rest)
     # Towards the middle of two neighbours, where it comes near to none.
     angle = np.deg2rad(30.0)
     away = 19.0 * np.array([np.cos(angle), np.sin(angle)])
@@ -33,8 +43,7 @@ def off_by(pitches: float, step: float) -> int:
     for off in np.arange(step, pitches + 0.5 * step, step):
         found = rest.xy_img + 0.3
         found[0] += off * away
-        _, _, seen, *_ = kernel.follow(found, rest.pins.sigma_px, rest.pins.brightness)
-        kernel.accept(0.7)
+        _, _, seen, *_ = frames.follow(found)
         assert seen[1:].all()
         seen_n += int(seen[0])
     return seen_n
@@ -52,23 +61,23 @@ def test_the_autocorrelation_is_what_is_left_of_the_residuals_and_a_lost_pin_kee
 ) -> None:
     rest = small_tip(4)
     n, lost = len(rest), 12
-    kernel = follower(rest)
-    kernel.settle(rest.xy_img, np.zeros((n, 2)), np.ones(n, bool))
+    frames = Frames(rest)
     bent = np.random.default_rng(3).normal(0.0, 0.5, (n, 2))
-    kernel.follow(rest.xy_img + bent, rest.pins.sigma_px, rest.pins.brightness)
-    kernel.accept(0.0)
+    frames.follow(rest.xy_img + bent)
     found = rest.xy_img + left * bent + 2.0
     found[lost] = np.nan
-    *_, autocorrelation = kernel.follow(found, rest.pins.sigma_px, rest.pins.brightness)
+    *_, autocorrelation, _, _ = frames.follow(found)
     assert autocorrelation == pytest.approx(left, abs=0.02)
-    kernel.accept(0.0)
-    assert kernel.last_xy()[lost] == pytest.approx(rest.xy_img[lost] + left * bent[lost] + 2.0, abs=0.1)
+    assert frames.kernel.last_xy()[lost] == pytest.approx(
+        rest.xy_img[lost] + left * bent[lost] + 2.0, abs=0.1
+    )
 
 
 def test_a_search_tells_what_is_left_of_the_residuals() -> None:
     rest = small_tip()
     n = len(rest)
-    kernel = follower(rest)
+    kernel = Frames(rest).kernel
+    kernel.reset()
     bent = np.random.default_rng(3).normal(0.0, 0.5, (n, 2))
     assert kernel.settle(rest.xy_img, bent, np.ones(n, bool)) == 0.0
     assert kernel.settle(rest.xy_img, 0.4 * bent, np.ones(n, bool)) == pytest.approx(0.4)

@@ -99,7 +99,7 @@ def test_of_two_blobs_in_one_place_one_is_certain_at_most() -> None:
     near = np.hypot(*(now - now[N // 2]).T) < 3 * PITCH_PX
     now[near] = now[N // 2] + 0.45 * (now[near] - now[N // 2])
     found, certain = certain_match(Hypothesis(model, now, blob, good))
-    pairs = model.tip.lattice.edges
+    pairs = model.tip.lattice.pairs
     gap = np.hypot(*(now[pairs[:, 0]] - now[pairs[:, 1]]).T)
     too_near = gap < model.tip.lattice.distance_min_px
     assert np.any(too_near & found.known[pairs].all(1))

@@ -5,8 +5,8 @@ import pytest
 from scipy.optimize import linear_sum_assignment
 
 from edge.geometry.lattice import Lattice
-from edge.tracking.affine import LocalAffine
 from edge.tracking.match import Links, NearestBlob, RegionGrower, assign
+from edge.tracking.outliers import LocalAffine
 from edge.types import Array, Index
 from tests.support.fields import hexagon
 

@@ -7,8 +7,7 @@ import pytest
 
 from edge.geometry.lattice import Lattice
 from edge.tracking import Tracker
-from edge.tracking.affine import LocalAffine
-from edge.tracking.outliers import PhotometricFilter
+from edge.tracking.outliers import LocalAffine, PhotometricFilter
 from edge.tracking.params import TrackingParams
 from edge.types import Array, Pins, Tracks
 from tests.support.fields import tip

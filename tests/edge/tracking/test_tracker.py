@@ -361,7 +361,7 @@ def test_movement4_there_and_back_ends_where_it_began(real_dir: Path, step: int)
             untrusted += 1
             continue
         seen_n.append(tracks.n_seen)
-        gap = np.hypot(*(tracks.xy_img[close.edges[:, 0]] - tracks.xy_img[close.edges[:, 1]]).T)
+        gap = np.hypot(*(tracks.xy_img[close.pairs[:, 0]] - tracks.xy_img[close.pairs[:, 1]]).T)
         assert not np.any(gap < close.distance_min_px)
     off = np.hypot(*(tracks.xy_img - rest.xy_img)[tracks.seen].T)
     assert off.max() < 0.3 * rest.pattern.pitch_px

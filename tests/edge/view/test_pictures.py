@@ -52,7 +52,7 @@ def features_of(
 @pytest.fixture
 def scene() -> Scene:
     xy = square_grid()
-    tracks = Tracks(xy, np.full(len(xy), 0.05), np.ones(len(xy), bool), 1.0)
+    tracks = Tracks.of(xy, np.full(len(xy), 0.05), np.ones(len(xy), bool))
     return View.of(xy, PITCH, SIZE), xy, tracks
 
 
@@ -146,7 +146,7 @@ def test_lost_pins_and_open_cells_are_skipped(scene: Scene) -> None:
     seen[8] = False
     lost = xy.copy()
     lost[8] = np.nan
-    tracks = Tracks(lost, np.where(seen, 0.05, np.nan), seen, 1.0)
+    tracks = Tracks.of(lost, np.where(seen, 0.05, np.nan), seen)
     polygons = squares(xy)
     polygons[8] = np.empty((0, 2))
     polygons[9] = np.array([[0.0, 0.0], [np.inf, 0.0], [0.0, 1.0]])
@@ -173,7 +173,7 @@ def test_the_camera_panel_shows_the_same_place_and_brightness(scene: Scene) -> N
 def test_pictures_have_one_size(scene: Scene, mm_per_px: float, confidence: float) -> None:
     view, xy, tracks = scene
     view = View(view.corner_img, view.scale, view.size, mm_per_px)
-    tracks = Tracks(tracks.xy_img, tracks.sigma_px, tracks.seen, confidence)
+    tracks = Tracks.of(tracks.xy_img, tracks.sigma_px, tracks.seen, confidence)
     frame = Frame(np.zeros((240, 240), np.uint8), 0, 0)
     features = features_of(xy, np.zeros(len(xy)), np.zeros_like(xy), contacts=2)
     with_features = picture(view, frame, tracks, squares(xy), features, caption="a press")
