@@ -196,7 +196,10 @@ class SdoObjects:
     def _exchange(self, request: bytes, index: int, sub: int, disturbed: Set[int] = frozenset()) -> bytes:
         """The answer to a request. Raises _Disturbed: aborted with one of these codes."""
         end_s = time.monotonic() + TRIES * TIMEOUT_S
-        while (now_s := time.monotonic()) < end_s:
+        while True:
+            self._wait_while(self._channel.blocked_s, end_s)
+            if (now_s := time.monotonic()) >= end_s:
+                break
             with self._changed:
                 if not self._channel.ask(request, now_s):
                     raise _Disturbed(Abort.TOGGLE)
@@ -213,6 +216,8 @@ class SdoObjects:
             if unclear:
                 self._wait_while(self._channel.unanswered_s, end_s)
                 _pause()
+        if self._channel.blocked_s(now_s) > 0.0:
+            raise aborted(index, sub, Abort.NOT_NOW, _BUSY)
         raise LinkTimeout(
             f"finger {self._node} did not answer on 0x{self._response_id:X} ({TRIES} times {TIMEOUT_S:g} s)"
         )

@@ -7,6 +7,7 @@ other's requests, and a server answers one request after the other:
     the same request as ours, meanwhile      the second answer holds for both
     another one that the answer fits too     nobody can tell whose it is: ours is made once more
     another's segment within our transfer    it begins anew: segments are alike, whatever they are of
+    another's block transfer                 all answers are its own, and the server hears nobody else
 
 `SdoObjects` waits and repeats; a node answers a repeated request as before, and does nothing twice.
 """
@@ -16,7 +17,19 @@ from __future__ import annotations
 from enum import Enum, auto
 
 from hostlink.wire.objects import Abort
-from hostlink.wire.sdo import ANSWER_TO, EXPEDITED, LAST, NAMELESS, SEGMENTS, SPECIFIER, TOGGLE, Sdo
+from hostlink.wire.sdo import (
+    ANSWER_TO,
+    BLOCKS,
+    EXPEDITED,
+    LAST,
+    NAMELESS,
+    SEGMENTS,
+    SPECIFIER,
+    TOGGLE,
+    Block,
+    Sdo,
+    goes_on,
+)
 
 __all__ = ["SdoChannel", "Whose"]
 
@@ -49,6 +62,7 @@ class SdoChannel:
         self._meanwhile: list[tuple[float, bytes]] = []
         self._theirs = b""  # object of another's segmented transfer
         self._moved = False
+        self._block = 0  # specifier of another's block transfer
         self._last_s = 0.0
 
     def ask(self, request: bytes, now_s: float) -> bool:
@@ -61,11 +75,19 @@ class SdoChannel:
         self._before = [item for item in self._before + self._meanwhile if now_s - item[0] < self._idle_s]
         self._meanwhile = []
         self._ours = request
+        if not self.blocked_s(now_s):
+            self._block = 0
         return True
 
     def overhear(self, request: bytes, now_s: float) -> None:
         """Another client sends this."""
         self._last_s = now_s
+        if goes_on(request[0]) and request[0] & SPECIFIER == Sdo.BLOCK_UPLOAD:
+            self._block = Sdo.BLOCK_UPLOAD
+        if self._block:
+            if request[0] in (Sdo.ABORT, Sdo.BLOCK_UPLOAD | Block.END):
+                self._ended()
+            return
         if request[0] & SPECIFIER == Sdo.ABORT:
             self._ended()
         elif len(self._meanwhile) < HELD_MAX:
@@ -79,12 +101,21 @@ class SdoChannel:
             return 0.0
         return self._last_s + (self._idle_s if self._moved else self._grace_s) - now_s
 
+    def blocked_s(self, now_s: float) -> float:
+        """How long another's block transfer may still take without a word; 0: there is none."""
+        return max(0.0, self._last_s + self._idle_s - now_s) if self._block else 0.0
+
     def unanswered_s(self, now_s: float) -> float:
         """How long others' requests may still wait for their answers; 0: there are none."""
         return max((at_s + self._idle_s - now_s for at_s, _ in self._before + self._meanwhile), default=0.0)
 
     def answer(self, data: bytes) -> Whose:
         """The server sends this."""
+        if self._block:
+            last = Sdo.BLOCK_UPLOAD | Block.END  # the server's, of a download, is the same number
+            if data[0] == Sdo.ABORT or (self._block == Sdo.BLOCK_DOWNLOAD and data[0] == last):
+                self._ended()
+            return Whose.ANOTHERS
         ours = self._ours if self._ours and _fits(data, self._ours, self._object) else b""
         if ours and data[:4] == _NO_TRANSFER:
             self._ours = b""
@@ -116,13 +147,17 @@ class SdoChannel:
             last = request if request[0] & SPECIFIER == Sdo.DOWNLOAD_SEGMENT else answer
             if answer[0] == Sdo.ABORT or last[0] & LAST:
                 self._ended()
+        elif request[0] & SPECIFIER in BLOCKS:
+            self._block = request[0] & SPECIFIER if answer[0] != Sdo.ABORT else 0
         elif _starts(request, answer):
             self._theirs, self._moved = request[1:4], False
         return Whose.ANOTHERS
 
     def _ended(self) -> None:
         """Another's transfer is over; no segment of it will be answered any more."""
-        self._theirs = b""
+        if self._block:  # whatever was asked meanwhile
+            self._before, self._meanwhile = [], []
+        self._theirs, self._block = b"", 0
         self._before = [item for item in self._before if not _is_segment(item[1])]
         self._meanwhile = [item for item in self._meanwhile if not _is_segment(item[1])]
 

@@ -12,7 +12,7 @@ AT_MOST = {
     "edge": 6,
     "faults": 4,
     "features": 21,
-    "geometry": 5,
+    "geometry": 7,
     "link": 5,
     "pins": 27,
     "recording": 2,

@@ -44,7 +44,9 @@ class LatticeParams:
 
     longest_edge: float = 1.6  # pins further apart are no neighbours: there is a bay of the hull
     near_width: float = 1.6  # of the Gaussian weight
-    distance_min: float = 0.5  # no two tracks come nearer, against their distance at rest where that is less
+    distance_min: float = 0.5  # no two tracks come nearer
+    distance_min_rel: float = 0.85  # ... or than this share of their distance at rest, where that is less
+    closest_n: int = 8
 
 
 PARAMS = LatticeParams()
@@ -133,9 +135,10 @@ class Lattice:
     near             (n, 18) int32, nearest pins, nearest first; fewer columns where there are fewer pins
     offset           (n, 18, 2) to these, pitches
     weight           (n, 18) of these by distance, zero from the third ring on
+    closest          (n, closest_n) int32, the first columns of near
     local_pitch_px   (n,) distance to the next pin, a median over the neighbourhood: the unit of all
                      thresholds
-    pairs            (p, 2) int32, each pin and its first ring, each pair once
+    pairs            (p, 2) int32, each pin and its closest ones, each pair once
     distance_min_px  (p,) that the tracks of such a pair keep
     """
 
@@ -160,14 +163,15 @@ class Lattice:
         # Rows may be much denser one way than the other; it is the nearest neighbour that a pin can be
         # mistaken for.
         nearest_px = distance[:, 0] * pitch_px
-        self.local_pitch_px: Array = np.median(nearest_px[near[:, :N_RING]], axis=1)
+        self.local_pitch_px: Array = np.median(nearest_px[near[:, : PARAMS.closest_n]], axis=1)
         # Pins that are close at rest may stay close.
-        ring = self.near[:, :N_RING]
-        pin = np.repeat(np.arange(n, dtype=np.int32), ring.shape[1])
-        both = np.sort(np.stack([pin, ring.ravel()], axis=1))
+        self.closest = np.ascontiguousarray(self.near[:, : PARAMS.closest_n])
+        columns = self.closest.shape[1]
+        pin = np.repeat(np.arange(n, dtype=np.int32), columns)
+        both = np.sort(np.stack([pin, self.closest.ravel()], axis=1))
         self.pairs, first = np.unique(both, axis=0, return_index=True)
-        apart = distance[:, :N_RING].ravel()[first]
-        self.distance_min_px = PARAMS.distance_min * np.minimum(1.0, apart) * pitch_px
+        apart = distance[:, :columns].ravel()[first]
+        self.distance_min_px = np.minimum(PARAMS.distance_min, PARAMS.distance_min_rel * apart) * pitch_px
 
 
 def _edges(xy: Array, longest: float) -> Index:

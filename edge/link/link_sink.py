@@ -170,6 +170,16 @@ class LinkSink(ABC):
                 self._queue.put_control(item)
                 self._changed.notify_all()
 
+    def post_block(self, items: Sequence[Any], spacing_s: float) -> None:
+        """Send items of an answer when no sample waits, in place of those of the last call that still wait.
+
+        spacing_s  as for `send_detail`
+        """
+        with self._changed:
+            if self._medium.current is not None:
+                self._queue.put_spaced("block", items, spacing_s)
+                self._changed.notify_all()
+
     def send_detail(self, items: Sequence[Any], spacing_s: float) -> bool:
         """Send items of the lowest priority, when nothing else waits; False: skipped and counted.
 
@@ -179,7 +189,7 @@ class LinkSink(ABC):
         with self._changed:
             free = self._medium.current is not None and not self._queue.waiting
             if free:
-                self._queue.put_detail(items, spacing_s)
+                self._queue.put_spaced("detail", items, spacing_s)
                 self._changed.notify_all()
         if not free:
             self._count("detail_skipped")

@@ -20,7 +20,7 @@ class LinkParams:
     control_n: int = 256  # answers, also those that are kept for repetitions
 
     # --- answers
-    detail_rel: float = 0.3  # share of the link's time for the detail stream, at most
+    spaced_rel: float = 0.3  # share of the link's time for detail, and for block transfers, at most
     described_s: float = RUNTIME.check_s  # a description is made anew after this: it costs the loop some time
     idle_s: float = RUNTIME.patience_s  # a client that is silent for so long is gone, and its transfer
 

@@ -79,7 +79,12 @@ class CanPort(_Port):
         self._ids = sink.ids
         self._request = sink.ids.of(Kind.SDO_REQUEST, sink.node)
         response = sink.ids.of(Kind.SDO_RESPONSE, sink.node)
-        self.sdo = SdoServer(server, lambda data: sink.post(CanFrame(response, data)))
+        spacing_s = sink.frame_s(8, fd=False) / PARAMS.spaced_rel
+        self.sdo = SdoServer(
+            server,
+            lambda data: sink.post(CanFrame(response, data)),
+            lambda block: sink.post_block([CanFrame(response, data) for data in block], spacing_s),
+        )
         sink.on_message = self.receive
 
     def _item(self, kind: Kind, data: bytes) -> CanFrame:

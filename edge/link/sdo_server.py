@@ -10,17 +10,17 @@ left.
 - So does the write of a short value, if it was done. Our hosts number these in the bytes behind the value,
   which CiA 301 leaves open. Another client's counts as repeated where the client had time to give up waiting
   and no other request came between. What was refused is judged anew.
-- Block transfer is not offered: its bursts of 127 frames would hold the samples up.
+- During a block transfer nothing is answered but its own client: it would take an answer for a segment.
 """
 
 import math
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
 
 from edge.limits import FILE_BYTES
 from edge.link.object_server import Aborted, ObjectServer, size_of
 from edge.link.params import PARAMS
+from edge.link.sdo_transfer import BlockDownload, BlockTransfer, BlockUpload, Transfer
 from hostlink.wire import Abort
 from hostlink.wire.sdo import (
     ANSWER_TO,
@@ -32,6 +32,7 @@ from hostlink.wire.sdo import (
     SIZE_GIVEN,
     SPECIFIER,
     TOGGLE,
+    Block,
     Sdo,
     expedited,
     goes_on,
@@ -45,31 +46,24 @@ TOO_LONG = f"longer than {DOWNLOAD_MAX >> 20} MiB, so no calibration"
 _NO_REPEAT = (b"", b"")  # the last segment and its answer; none
 
 
-@dataclass(slots=True)
-class _Transfer:
-    """A value of more than 4 bytes being transferred."""
-
-    index: int
-    sub: int
-    writes: bool  # the client writes (download); else it reads
-    data: bytearray  # received so far, or still to be sent
-    size: int | None = None  # announced; None: it was not
-    toggle: int = 0
-    moved: bool = False  # a segment was transferred
-    last_used_s: float = field(default_factory=time.monotonic)
-
-
 class SdoServer:
-    """Answers the SDO requests to one node; `send` sends the 8 bytes of an answer."""
+    """Answers the SDO requests to one node.
+
+    objects     what is read and written
+    send        sends the 8 bytes of an answer
+    send_block  sends these instead of those it was given before that still wait, and lets samples pass
+    """
 
     def __init__(
         self,
         objects: ObjectServer,
         send: Callable[[bytes], None],
+        send_block: Callable[[Sequence[bytes]], None],
         clock_s: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._objects, self._send, self._clock_s = objects, send, clock_s
-        self._transfer: _Transfer | None = None
+        self._objects, self._clock_s = objects, clock_s
+        self._send, self._send_block = send, send_block
+        self._transfer: Transfer | None = None
         self._repeated = _NO_REPEAT
         self._written: dict[bytes, float] = {}  # short writes that were done, and when last asked for
         self._newest = b""
@@ -80,11 +74,13 @@ class SdoServer:
             Sdo.UPLOAD_SEGMENT: self._upload_segment,
             Sdo.ABORT: self._aborted,
             Sdo.BLOCK_UPLOAD: self._block_upload,
+            Sdo.BLOCK_DOWNLOAD: self._block_download,
         }
 
     def reset(self) -> None:
         """Forget the transfer under way."""
         self._transfer, self._repeated = None, _NO_REPEAT
+        self._send_block(())
 
     def request(self, data: bytes) -> None:
         """Handle the 8 bytes of a request."""
@@ -95,12 +91,16 @@ class SdoServer:
             return
         command, index, sub = HEAD.unpack_from(data)
         handler = self._handlers.get(command & SPECIFIER)
+        block = None if command == Sdo.ABORT else self._block()
         try:
+            if block is not None and self._go_on(block, data):
+                return
+            block = None
             if handler is None:
                 raise Aborted(Abort.COMMAND)
             handler(command, index, sub, data)
         except Aborted as error:
-            if command & SPECIFIER in SEGMENTS:
+            if block is not None or command & SPECIFIER in SEGMENTS:
                 transfer = self._transfer
                 self.reset()
                 index, sub = (transfer.index, transfer.sub) if transfer else (0, 0)
@@ -113,13 +113,47 @@ class SdoServer:
         self._answer_upload(index, sub, self._read(index, sub))
 
     def _block_upload(self, command: int, index: int, sub: int, data: bytes) -> None:
-        """Change to a plain upload where the client allows it: pst, byte 5, is the largest size for that."""
         if goes_on(command):
             raise Aborted(Abort.COMMAND)
-        value = self._read(index, sub)
-        if len(value) > data[5]:
+        value, crc = self._read(index, sub), command & Block.CRC
+        self._begin(
+            BlockUpload(index, sub, False, bytearray(value), len(value), has_crc=crc > 0, n_max=data[4])
+        )
+        head = HEAD.pack(ANSWER_TO[Sdo.BLOCK_UPLOAD] | Block.SIZE_GIVEN | crc, index, sub)
+        self._send(head + len(value).to_bytes(4, "little"))
+
+    def _block_download(self, command: int, index: int, sub: int, data: bytes) -> None:
+        if goes_on(command):
             raise Aborted(Abort.COMMAND)
-        self._answer_upload(index, sub, value)
+        size = int.from_bytes(data[4:8], "little") if command & Block.SIZE_GIVEN else None
+        self._check_length(size or 0)
+        crc = command & Block.CRC
+        self._begin(BlockDownload(index, sub, True, bytearray(), size, has_crc=crc > 0))
+        head = HEAD.pack(ANSWER_TO[Sdo.BLOCK_DOWNLOAD] | crc, index, sub)
+        self._send(head + Block.DOWNLOAD_N.to_bytes(4, "little"))
+
+    def _block(self) -> BlockTransfer | None:
+        """The block transfer under way; one whose client has disappeared ends here."""
+        transfer = self._transfer
+        if isinstance(transfer, BlockTransfer) and self._clock_s() - transfer.last_used_s >= PARAMS.idle_s:
+            self.reset()
+        return self._transfer if isinstance(self._transfer, BlockTransfer) else None
+
+    def _go_on(self, block: BlockTransfer, data: bytes) -> bool:
+        """Answer a frame of a block transfer; False: this is another request, and to be answered."""
+        answers = block.take(data)
+        if answers is None:
+            return block.moved
+        block.moved, block.last_used_s = True, self._clock_s()
+        self._check_length(len(block.data))
+        if block.done:
+            if block.writes:
+                self._objects.write(block.index, block.sub, bytes(block.data))
+                self._repeated = (data, answers[0])
+            self._transfer = None
+        if answers:
+            self._send_block(answers)
+        return True
 
     def _read(self, index: int, sub: int) -> bytes:
         value = self._objects.read(index, sub)
@@ -131,7 +165,7 @@ class SdoServer:
         if len(value) <= 4:
             self._send(expedited(ANSWER_TO[Sdo.UPLOAD], index, sub, value))
             return
-        self._begin(_Transfer(index, sub, False, bytearray(value), len(value), last_used_s=self._clock_s()))
+        self._begin(Transfer(index, sub, False, bytearray(value), len(value)))
         head = HEAD.pack(ANSWER_TO[Sdo.UPLOAD] | SIZE_GIVEN, index, sub)
         self._send(head + len(value).to_bytes(4, "little"))
 
@@ -143,7 +177,7 @@ class SdoServer:
             size = int.from_bytes(data[4:8], "little")
             self._check_length(size if command & SIZE_GIVEN else 0)
             announced = size if command & SIZE_GIVEN else None
-            self._begin(_Transfer(index, sub, True, bytearray(), announced, last_used_s=self._clock_s()))
+            self._begin(Transfer(index, sub, True, bytearray(), announced))
         self._send(HEAD.pack(ANSWER_TO[Sdo.DOWNLOAD], index, sub) + bytes(4))
 
     def _write_once(self, index: int, sub: int, data: bytes, size: int) -> None:
@@ -160,15 +194,15 @@ class SdoServer:
         if len(self._written) > PARAMS.control_n:
             del self._written[next(iter(self._written))]
 
-    def _begin(self, transfer: _Transfer) -> None:
-        other = self._transfer
-        if other is not None and self._clock_s() - other.last_used_s < PARAMS.idle_s:
+    def _begin(self, transfer: Transfer) -> None:
+        other, transfer.last_used_s = self._transfer, self._clock_s()
+        if other is not None and transfer.last_used_s - other.last_used_s < PARAMS.idle_s:
             asked = (other.index, other.sub, other.writes)
             if other.moved or asked != (transfer.index, transfer.sub, transfer.writes):
                 raise Aborted(Abort.NOT_NOW)
         self._transfer, self._repeated = transfer, _NO_REPEAT
 
-    def _current(self, command: int, writes: bool) -> _Transfer:
+    def _current(self, command: int, writes: bool) -> Transfer:
         """The transfer that this segment belongs to."""
         transfer = self._transfer
         if transfer is None or transfer.writes != writes:

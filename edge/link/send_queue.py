@@ -1,15 +1,17 @@
-"""The queue of a link: answers and emergencies first, then samples, then detail, one item at a time.
+"""The queue of a link: answers and emergencies first, then samples, blocks and detail, one item at a time.
 
-The items of the detail keep a distance: a sample cannot overtake what is in the driver's queue.
+The items of a block (a long answer) and of the detail keep a distance: a sample cannot overtake what is in
+the driver's queue.
 """
 
 import math
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
-Kind = Literal["control", "sample", "detail"]
+Spaced = Literal["block", "detail"]
+Kind = Literal["control", "sample", Spaced]
 
 
 @dataclass(slots=True)
@@ -17,6 +19,13 @@ class _Periodic:
     period_s: float
     make: Callable[[], Any]
     due_s: float
+
+
+@dataclass(slots=True)
+class _Spaced:
+    items: deque[Any] = field(default_factory=deque)
+    spacing_s: float = 0.0
+    due_s: float = 0.0
 
 
 class SendQueue:
@@ -29,14 +38,13 @@ class SendQueue:
         self._samples_n = samples_n
         self._control: deque[Any] = deque(maxlen=control_n)
         self._samples: deque[Sequence[Any]] = deque()
-        self._detail: deque[Any] = deque()
-        self._detail_spacing_s = self._detail_due_s = 0.0
+        self._spaced: dict[Spaced, _Spaced] = {"block": _Spaced(), "detail": _Spaced()}
         self._periodic: _Periodic | None = None
         self._in_hand: Kind | None = None
 
     @property
     def waiting(self) -> bool:
-        return bool(self._samples or self._control or self._detail)
+        return bool(self._samples or self._control or any(group.items for group in self._spaced.values()))
 
     @property
     def sample_ahead(self) -> bool:
@@ -60,10 +68,10 @@ class SendQueue:
         """Add an answer, an emergency or a heartbeat."""
         self._control.append(item)
 
-    def put_detail(self, items: Sequence[Any], spacing_s: float) -> None:
-        """Add a group of detail items, to be sent at least so long after each other."""
-        self._detail.extend(items)
-        self._detail_spacing_s = spacing_s
+    def put_spaced(self, kind: Spaced, items: Sequence[Any], spacing_s: float) -> None:
+        """Put a group in the place of the one before, to be sent with this least time between two items."""
+        group = self._spaced[kind]
+        group.items, group.spacing_s = deque(items), spacing_s
 
     def every(
         self, period_s: float, make: Callable[[], Any] | None, now_s: float, phase: float = 0.0
@@ -83,8 +91,7 @@ class SendQueue:
         if self._samples or self._control:
             return 0.0
         due = [] if self._periodic is None else [self._periodic.due_s]
-        if self._detail:
-            due.append(self._detail_due_s)
+        due += [group.due_s for group in self._spaced.values() if group.items]
         return max(0.0, min(due) - now_s) if due else None
 
     def take(self, now_s: float) -> Sequence[Any] | None:
@@ -100,10 +107,11 @@ class SendQueue:
         if self._samples:
             self._in_hand = "sample"
             return self._samples.popleft()
-        if self._detail and now_s >= self._detail_due_s:
-            self._in_hand = "detail"
-            self._detail_due_s = now_s + self._detail_spacing_s
-            return (self._detail.popleft(),)
+        for kind, group in self._spaced.items():
+            if group.items and now_s >= group.due_s:
+                self._in_hand = kind
+                group.due_s = now_s + group.spacing_s
+                return (group.items.popleft(),)
         return None
 
     def done(self, written: bool) -> str:
@@ -111,15 +119,17 @@ class SendQueue:
         kind, self._in_hand = self._in_hand, None
         if kind == "sample":
             return "sent" if written else "dropped"
+        detail = self._spaced["detail"].items
         if kind == "detail" and not written:
-            self._detail.clear()  # an incomplete group is useless
+            detail.clear()  # an incomplete group is useless
             return "detail_skipped"
-        return "detail_sent" if kind == "detail" and not self._detail else ""
+        return "detail_sent" if kind == "detail" and not detail else ""
 
     def clear(self) -> int:
         """Drop all that waits; returns the number of samples."""
         samples_n = len(self._samples)
         self._samples.clear()
         self._control.clear()
-        self._detail.clear()
+        for group in self._spaced.values():
+            group.items.clear()
         return samples_n

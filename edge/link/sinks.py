@@ -24,7 +24,7 @@ from hostlink.wire.address import DEFAULT_BAUD, AddressError, parse_address
 from hostlink.wire.errors import CorruptFrame
 from hostlink.wire.serial import FRAME_MAX, decode_frame
 from hostlink.wire.state import frame_of
-from hostlink.wire.timing import fd_frame_s, serial_frame_s
+from hostlink.wire.timing import classic_frame_s, fd_frame_s, serial_frame_s
 
 NODE_DEFAULT = 1
 BITRATE, DBITRATE = 1_000_000, 5_000_000  # used if the address names none: CiA 601-3
@@ -108,6 +108,14 @@ class CanSink(LinkSink):
         self._state_id = self.ids.state(node)  # ValueError: no such node
         super().__init__(name, open_medium, params)
 
+    bitrate, dbitrate = BITRATE, DBITRATE  # of the bus, where the address names them
+
+    def frame_s(self, n_bytes: int, fd: bool = True) -> float:
+        """How long a frame occupies the bus, at worst."""
+        if not fd:
+            return classic_frame_s(n_bytes, self.bitrate)
+        return fd_frame_s(n_bytes, self.bitrate, self.dbitrate)
+
 
 class CanFdSink(CanSink):
     """One CAN FD frame of 64 bytes a sample, on TPDO1's identifier."""
@@ -115,15 +123,9 @@ class CanFdSink(CanSink):
     def encode(self, state: State, counter: int) -> Sequence[CanFrame]:
         return (CanFrame(self._state_id, packed(state, counter), True),)
 
-    bitrate, dbitrate = BITRATE, DBITRATE  # of the bus, where the address names them
-
     def encode_detail(self, payload: bytes) -> CanFrame:
         """The message of one detail segment, on TPDO4's identifier."""
         return CanFrame(self.ids.detail(self.node), payload, fd=True)
-
-    def frame_s(self, n_bytes: int) -> float:
-        """How long such a frame occupies the bus, at worst."""
-        return fd_frame_s(n_bytes, self.bitrate, self.dbitrate)
 
 
 class CanClassicSink(CanSink):
@@ -203,6 +205,5 @@ def open_sink(spec: str, node: int | None = None, ids: CanIds | None = None) -> 
     ids, node = ids or CanIds(), address.node or node or NODE_DEFAULT
     wanted = (ids.nmt, ids.sync, ids.of(Kind.SDO_REQUEST, node))
     bus = kind(str(address), opener(address, wanted), node, ids)
-    if isinstance(bus, CanFdSink):
-        bus.bitrate, bus.dbitrate = address.bitrate or BITRATE, address.dbitrate or DBITRATE
+    bus.bitrate, bus.dbitrate = address.bitrate or BITRATE, address.dbitrate or DBITRATE
     return bus

@@ -70,7 +70,7 @@ class Follower:
     start: cython.int[::1]  # of `weighted_rows`, where all neighbours are known
     near: cython.ushort[::1]
     weight: cython.float[::1]
-    around: cython.int[:, ::1]
+    closest: cython.int[:, ::1]
     pairs: cython.int[:, ::1]
     distance_min: cython.double[::1]
     separation: Separation
@@ -129,7 +129,7 @@ class Follower:
         full = np.take_along_axis(photometric.affine.matrix(), lattice.near, 1)
         full[lattice.weight <= 0.0] = 0.0
         self.start, self.near, self.weight = weighted_rows(lattice.near, full)
-        self.around = np.array(lattice.near, np.int32, order="C")
+        self.closest = np.array(lattice.closest, np.int32, order="C")
         self.pairs = np.array(lattice.pairs, np.int32, order="C")
         self.distance_min = np.array(lattice.distance_min_px, np.float64)
         self.separation = Separation(n)
@@ -254,13 +254,13 @@ class Follower:
     @cython.nogil
     def _change_of_lost(self, i: cython.Py_ssize_t) -> cython.double:
         """How far the residual of a lost pin may change, in `change2`: its last one is a prediction as well,
-        which makes the variance twice as large. It returns where most of those around it were seen.
+        which makes the variance twice as large. It returns where most of its nearest were seen.
         """
         c: cython.Py_ssize_t
         seen_n: cython.int = 0
-        for c in range(self.around.shape[1]):
-            seen_n += self.last_seen[self.around[i, c]]
-        return 2.0 if 2 * seen_n >= self.around.shape[1] else 0.0
+        for c in range(self.closest.shape[1]):
+            seen_n += self.last_seen[self.closest[i, c]]
+        return 2.0 if 2 * seen_n >= self.closest.shape[1] else 0.0
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -548,13 +548,13 @@ def _check(lattice: Lattice, n: int) -> None:
     shapes = {
         "rest_xy": (lattice.rest_xy, (n, 2)),
         "local_pitch_px": (lattice.local_pitch_px, (n,)),
-        "near": (lattice.near, (n, lattice.near.shape[1])),
+        "closest": (lattice.closest, (n, lattice.closest.shape[1])),
         "pairs": (lattice.pairs, (pairs_n, 2)),
         "distance_min_px": (lattice.distance_min_px, (pairs_n,)),
     }
     for name, (array, shape) in shapes.items():
         if array.shape != shape:
             raise ValueError(f"{name}: {shape} is wanted for {n} pins, not {array.shape}")
-    for name, pins in (("near", lattice.near), ("pairs", lattice.pairs)):
+    for name, pins in (("closest", lattice.closest), ("pairs", lattice.pairs)):
         if pins.size and (pins.min() < 0 or pins.max() >= n):
             raise ValueError(f"{name}: pins of 0 to {n - 1} are wanted, not {pins.min()} to {pins.max()}")

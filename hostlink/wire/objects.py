@@ -109,6 +109,9 @@ class Abort:
     NO_DATA = 0x08000024
     TIMEOUT = 0x05040000
     COMMAND = 0x05040001
+    BLOCK_SIZE = 0x05040002
+    SEQUENCE = 0x05040003
+    CRC = 0x05040004
     TOGGLE = 0x05030000
 
 
@@ -128,7 +131,10 @@ ABORTS: Final = {
     Abort.NOT_NOW: "not in the present state of the device (a tare needs an untouched tip, or force)",
     Abort.NO_DATA: "no data available",
     Abort.TIMEOUT: "the node did not answer in time",
-    Abort.COMMAND: "no such command: block transfer is not offered",
+    Abort.COMMAND: "no such command, or not now",
+    Abort.BLOCK_SIZE: "a sub-block of a block transfer has 1 to 127 segments",
+    Abort.SEQUENCE: "wrong number of a segment in a block transfer",
+    Abort.CRC: "the CRC of a block transfer is wrong",
     Abort.TOGGLE: "segments out of step",
 }
 

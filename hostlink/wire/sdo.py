@@ -2,6 +2,7 @@
 
 first frame, its answer, abort   specifier and flags | index, sub-index | size, value or abort code
 segment, its answer              specifier, toggle and flags | up to 7 bytes
+segment of a block               number and flag | up to 7 bytes
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from typing import Final
 
 __all__ = [
     "ANSWER_TO",
+    "BLOCKS",
     "EXPEDITED",
     "HEAD",
     "LAST",
@@ -20,6 +22,7 @@ __all__ = [
     "SIZE_GIVEN",
     "SPECIFIER",
     "TOGGLE",
+    "Block",
     "Sdo",
     "expedited",
     "goes_on",
@@ -47,18 +50,31 @@ class Sdo:
     BLOCK_DOWNLOAD = 0xC0
 
 
+class Block:
+    """Block transfer: flags of its first frames, subcommands of later ones, and the last segment's flag."""
+
+    SIZE_GIVEN, CRC = 0x02, 0x04
+    END, RECEIVED, START = 0x01, 0x02, 0x03
+    LAST = 0x80
+    N_MAX = 127  # segments for one acknowledgement
+    DOWNLOAD_N = 31  # of them in a download: from 32 on their first bytes are those of requests
+
+
 #: The server's specifier of an answer that is no abort.
 ANSWER_TO: Final = {
     Sdo.DOWNLOAD_SEGMENT: 0x20,
     Sdo.DOWNLOAD: 0x60,
     Sdo.UPLOAD: 0x40,
     Sdo.UPLOAD_SEGMENT: 0x00,
+    Sdo.BLOCK_UPLOAD: 0xC0,
+    Sdo.BLOCK_DOWNLOAD: 0xA0,
 }
 SEGMENTS: Final = (Sdo.DOWNLOAD_SEGMENT, Sdo.UPLOAD_SEGMENT)  # they name no object
+BLOCKS: Final = (Sdo.BLOCK_UPLOAD, Sdo.BLOCK_DOWNLOAD)
 
 
 def goes_on(command: int) -> bool:
-    """Whether this is a later frame of a block transfer; it names no object."""
+    """Whether this is a later frame of a block transfer, but no segment; it names no object."""
     subcommand = {Sdo.BLOCK_UPLOAD: 3, Sdo.BLOCK_DOWNLOAD: 1}.get(command & SPECIFIER, 0)
     return bool(command & subcommand)
 

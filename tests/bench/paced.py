@@ -1,7 +1,6 @@
 """The running program at a camera's rate for minutes: latency, memory, losses.
 
     python -m tests.bench paced --minutes 10
-    python -m tests.bench paced --minutes 1 --busy    with the other core (or all of them) kept busy
     python -m tests.bench paced --minutes 1 --fingers 5    as fingers on one board: what they take together
     python -m tests.bench paced --minutes 1 --viewers 2 --record    with viewers of the page, and recorded
 
@@ -13,7 +12,6 @@ bytecode is there before the start, as pip leaves it on a board.
 """
 
 import json
-import multiprocessing
 import os
 import subprocess
 import sys
@@ -89,31 +87,18 @@ def _with_bytecode() -> dict[str, str]:
     return environment
 
 
-def _burn() -> None:
-    while True:
-        sum(range(10_000))
-
-
 @click.command()
 @click.option("--minutes", type=click.FloatRange(min=0.02), default=10.0, show_default=True)
 @click.option("--rate", type=click.FloatRange(1, 2000), default=240.0, show_default=True, help="Frames/s.")
-@click.option("--busy", is_flag=True, help="Keep another core busy meanwhile.")
 @click.option("--realtime", is_flag=True, help="Scheduled as by deploy/realtime.conf (needs root).")
 @click.option("--fingers", type=click.IntRange(1, 16), default=1, show_default=True, help="At once.")
 @click.option("--viewers", type=click.IntRange(0, 16), default=0, show_default=True, help="Of the page.")
 @click.option("--record", is_flag=True, help="Record all images and values.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout.")
-def command(minutes: float, rate: float, busy: bool, fingers: int, as_json: bool, **options: Any) -> None:
+def command(minutes: float, rate: float, fingers: int, as_json: bool, **options: Any) -> None:
     """The running program at a camera's rate. Exit code 1: a frame that it accepted was lost."""
-    burner = multiprocessing.get_context("spawn").Process(target=_burn, daemon=True)
-    if busy:
-        burner.start()
     load = [os.getloadavg()[0]]
-    try:
-        reports = run_children(fingers, 60.0 * minutes, rate_hz=rate, **options)
-    finally:
-        if busy:
-            burner.terminate()
+    reports = run_children(fingers, 60.0 * minutes, rate_hz=rate, **options)
     load.append(os.getloadavg()[0])
     if as_json:
         made = reports[0] | {"load": load}

@@ -15,13 +15,12 @@ from edge.calibration import Calibration
 from edge.calibration.checks import outputs_of
 from edge.calibration.file import Polynomial
 from edge.drift import Drift, DriftParams
-from edge.errors import CalibrationError, NoPins
 from edge.frame import Pipeline
 from edge.pins import take_rest
 from edge.rest.tare import tare
 from edge.rest.tip_match import in_order_of
 from edge.sources import open_source
-from edge.types import Array, Feature, Frame, Image, Rest, Tracks
+from edge.types import Array, Feature, Frame, Image, Rest
 
 TARE = 8
 
@@ -168,40 +167,6 @@ def test_fits_of_several_contacts_can_be_left_out(data_dir: Path, several: bool)
     pairs = [contacts for contacts in found if contacts is not None and len(contacts) == 2]
     assert pairs
     assert any(contact.fitted is not None for contacts in pairs for contact in contacts) is several
-
-
-def test_after_dark_frames_the_same_pins_are_held(frames: list[Frame], rest: Rest) -> None:
-    pipeline = Pipeline(rest)
-    for frame in frames[:20]:
-        before = pipeline.process(frame)
-    black = replace(frames[20], image=np.zeros_like(frames[20].image))
-    dark = [pipeline.process(black) for _ in range(5)]
-    assert all(result.features is None for result in dark)
-    assert all(result.tracks.confidence < Tracks.LOW_CONFIDENCE for result in dark)
-    after = pipeline.process(frames[20])
-    assert after.searched
-    assert after.tracks.n_seen == len(rest)
-    moved = np.hypot(*(after.tracks.xy_img - before.tracks.xy_img).T)
-    assert moved.max() < rest.pattern.pitch_px / 2
-
-
-def test_rest_frames_of_another_tip_or_a_touched_one_are_refused(
-    data_dir: Path, frames: list[Frame], rest: Rest, calibration: Calibration
-) -> None:
-    other = Calibration.load(data_dir / "rings331_ball.json")
-    same_size = replace(rest, pattern=replace(rest.pattern, size_px=other.rest.pattern.size_px))
-    touched = tare([frames[-1].image] * TARE, 0.5)
-    for made_for, taken, stated in (
-        (other, rest, "320x320, the images are 280x210: give the calibration of this tip"),
-        (other, same_size, r"another tip: \d+ of its 331 pins"),
-        (calibration, touched, r"deformed by \d\.\d px .* something touches the tip"),
-    ):
-        with pytest.raises(CalibrationError, match=stated):
-            in_order_of(made_for, taken)
-    with pytest.raises(NoPins, match="the pins moved by"):
-        tare([frame.image for frame in frames[10 : 10 + TARE]], 0.5)
-    with pytest.raises(NoPins):
-        tare([np.zeros((240, 320), np.uint8)] * TARE, 0.5)
 
 
 def grey_frames(path: Path, n: int = 10_000) -> list[Image]:

@@ -62,24 +62,6 @@ def test_errors_have_readable_messages(raw: str, expected: str) -> None:
     assert one_line(BadContent, limits.decode_json, raw.encode(), Table) == expected
 
 
-def test_a_file_is_read_up_to_its_limit(tmp_path: Path) -> None:
-    path = tmp_path / "file"
-    path.write_bytes(b"x" * 2048)
-    assert len(limits.read_bounded(path, 2048)) == 2048
-    with pytest.raises(BadContent, match="larger than 1 KiB"):
-        limits.read_bounded(path, 1024)
-    with pytest.raises(BadContent, match="a folder or a device"):
-        limits.read_bounded(Path("/dev/zero"), 1024)
-    with pytest.raises(FileNotFoundError):
-        limits.read_bounded(tmp_path / "absent", 1024)
-
-
-def test_quoted_text_is_one_short_line() -> None:
-    assert limits.quote("smell") == "'smell'"
-    assert limits.quote("a\nb\x1b[2J") == r"'a\nb\x1b[2J'"
-    assert len(limits.quote("x" * 1000)) == 42
-
-
 #: Sections and keys of all our TOML files, and values that no file should have.
 PLACES = sorted(
     {f"{s.name}.{k.name}" for s in msgspec.structs.fields(Config) for k in msgspec.structs.fields(s.type)}

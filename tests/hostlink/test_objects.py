@@ -3,7 +3,7 @@
 import socket
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import closing, suppress
 from random import Random
 from typing import Any
@@ -54,7 +54,7 @@ class LateNode:
     def __init__(self) -> None:
         self.store = Store()
         server: Any = self.store
-        self.server = SdoServer(server, self.deliver)
+        self.server = SdoServer(server, self.deliver, lambda block: None)
         self.waiting = b""
         ids = CanIds()
         self.objects = SdoObjects(
@@ -150,7 +150,9 @@ class Line:
     def __init__(self, link: str, application: Application, lost_n: int = 0) -> None:
         self.lost_n = lost_n
         server = ObjectServer(application, SettingsFile(), NODE, CanIds(), lambda _: None, dict)
-        self.sdo = SdoServer(server, lambda data: self._answer(lambda: self.client.answer(data)))
+        self.sdo = SdoServer(
+            server, lambda data: self._answer(lambda: self.client.answer(data)), lambda block: None
+        )
         self.port = SerialPort(self, NODE, server, lambda _: None, lambda: None)  # type: ignore[arg-type]
         self.client: Any
         self.link = link
@@ -260,7 +262,7 @@ class SharedBus:
         self.application = Application("VT-0042 of the left hand")
         self.application.touched = True
         server = ObjectServer(self.application, SettingsFile(), NODE, CanIds(), lambda _: None, dict)
-        self._server = SdoServer(server, lambda data: self._put(0, data))
+        self._server = SdoServer(server, lambda data: self._put(0, data), self._put_block)
         self._queues = [deque[bytes]() for _ in range(1 + hosts_n)]
         self._changed = threading.Condition()
         self._ended = False
@@ -276,6 +278,10 @@ class SharedBus:
         with self._changed:
             self._queues[sender].append(data)
             self._changed.notify()
+
+    def _put_block(self, block: Sequence[bytes]) -> None:
+        for data in block:
+            self._put(0, data)
 
     def _carry(self) -> None:
         while True:

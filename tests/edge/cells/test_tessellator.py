@@ -15,7 +15,6 @@ from tests.support.layouts import (
     PITCH_PX,
     TIPS,
     hexagonal,
-    moved,
     pressed,
     rest_of,
     square,
@@ -25,15 +24,6 @@ from tests.support.layouts import (
 
 def cells_of(rest: Points, now: Points) -> Cells:
     return Tessellator(rest_of(rest)).cells(tracks_of(now))
-
-
-@pytest.mark.parametrize(("tip", "inner"), [("hexagonal", np.sqrt(3) / 2), ("square", 1.0)])
-def test_inner_cells_are_those_of_the_lattice(tip: str, inner: float) -> None:
-    rest = TIPS[tip]()
-    areas = Tessellator(rest_of(rest)).rest_area_px2 / PITCH_PX**2
-    assert np.median(areas) == pytest.approx(inner, rel=1e-12)
-    assert areas.min() > 0.5 * inner  # rim cells are of the same kind
-    assert areas.max() < 1.1 * inner
 
 
 def test_the_tips_of_the_stability_report_hold() -> None:
@@ -194,28 +184,6 @@ def test_a_lost_pin_keeps_its_place_among_those_that_move_on_together() -> None:
     assert 0.2 < errors[0] == pytest.approx(errors[1] / 2, rel=1e-6)
 
 
-def test_a_lost_pin_follows_an_affine_motion_exactly() -> None:
-    rest = hexagonal()
-    now = moved(rest, 0.2, 1.1, 40.0)
-    lost = np.zeros(len(rest), dtype=bool)
-    lost[[0, 1, 5, 160, 161, 162, 330]] = True
-    cells = cells_of(rest, np.where(lost[:, None], np.nan, now))
-    assert np.hypot(*(cells.xy_img - now)[lost].T).max() <= 1e-6
-    assert worst_relative(cells.area_px2[~lost], 1.21 * cells.rest_area_px2[~lost]) <= 1e-7
-
-
-def test_rows_of_lost_pins_are_not_read() -> None:
-    """A tracker may leave a stale place where `seen` is false."""
-    rest = hexagonal(4)
-    tracks = tracks_of(np.where((np.arange(len(rest)) == 7)[:, None], np.nan, rest))
-    stale = tracks.xy_img.copy()
-    stale[7] = 1e9
-    tessellator = Tessellator(rest_of(rest))
-    a = tessellator.cells(tracks)
-    b = tessellator.cells(replace(tracks, xy_img=stale))
-    assert np.array_equal(a.area_px2, b.area_px2, equal_nan=True)
-
-
 @pytest.mark.parametrize(
     ("rest", "message"),
     [
@@ -228,12 +196,6 @@ def test_rows_of_lost_pins_are_not_read() -> None:
 def test_a_rest_frame_without_a_plane_is_refused(rest: Points, message: str) -> None:
     with pytest.raises(DegenerateLayout, match=message):
         Tessellator(rest_of(rest))
-
-
-def test_three_pins_are_enough() -> None:
-    rest = np.array([[0.0, 0.0], [10.0, 0.0], [5.0, 9.0]])
-    areas = Tessellator(rest_of(rest)).rest_area_px2
-    assert (areas > 50).all()
 
 
 @pytest.mark.parametrize("seen", [[], [3], [3, 4], [0, 1, 2, 3, 4]])

@@ -134,17 +134,6 @@ def test_heat_is_reported_and_cleared_with_hysteresis() -> None:
     assert reported == [False, True, True, True, False, False, False]
 
 
-def test_a_storage_fault_is_reported_with_its_message() -> None:
-    registry, messages = FaultRegistry(), ["", "disk A", ""]
-    monitor = BoardMonitor(registry, lambda: math.nan, [lambda: "", lambda: messages.pop(0)])
-    monitor.check()
-    assert not registry.active
-    monitor.check()
-    assert registry.active == {FaultCode.DISK_FULL: "disk A"}
-    monitor.check()
-    assert not registry.active
-
-
 def test_free_space(tmp_path: Path) -> None:
     assert free_space_problem(tmp_path) == ""
     assert "needed" in free_space_problem(tmp_path, 1 << 60)

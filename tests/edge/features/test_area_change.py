@@ -5,7 +5,7 @@ import pytest
 
 from edge.features.pin_motion import AreaChange
 from edge.types import Array, Rest
-from tests.support.fields import CENTRE, frame, push, tip
+from tests.support.fields import CENTRE, frame, tip
 
 pytestmark = pytest.mark.kernels
 
@@ -16,35 +16,6 @@ def rest_areas(rest: Rest) -> Array:
 
 def made(rest: Rest) -> AreaChange:
     return AreaChange(rest.xy_img, rest.pattern.pitch_px, rest_areas(rest))
-
-
-def test_a_lost_cell_changes_as_the_skin_between_its_neighbours() -> None:
-    rest = tip(331)
-    changes = made(rest)
-    rng = np.random.default_rng(2)
-    xy = rest.xy_img + push(rest, (5.0, -9.0), 60.0, 0.1)
-    _, cells = frame(rest, xy)
-    change = np.empty(331)
-    changes.since_rest(cells.area_px2, change)
-    np.testing.assert_allclose(change, cells.area_px2 / cells.rest_area_px2 - 1.0, rtol=0, atol=1e-15)
-    changes.fill(change, xy)
-    np.testing.assert_array_equal(changes.values, change)
-    lost = rng.choice(331, 99, replace=False)
-    inner = lost[np.hypot(*(rest.xy_img[lost] - CENTRE).T) < 0.9 * rest.pattern.tip_radius_px]
-    gaps = change.copy()
-    gaps[lost] = np.nan
-    changes.fill(gaps, xy)
-    filled = np.asarray(changes.values)
-    assert np.isfinite(filled).all()
-    np.testing.assert_allclose(filled[inner], change[inner], atol=0.02)
-
-
-@pytest.mark.parametrize(("level", "counted"), [(-1.0, 0.0), (0.1, 0.0), (0.15, 0.1), (0.2, 0.2), (0.5, 0.5)])
-def test_firm_threshold(level: float, counted: float) -> None:
-    rest = tip(127)
-    changes = made(rest)
-    changes.fill(np.full(127, level), rest.xy_img)
-    assert changes.volume(0.1) == pytest.approx(counted * rest_areas(rest).sum(), abs=1e-6)
 
 
 def test_volume_of_noise_is_zero_and_noise_adds_none_to_a_bump() -> None:

@@ -27,22 +27,6 @@ def finder_of(xy: Array, change: Array | None = None) -> ContactFinder:
     return made
 
 
-def test_places_are_means_of_the_nearest_pins_weighted_by_area_change() -> None:
-    xy = REST.xy_img + push(REST, (60.0, -15.0), 40.0, 0.2) + push(REST, (-50.0, 30.0), 40.0, 0.15)
-    change = np.random.default_rng(2).normal(0.1, 0.1, 127).astype(np.float32).astype(np.float64)
-    near = finder_of(xy, change)
-    regions = near.regions
-    assert regions.n_contacts == 2
-    near.find_places()
-    middles = np.array(regions.middle)[:2]
-    distance = np.hypot(*(xy[:, None] - middles).transpose(2, 0, 1))
-    for i in range(2):
-        radius = max(2.0 * PITCH, 1.25 * regions.semi_axis[i])
-        weight = np.maximum(change, 0.0) * np.maximum(1.0 - (distance[:, i] / radius) ** 2, 0.0)
-        weight[distance[:, 1 - i] < distance[:, i]] = 0.0
-        np.testing.assert_allclose(np.array(near.place)[i], weight @ xy / weight.sum(), atol=1e-9)
-
-
 def test_moments_are_sums_over_the_points_nearest_to_each_contact() -> None:
     turning = (REST.xy_img - CENTRE) @ np.array([[0.0, 0.03], [-0.03, 0.0]])
     xy = REST.xy_img + push(REST, (60.0, -15.0), 40.0, 0.2) + push(REST, (-50.0, 30.0), 40.0, 0.15) + turning

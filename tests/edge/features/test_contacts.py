@@ -55,16 +55,6 @@ def test_two_pushes_two_pitches_apart_are_two(pins: int) -> None:
             assert np.hypot(*(contact.xy_img - CENTRE - place)) < 0.6 * pitch
 
 
-def test_four_pushes_strongest_first() -> None:
-    rest = tip(331)
-    motion = sum(
-        push(rest, at, 25.0, height)
-        for at, height in [((-70, -60), 0.10), ((70, -60), 0.16), ((-70, 60), 0.13), ((70, 60), 0.2)]
-    )
-    found = contacts(rest, np.asarray(motion))
-    assert [tuple(np.sign(c.xy_img - CENTRE)) for c in found] == [(1, 1), (1, -1), (-1, 1), (-1, -1)]
-
-
 def test_there_are_no_more_contacts_than_the_table_holds() -> None:
     rest, across = tip(331), (-120.0, -40.0, 40.0, 120.0)
     motion = sum(push(rest, (x, y), 16.0, 0.3) for x in across for y in across)
@@ -123,21 +113,6 @@ def test_simulated_tools_make_as_many_contacts_as_they_have_places(
     assert len(found) == expected
     if tool.kind == "edge":
         assert np.rad2deg(found[0].orientation_rad) == pytest.approx(tool.angle_deg, abs=5.0)
-
-
-@pytest.mark.compiled
-@pytest.mark.parametrize("apart_mm", [7.0, 8.0, 10.0])
-def test_a_shallow_contact_beside_a_deep_one_is_found(apart_mm: float) -> None:
-    camera = Camera(tip=Tip())
-    tool = Tool("sphere", 2.0)
-    deep = ToolPose(tool, x_mm=-apart_mm / 2.0, depth_mm=3.0)
-    shallow = ToolPose(tool, x_mm=apart_mm / 2.0, depth_mm=1.0)
-    rest_xy = camera.project(camera.tip.tips_mm)
-    motion = camera.project(deform(camera.tip, (deep, shallow)).tips_mm) - rest_xy
-    rest = make_rest(rest_xy + (CENTRE - camera.centre_img), 18.9)
-    found = contacts(rest, motion)
-    assert len(found) == 2
-    assert found[0].xy_img[0] < CENTRE[0] < found[1].xy_img[0]
 
 
 def test_a_jittering_pin_at_the_rim_is_no_contact() -> None:

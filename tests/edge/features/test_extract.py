@@ -74,17 +74,6 @@ def test_only_the_demand_is_computed(demand: set[Feature], fields: set[str]) -> 
     assert given_fields(got) == fields
 
 
-def test_no_contact_makes_no_surface() -> None:
-    rest = tip(331)
-    made = extractor(rest)
-    tracks, cells = frame(rest, rest.xy_img)
-    got = made.extract(tracks, cells, ALL)
-    assert not got.in_contact
-    assert got.surface is None
-    assert got.contacts == ()
-    assert got.volume_px2 == 0.0
-
-
 def test_without_cells_motion_alone_is_given() -> None:
     rest = tip(127)
     tracks, _ = frame(rest, rest.xy_img + push(rest, (0.0, 0.0), 60.0, 0.1))

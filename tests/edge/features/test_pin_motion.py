@@ -60,22 +60,6 @@ def test_torsion_does_not_depend_on_shear_or_expansion() -> None:
     assert moved(rest, motion).torsion() == pytest.approx(0.0, abs=1e-12)
 
 
-def test_torsion_needs_two_pins() -> None:
-    assert np.isnan(moved(tip(127), np.zeros((127, 2)), np.array([0], np.int32)).torsion())
-
-
-def test_contact_pins_fill_the_ring_of_a_flat_contact() -> None:
-    rest = tip(331)
-    xy = rest.xy_img
-    at = CENTRE + np.array([25.0, -10.0])
-    far = np.hypot(*(xy - at).T)
-    ring = ((far > 55.0) & (far < 75.0)).astype(np.float64)
-    chosen = np.zeros(331, dtype=np.bool_)
-    chosen[contact_of(rest, ring)] = True
-    assert chosen[far < 50.0].all()
-    assert not chosen[far > 120.0].any()
-
-
 def test_contact_pins_are_those_of_the_plain_ellipse() -> None:
     rest = tip(331)
     rng = np.random.default_rng(0)

@@ -46,13 +46,6 @@ def test_a_smooth_bump_is_interpolated_as_well_as_by_clough_tocher(pins: int) ->
     assert np.sqrt((cubic**2).mean()) < 1e-3
 
 
-def test_divergence_of_linear_motion_is_exact() -> None:
-    rest = tip(331)
-    surface = Surface(rest)
-    motion = (rest.xy_img - CENTRE) @ np.array([[0.03, 0.2], [-0.1, 0.05]]) + [5.0, -3.0]
-    np.testing.assert_allclose(divergence(surface, rest.xy_img + motion), 0.08, atol=1e-6)
-
-
 def test_sixteen_bits_are_enough() -> None:
     rest = tip(331)
     surface = Surface(rest)

@@ -379,22 +379,6 @@ def test_faults_and_their_clearing(bench: Bench) -> None:
     assert bench.read("error_n") == 0
 
 
-def test_lost_link_is_a_fault_and_a_bit(bench: Bench) -> None:
-    sink = bench.node.sink
-    failed = sink._medium.current
-    assert failed is not None
-    sink._lose(failed, OSError("unplugged"))
-    assert not bench.node.send(state(1))
-    until(lambda: bench.finger.faults == {FaultCode.LINK_DOWN: True}, "the fault to be reported")
-    until(lambda: bench.node.send(state(2)), "back")
-    until(lambda: bench.finger.faults == {FaultCode.LINK_DOWN: False}, "its end to be reported")
-    assert bench.node.send(state(3))
-    first, second = (unpack_state(d) for d in bench.messages(0x180 + NODE, 2))
-    assert (first.sample, second.sample) == (2, 3)
-    assert first.status == Status.LINK_FAULT
-    assert second.status == Status(0)
-
-
 class Troubled:
     """A bus with a driver that raises anything, once, in one of its calls."""
 

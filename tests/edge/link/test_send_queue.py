@@ -20,13 +20,28 @@ def taken(queue: SendQueue, now_s: float = 0.0) -> list[object]:
 
 
 def test_detail_keeps_its_distance_and_an_incomplete_group_is_dropped(queue: SendQueue) -> None:
-    queue.put_detail(["d1", "d2"], 0.5)
+    queue.put_spaced("detail", ["d1", "d2"], 0.5)
     assert taken(queue, 10.0) == ["d1"]
     assert queue.wait_s(10.2) == pytest.approx(0.3)
     assert [taken(queue, now_s) for now_s in (10.4, 10.5)] == [[], ["d2"]]
-    queue.put_detail(["d1", "d2", "d3"], 0.0)
+    queue.put_spaced("detail", ["d1", "d2", "d3"], 0.0)
     queue.take(11.0)
     assert queue.done(False) == "detail_skipped"
+    assert queue.empty
+
+
+def test_a_block_keeps_its_distance_lets_samples_pass_and_gives_way_to_the_next(queue: SendQueue) -> None:
+    queue.put_spaced("block", ["b1", "b2", "b3"], 0.5)
+    queue.put_spaced("detail", ["d1"], 0.5)
+    assert taken(queue, 10.0) == ["b1", "d1"]
+    queue.put_sample(["s"])
+    assert taken(queue, 10.5) == ["s", "b2"]
+    queue.put_spaced("block", ["b2", "b3"], 0.5)
+    queue.take(11.0)
+    assert queue.done(False) == ""  # the client asks for it again
+    assert taken(queue, 11.5) == ["b3"]
+    queue.put_spaced("block", ["b4"], 0.5)
+    assert queue.clear() == 0
     assert queue.empty
 
 

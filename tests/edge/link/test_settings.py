@@ -93,14 +93,3 @@ def test_a_full_disk_leaves_the_old_file_and_nothing_else(
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"settings.json": kept}
     file.change(divider=8)
     assert file.trouble() == ""
-
-
-@pytest.mark.parametrize(
-    ("name", "value"), [("rate_hz", 1e-45), ("rate_hz", float("nan")), ("rate_hz", 1e9), ("divider", 0)]
-)
-def test_a_value_out_of_its_limits_changes_nothing(tmp_path: Path, name: str, value: float) -> None:
-    file = SettingsFile(tmp_path / "settings.json")
-    with pytest.raises(ValueError, match=name):
-        file.change(**{name: value})
-    assert file.values == NodeSettings()
-    assert not list(tmp_path.iterdir())

@@ -16,7 +16,7 @@ import pytest
 from can.interfaces.virtual import VirtualBus
 
 from edge.errors import SinkError
-from edge.link.medium import CanFrame, MediumError, opener
+from edge.link.medium import CanFrame, MediumError
 from edge.link.params import PARAMS
 from edge.link.python_can import CanMedium
 from edge.link.sinks import CanClassicSink, CanFdSink, SerialSink, open_sink
@@ -31,7 +31,6 @@ from hostlink.wire import (
     unpack_part,
     unpack_state,
 )
-from hostlink.wire.address import parse_address
 from hostlink.wire.serial import decode_frame
 from tests.support.refusals import one_line
 from tests.support.waiting import SOON_S, until
@@ -363,17 +362,6 @@ def test_line_that_nobody_reads_is_full_not_fatal(pty: Pty, serial_sink: SerialS
     until(lambda: sink.up, "and the link is up")
     assert seen == sorted(seen)
     assert seen[0] > oldest
-
-
-def test_loop_url_receives_its_own_bytes() -> None:
-    sink = SerialSink("loop", opener(parse_address("serial:loop://")))
-    received: list[tuple[Message, int, bytes]] = []
-    sink.on_frame = lambda *frame: received.append(frame)
-    sink.post(b"\0noise\0")
-    sink.post_frame(Message.NMT, b"\1", 9)
-    until(lambda: received == [(Message.NMT, 9, b"\1")], "the frame")
-    assert sink.corrupt_n == 1
-    sink.close()
 
 
 def test_detail_is_spaced_by_what_a_frame_takes(pty: Pty, channel: str) -> None:

@@ -82,12 +82,6 @@ def test_thresholded_image_with_merged_pins_and_specks() -> None:
     assert (missed, false) == (0, 0)
 
 
-def test_colour_is_taken_as_grey() -> None:
-    truth = hexagon(6, 24.0, (220.0, 220.0))
-    image = expose(draw((440, 440), truth, 6.0, 0.9, 120.0, 40.0), 2.0, np.random.default_rng(4))
-    assert len(inspect_image(grey(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)))) == len(truth)
-
-
 def textures() -> dict[str, Image]:
     rng = np.random.default_rng(5)
     found: dict[str, Image] = {
@@ -113,15 +107,6 @@ def test_an_image_without_a_tip_raises_one_line(name: str, image: Image) -> None
         inspect_image(image)
     assert "no pattern of pins" in str(caught.value)
     assert "\n" not in str(caught.value)
-
-
-def test_with_a_pattern_an_empty_image_gives_no_rows() -> None:
-    truth = hexagon(6, 24.0, (220.0, 220.0))
-    pattern = learn_pattern(
-        expose(draw((440, 440), truth, 6.0, 0.9, 120.0, 40.0), 2.0, np.random.default_rng(6))
-    )
-    for level in (0, 90, 255):
-        assert len(detect(np.full((440, 440), level, np.uint8), pattern)) == 0
 
 
 def test_rest_has_the_same_rows_whatever_the_noise() -> None:

@@ -155,21 +155,6 @@ def test_pins_that_the_border_cuts_keep_their_place() -> None:
     assert pins.sigma_px[:2].min() > pins.sigma_px[2]
 
 
-def test_sixteen_bit_rows_with_a_stride_and_nan_predictions() -> None:
-    truth = hexagon(3, 22.0, (150.0, 150.0))
-    image = expose(16 * draw(SIZE, truth, 6.0, 0.9, 120, 30), 30.0, np.random.default_rng(9), bits=12)
-    wide = np.zeros((300, 400), np.uint16)
-    wide[:, :300] = image
-    refiner = CentroidRefiner(known_rest(truth, 6.0, 0.9, 16 * 120, 30.0, 22.0, SIZE))
-    predicted = truth.copy()
-    predicted[3] = np.nan
-    predicted[4] = (-50.0, 1e9)
-    pins = refiner.refine(wide[:, :300], predicted)
-    assert np.isnan(pins.xy_img[[3, 4]]).all()
-    assert np.abs(np.delete(pins.xy_img - truth, [3, 4], axis=0)).max() < 0.1
-    assert len(pins) == len(truth)
-
-
 def scattered(bits: int, dark: bool) -> tuple[CentroidRefiner, Image, Array]:
     """Pins of five radii, some cut by the border, half of them poorly predicted: refiner, image, predictions.
 

@@ -1,10 +1,6 @@
 """Recordings are read back exactly, and damage loses only the damaged chunk."""
 
 import io
-import signal
-import subprocess
-import sys
-import textwrap
 import threading
 from pathlib import Path
 from typing import Any
@@ -299,39 +295,6 @@ def test_damage_to_one_chunk_loses_that_chunk_only(long_recording: tuple[Path, l
     assert source.faults["damaged chunk"] == 1
 
 
-WRITER = """
-import sys, time
-import numpy as np
-from edge.recording.writer import Recorder
-from edge.types import Frame
-recorder = Recorder(sys.argv[1])
-image = np.arange(640 * 480, dtype=np.uint32).astype(np.uint8).reshape(480, 640)
-n = 0
-while True:
-    if recorder.frame(Frame(image, n * 4_166_667, n)):
-        n += 1
-        print(recorder.written_n["/camera/image"], flush=True)
-"""
-
-
-def test_killed_writer_leaves_all_complete_chunks(tmp_path: Path) -> None:
-    path = tmp_path / "killed.mcap"
-    process = subprocess.Popen(
-        [sys.executable, "-c", textwrap.dedent(WRITER), str(path)], stdout=subprocess.PIPE, text=True
-    )
-    assert process.stdout is not None
-    written = 0
-    while written < 40:
-        written = int(process.stdout.readline())
-    process.send_signal(signal.SIGKILL)
-    process.wait()
-    process.stdout.close()
-    frames = list(RecordingSource(path))
-    # A chunk is three or four raw images of this size: at most that many were in the open one.
-    assert len(frames) >= written - 4
-    assert [f.sequence for f in frames] == list(range(len(frames)))
-
-
 def test_an_idle_recording_is_on_disk_without_being_closed(tmp_path: Path) -> None:
     """Few small messages reach the file by age, not only by size."""
     path = tmp_path / "idle.mcap"
@@ -412,24 +375,6 @@ def test_a_recording_is_never_overwritten_unasked(tmp_path: Path) -> None:
     write(path, frames_of(2), overwrite=True)
     assert len(list(RecordingSource(path))) == 2
     assert "/other" in one_line(SourceError, RecordingSource, path, topic="/other")
-
-
-@pytest.mark.parametrize(
-    ("content", "stated"),
-    [
-        (None, "No such file"),
-        (b"", "not an MCAP file"),
-        (b"text, not a recording", "not an MCAP file"),
-        (b"\x89MCAP0\r\n", "cut off before its first whole image; copy or record it again"),
-    ],
-)
-def test_bad_files_are_one_line(tmp_path: Path, content: bytes | None, stated: str) -> None:
-    path = tmp_path / "bad.mcap"
-    if content is not None:
-        path.write_bytes(content)
-    message = one_line(SourceError, RecordingSource, path)
-    assert stated in message
-    assert "bad.mcap" in message
 
 
 def test_colour_images_of_another_tool_become_grey(tmp_path: Path) -> None:

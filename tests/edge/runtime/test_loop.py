@@ -60,12 +60,6 @@ def test_noise_over_a_contact_gives_no_wrong_value(finger: Finger, seed: int) ->
     assert_right_or_flagged(finger.see(noisy), truth)
 
 
-def test_of_many_blocks_of_noise_some_are_flagged(finger: Finger) -> None:
-    random, truth = np.random.default_rng(5), finger.show(25)
-    noisy = [_PICTURES["corrupt"](finger.frames[25].image, random) for _ in range(20)]
-    assert sum(assert_right_or_flagged(finger.see(image), truth) for image in noisy) > 0
-
-
 def test_pins_are_searched_for_after_a_gap(finger: Finger) -> None:
     pressed = finger.frames[25].image
     true = finger.see(pressed).displacement_mm
@@ -353,18 +347,6 @@ class Recorder:
 
     def __getattr__(self, name: str) -> Callable[..., bool]:
         return lambda *_, **__: True
-
-
-def test_a_recorder_s_fault_is_reported(finger: Finger) -> None:
-    recorder: Any = Recorder()
-    finger.loop.session.recorder = recorder
-    assert finger.loop.session.trouble() == ""
-    recorder.dropped_n = 5
-    assert "too slow" in finger.loop.session.trouble()
-    recorder.fault = "no space left"
-    assert "no space left" in finger.loop.session.trouble()
-    finger.loop.session.recorder = None
-    assert finger.loop.session.trouble() == ""
 
 
 def test_a_failing_recorder_ends_only_the_recording(finger: Finger) -> None:

@@ -71,14 +71,3 @@ def test_the_autocorrelation_is_what_is_left_of_the_residuals_and_a_lost_pin_kee
     assert frames.kernel.last_xy()[lost] == pytest.approx(
         rest.xy_img[lost] + left * bent[lost] + 2.0, abs=0.1
     )
-
-
-def test_a_search_tells_what_is_left_of_the_residuals() -> None:
-    rest = small_tip()
-    n = len(rest)
-    kernel = Frames(rest).kernel
-    kernel.reset()
-    bent = np.random.default_rng(3).normal(0.0, 0.5, (n, 2))
-    assert kernel.settle(rest.xy_img, bent, np.ones(n, bool)) == 0.0
-    assert kernel.settle(rest.xy_img, 0.4 * bent, np.ones(n, bool)) == pytest.approx(0.4)
-    assert kernel.settle(rest.xy_img, -bent, np.ones(n, bool)) == 0.0

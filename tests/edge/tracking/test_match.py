@@ -37,26 +37,6 @@ def grower(xy: Array, sweeps: int = 24) -> RegionGrower:
     return RegionGrower(affine, xy, np.full(len(xy), 0.4 * PITCH), 1.2, sweeps)
 
 
-def test_an_affine_motion_is_predicted_from_two_thirds_of_the_neighbours() -> None:
-    rng = np.random.default_rng(9)
-    xy = hexagon(5, PITCH)
-    gradient = 0.05 * rng.normal(size=(2, 2))
-    motion = xy @ gradient + rng.normal(size=2)
-    value, support, slope = LocalAffine(Lattice(xy, PITCH), 0.05).predict(motion, rng.random(len(xy)) < 0.7)
-    inner = np.hypot(*xy.T) < 3 * PITCH
-    assert np.abs(value - motion)[inner].max() < 0.1
-    assert support.min() > 0
-    np.testing.assert_allclose(slope[inner] / PITCH, np.broadcast_to(gradient, slope[inner].shape), atol=0.01)
-
-
-def test_a_pin_does_not_affect_its_own_prediction() -> None:
-    xy = hexagon(3, PITCH)
-    motion = np.zeros_like(xy)
-    motion[7] = 5.0
-    value, _, _ = LocalAffine(Lattice(xy, PITCH), 0.05).predict(motion, np.ones(len(xy), bool))
-    np.testing.assert_array_equal(value[7], 0.0)
-
-
 def test_each_pin_takes_the_nearest_blob_and_none_is_taken_twice() -> None:
     rng = np.random.default_rng(1)
     blobs = rng.uniform(20, 180, (30, 2))
@@ -78,17 +58,6 @@ def test_places_outside_of_the_table_read_its_border(place: tuple[float, float])
     blob, _, matched = raster(blobs).match(np.array([[place]]), np.ones(1))
     assert 0 <= blob[0, 0] < len(blobs)
     assert not matched[0, 0]
-
-
-def test_a_seed_grows_over_the_whole_tip() -> None:
-    xy = pins()
-    motion = 0.05 * (xy - SIDE / 2) + [4.0, -2.0]
-    seed = np.hypot(*(xy - SIDE / 2).T) < 1.1 * PITCH
-    order = np.random.default_rng(2).permutation(len(xy))
-    blob, moved, matched = grower(xy).grow(raster((xy + motion)[order]), motion, seed)
-    assert matched.all()
-    np.testing.assert_array_equal(order[blob], np.arange(len(xy)))
-    np.testing.assert_allclose(moved, motion)
 
 
 def test_a_grown_match_uses_no_blob_twice_and_moves_to_its_blobs() -> None:

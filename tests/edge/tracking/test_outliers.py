@@ -1,14 +1,9 @@
 """A pin with anomalous brightness or sigma must move with its neighbours; another may be off them."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from edge.geometry.lattice import Lattice
 from edge.tracking import Tracker
-from edge.tracking.outliers import LocalAffine, PhotometricFilter
-from edge.tracking.params import TrackingParams
 from edge.types import Array, Pins, Tracks
 from tests.support.fields import tip
 
@@ -64,23 +59,3 @@ def test_a_search_rejects_a_speck_in_the_place_of_a_pin() -> None:
     brightness[PIN] *= 0.6
     tracks = Tracker(rest).identify(Pins(xy, rest.pins.sigma_px, rest.pins.radius_px, brightness))
     assert np.flatnonzero(~tracks.seen).tolist() == [PIN]
-
-
-@pytest.mark.parametrize(("dimming", "kept"), [(0.95, True), (0.7, False)])
-def test_light_matters_where_it_moves_a_pin_by_more_than_neighbours_do_not_know(
-    dimming: float, kept: bool
-) -> None:
-    rest = tip(127)
-    lattice = Lattice(rest.xy_img, rest.pattern.pitch_px)
-    affine, params = LocalAffine(lattice, 0.05), TrackingParams()
-    away = (rest.xy_img - rest.xy_img[PIN]) / rest.pattern.pitch_px
-    motion = 0.8 * away * np.abs(away[:, :1])  # no affine map
-    motion[PIN] += 0.25 * lattice.local_pitch_px[PIN]  # off by more than four times what its neighbours are
-    seen = np.ones(len(rest), np.bool_)
-    brightness = rest.pins.brightness.copy()
-    brightness[PIN] *= dimming
-    pins = replace(rest.pins, xy_img=rest.xy_img + motion, brightness=brightness)
-    accepted = PhotometricFilter(affine, rest.pins, lattice.local_pitch_px, params).accepted(
-        pins, motion, motion - affine.predict(motion, seen)[0], seen, searched=False
-    )
-    assert np.flatnonzero(~accepted).tolist() == ([] if kept else [PIN])

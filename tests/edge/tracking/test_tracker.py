@@ -249,14 +249,6 @@ def test_pins_out_of_sight_move_with_their_neighbours() -> None:
     assert tracker.follow(pins_at(goal)).seen[hidden].mean() > 0.95
 
 
-def test_a_leap_of_half_a_pitch_asks_for_a_full_search() -> None:
-    xy = LAYOUTS["rings331"]
-    tracker = held(xy)
-    tracks = tracker.follow(pins_at(xy + np.array([0.45 * PITCH_PX, 0.0])))
-    assert tracks.confidence < Tracks.LOW_CONFIDENCE
-    assert tracker.predict() is None
-
-
 def test_a_leap_that_loses_pins_is_searched_even_if_most_are_found() -> None:
     """Followed over a third of a step, a tenth of the pins fails and some have their neighbours' blobs."""
     xy = LAYOUTS["rings331"]
@@ -279,15 +271,6 @@ def test_after_a_failed_search_the_followed_pins_are_kept() -> None:
     assert tracks.confidence >= Tracks.LOW_CONFIDENCE
     np.testing.assert_array_equal(tracks.xy_img, np.where(tracks.seen[:, None], xy, np.nan))
     assert tracks.n_seen > 0.5 * 331
-
-
-def test_a_search_that_finds_fewer_pins_keeps_the_followed_ones() -> None:
-    xy = LAYOUTS["rings331"]
-    tracker = held(xy)
-    gone = np.where((np.arange(331) % 5 < 2)[:, None], np.nan, xy)
-    assert tracker.follow(pins_at(gone)).confidence < Tracks.LOW_CONFIDENCE
-    assert tracker.identify(pins_at(xy[:100])).n_seen > 100  # as followed: the search saw 100 at most
-    assert tracker.follow(pins_at(xy)).n_seen > 0.9 * 331  # lost pins return beside those that were followed
 
 
 def test_a_pin_that_blinks_at_a_contacts_edge_comes_back_to_its_place() -> None:

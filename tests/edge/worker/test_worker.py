@@ -71,18 +71,6 @@ def compare(got: Any, put: tuple[int, list[np.ndarray]]) -> None:
         np.testing.assert_array_equal(one, other)
 
 
-def test_a_full_channel_refuses_and_recovers() -> None:
-    with both_ends() as (outbox, inbox):
-        put_n = 0
-        while outbox.put(np.zeros(1000, np.uint8)):
-            put_n += 1
-        assert put_n == 3
-        inbox.get()
-        assert outbox.put(np.zeros(1000, np.uint8))
-        assert not outbox.put(np.zeros(1000, np.uint8))
-        assert not outbox.put(np.zeros(5000, np.uint8)), "larger than the memory"
-
-
 @pytest.mark.parametrize("read_before_n", [0, 1])
 def test_messages_sent_before_the_end_are_received(read_before_n: int) -> None:
     """A side that closes with answers unread is reported as reset; what it sent must not be lost for that."""

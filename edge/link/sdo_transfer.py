@@ -1,0 +1,128 @@
+"""What an SDO server keeps of a value that takes several frames: in segments, or in blocks of them.
+
+In a block transfer (CiA 301, 7.2.4.3.9 to 7.2.4.3.16) up to 127 numbered segments, a sub-block, have one
+acknowledgement, and what it does not cover is sent again. Our sub-blocks of a download are shorter: then the
+first byte of no segment is that of another request.
+"""
+
+from binascii import crc_hqx  # CiA 301's: polynomial 0x1021, begun with 0
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from edge.link.object_server import Aborted
+from hostlink.wire import Abort
+from hostlink.wire.sdo import ANSWER_TO, SEGMENT, SPECIFIER, Block, Sdo, goes_on
+
+
+@dataclass(slots=True)
+class Transfer:
+    """A value being transferred. With blocks, it knows itself what its client's frames ask for."""
+
+    index: int
+    sub: int
+    writes: bool  # the client writes (download); else it reads
+    data: bytearray  # received so far, or still to be sent
+    size: int | None = None  # announced; None: it was not
+    toggle: int = 0
+    moved: bool = False  # a segment was transferred
+    last_used_s: float = 0.0
+
+
+@dataclass(slots=True)
+class BlockTransfer(Transfer):
+    """The state common to both directions.
+
+    has_crc  the client knows the CRC
+    n        segments of this sub-block that were sent, or received in order
+    done     nothing is left to do but to write what was received
+    """
+
+    has_crc: bool = False
+    n: int = 0
+    done: bool = False
+
+    def take(self, frame: bytes) -> Sequence[bytes] | None:
+        """The answers to a frame; None: it is not of this transfer. Raises Aborted."""
+        raise NotImplementedError
+
+
+@dataclass(slots=True)
+class BlockUpload(BlockTransfer):
+    """The client reads. Segments that are not acknowledged stay in `data`.
+
+    n_max  segments in the next sub-block, as the client wants
+    """
+
+    n_max: int = 0
+    end: bytes = b""
+
+    def __post_init__(self) -> None:
+        self._check_n_max()
+        command = ANSWER_TO[Sdo.BLOCK_UPLOAD] | Block.END | -len(self.data) % SEGMENT << 2
+        crc = crc_hqx(self.data, 0) if self.has_crc else 0
+        self.end = bytes((command, *crc.to_bytes(2, "little"))) + bytes(5)
+
+    def take(self, frame: bytes) -> Sequence[bytes] | None:
+        subcommand = frame[0] ^ Sdo.BLOCK_UPLOAD
+        if subcommand == Block.END and self.n == len(self.data) == 0:
+            self.done = True
+            return ()
+        if subcommand == Block.RECEIVED:
+            received_n, self.n_max = frame[1:3]
+            if received_n > self.n:
+                raise Aborted(Abort.SEQUENCE)
+            self._check_n_max()
+            del self.data[: received_n * SEGMENT]
+        elif subcommand != Block.START:
+            return None
+        places = range(0, min(len(self.data), self.n_max * SEGMENT), SEGMENT)
+        self.n = len(places)
+        return [self._segment(number, at) for number, at in enumerate(places, 1)] or [self.end]
+
+    def _segment(self, number: int, at: int) -> bytes:
+        last = Block.LAST if at + SEGMENT >= len(self.data) else 0
+        return bytes((last | number,)) + self.data[at : at + SEGMENT].ljust(SEGMENT, b"\0")
+
+    def _check_n_max(self) -> None:
+        if not 1 <= self.n_max <= Block.N_MAX:
+            raise Aborted(Abort.BLOCK_SIZE)
+
+
+@dataclass(slots=True)
+class BlockDownload(BlockTransfer):
+    """The client writes.
+
+    whole  all segments have come
+    """
+
+    whole: bool = False
+
+    def take(self, frame: bytes) -> Sequence[bytes] | None:
+        command, number = frame[0], frame[0] & ~Block.LAST
+        if command & SPECIFIER == Sdo.BLOCK_DOWNLOAD and goes_on(command):
+            self._end(command >> 2 & 7, int.from_bytes(frame[1:3], "little"))
+            return (bytes((ANSWER_TO[Sdo.BLOCK_DOWNLOAD] | Block.END,)) + bytes(SEGMENT),)
+        if number > Block.DOWNLOAD_N or self.whole:
+            return None
+        if number == 0:
+            raise Aborted(Abort.SEQUENCE)
+        if number == self.n + 1:
+            self.n = number
+            self.data += frame[1:]
+        if number < Block.DOWNLOAD_N and not command & Block.LAST:
+            return ()
+        self.whole = command & Block.LAST > 0 and number == self.n
+        received_n, self.n = self.n, 0
+        head = ANSWER_TO[Sdo.BLOCK_DOWNLOAD] | Block.RECEIVED
+        return (bytes((head, received_n, Block.DOWNLOAD_N)) + bytes(5),)
+
+    def _end(self, unused_n: int, crc: int) -> None:
+        """Check what has come."""
+        if not self.whole:
+            raise Aborted(Abort.COMMAND)
+        del self.data[len(self.data) - unused_n :]
+        if self.has_crc and crc != crc_hqx(self.data, 0):
+            raise Aborted(Abort.CRC)
+        if self.size not in (None, len(self.data)):
+            raise Aborted(Abort.LENGTH)
+        self.done = True
