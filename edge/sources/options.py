@@ -75,14 +75,14 @@ class Spec:
     options: Options
 
 
-_WORDS = {"yes": True, "no": False}  # beside what msgspec takes: true, false, 1, 0
+_YES_NO = {"yes": True, "no": False}  # beside what msgspec takes: true, false, 1, 0
 _SCHEME = re.compile(r"^([a-z][a-z0-9_+-]*):(.*)$", re.DOTALL)
 
 
 def _convert(keys: Mapping[str, str], kind: type[T], spec: str) -> T:
     """Keys with their values as text, as a struct. Raises SourceError."""
-    words = {field.name: _WORDS for field in msgspec.structs.fields(kind) if field.type is bool}
-    values = {key: words.get(key, {}).get(text.lower(), text) for key, text in keys.items()}
+    yes_no = {field.name: _YES_NO for field in msgspec.structs.fields(kind) if field.type is bool}
+    values = {key: yes_no.get(key, {}).get(text.lower(), text) for key, text in keys.items()}
     try:
         return msgspec.convert(values, kind, strict=False)
     except msgspec.ValidationError as error:
