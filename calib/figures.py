@@ -11,8 +11,7 @@ import numpy as np
 
 from edge.errors import InputError
 from edge.types import Array, Features, Frame, Tracks
-from edge.view.palette import PAPER, Bgr, Palette, cell_colours
-from edge.view.params import PARAMS
+from edge.view.palette import PAPER, PARAMS, Bgr, Palette, cell_colours
 
 _COLUMN_IN = 7.16  # both columns of an IEEE page
 #: Left, bottom, width, height of the surface's box in the figure: it fills it, with space for the label of z.
@@ -38,7 +37,7 @@ def _rgb(colour: Bgr) -> tuple[float, float, float]:
 def _colour_map(palette: Palette) -> Any:
     from matplotlib.colors import ListedColormap
 
-    return ListedColormap(cell_colours(np.linspace(-1, 1, 257), palette, 1.0)[:, ::-1] / 255)
+    return ListedColormap(cell_colours(np.linspace(-1, 1, 257) * PARAMS.full_change, palette)[:, ::-1] / 255)
 
 
 def _origin(xy_img: Array, mm_per_px: float) -> tuple[Array, float, str]:

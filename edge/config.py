@@ -3,13 +3,10 @@
 Every key has a default that works, so an empty file is a valid one. Command-line options override keys.
 """
 
-import json
-import re
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import msgspec
-from msgspec import inspect
 
 from edge import limits
 from edge.errors import ConfigError
@@ -109,75 +106,7 @@ def load_config(path: str | Path | None) -> Config:
     """
     if path is None:
         return Config()
-    path = Path(path)
     try:
-        table = limits.read_toml(path)
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
+        return limits.read_toml_as(Path(path), Config)[1]
     except limits.BadContent as error:
-        raise ConfigError(f"{path}: not a configuration: {error}") from None
-    return check_config(table, str(path))
-
-
-def check_config(table: dict[str, object], where: str) -> Config:
-    """Check a table of keys as read from TOML. Raises ConfigError."""
-    try:
-        return msgspec.convert(table, Config)
-    except msgspec.ValidationError as error:
-        try:
-            what = _explain(str(error), table)
-        except LookupError:  # a key that looks like a place in msgspec's message
-            what = limits.explain(str(error))
-        raise ConfigError(f"{where}: {what}") from None
-
-
-def _explain(message: str, table: dict[str, object]) -> str:
-    """msgspec's message in terms of the file: table, key, value, and what would be right."""
-    path = message.rpartition(" - at `$")[2].rstrip("`").lstrip(".") if " - at `$" in message else ""
-    if "unknown field" in message:
-        place = f"[{path}]" if path else "the top level"
-        key = message.partition("`")[2].partition("`")[0]
-        return f"unknown key {limits.quote(key)} in {place}; known keys: {', '.join(_fields(_at(path)))}"
-    section, _, key = path.partition(".")
-    value: Any = table[section]  # nested tables and lists
-    if not key:
-        return f"{section} = {_shown(value)}: a table is written [{section}], with keys below it"
-    for step in re.findall(r"\w+", key):
-        value = value[int(step)] if isinstance(value, list) else value[step]
-    return f"[{section}] {key} = {_shown(value)}: give {_wanted(_at(path))}"
-
-
-def _fields(kind: inspect.Type) -> dict[str, inspect.Type]:
-    assert isinstance(kind, inspect.StructType)
-    return {field.name: field.type for field in kind.fields}
-
-
-def _at(path: str) -> inspect.Type:
-    """The type of a key, or of one value in a list of them."""
-    kind = inspect.type_info(Config)
-    for step in re.findall(r"\w+", path):
-        kind = kind.item_type if isinstance(kind, inspect.VarTupleType) else _fields(kind)[step]
-    return kind
-
-
-def _wanted(kind: inspect.Type) -> str:
-    """Description of the values that a key accepts."""
-    if isinstance(kind, inspect.VarTupleType):
-        return f"a list, each of it {_wanted(kind.item_type)}"
-    if isinstance(kind, inspect.EnumType):
-        return f"one of {', '.join(member.value for member in kind.cls)}"
-    if isinstance(kind, inspect.StrType):
-        return "text in quotes" + (f", {kind.max_length} characters at most" if kind.max_length else "")
-    if isinstance(kind, inspect.BoolType):
-        return "true or false"
-    assert isinstance(kind, inspect.IntType | inspect.FloatType), kind
-    name = "a whole number" if isinstance(kind, inspect.IntType) else "a number"
-    if kind.ge is not None and kind.le is not None:
-        return f"{name} from {kind.ge:g} to {kind.le:g}"
-    return name
-
-
-def _shown(value: object) -> str:
-    """A value in TOML notation, shortened if long."""
-    text = json.dumps(value, default=str)
-    return text if len(text) <= 40 else text[:37] + "..."
+        raise ConfigError(f"{path}: {error}") from None

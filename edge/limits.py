@@ -5,12 +5,14 @@ and by the lengths in its types. NaN and infinity are never accepted. An error i
 place in the file, what would be right; the reader of the file puts the file's name before it.
 """
 
+import json
 import re
 import tomllib
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import msgspec
+from msgspec import inspect
 
 from hostlink import input_file
 from hostlink.wire import detail
@@ -63,7 +65,7 @@ def decode_json(raw: bytes, kind: type[T]) -> T:
     try:
         return msgspec.json.decode(raw, type=kind)
     except msgspec.ValidationError as error:
-        raise BadContent(explain(str(error))) from None
+        raise BadContent(explain(str(error), kind)) from None
     except msgspec.DecodeError as error:
         reason = str(error).removeprefix("JSON is malformed: ")
         raise BadContent(f"no JSON: {reason[:1].lower() + reason[1:]}") from None
@@ -116,12 +118,14 @@ def read_toml_as(path: Path, kind: type[T], **added: object) -> tuple[dict[str, 
         table = read_toml(path)
         for name in added.keys() & table.keys():
             raise BadContent(f"unknown key {name!r}; it follows from the file's name")
+        table |= added
+        content = msgspec.convert(table, kind)
         check_numbers(table)
-        return table, msgspec.convert(table | added, kind)
+        return table, content
     except OSError as error:
         raise BadContent(f"cannot be read: {error.strerror}") from None
     except msgspec.ValidationError as error:
-        raise BadContent(explain(str(error))) from None
+        raise BadContent(explain(str(error), kind, table)) from None
 
 
 def check_numbers(value: object, place: str = "") -> None:
@@ -150,14 +154,13 @@ _KINDS = {
     "array": "a list",
     "object": "a table {...}",
     "null": "null",
+    "tuple": "a list",
+    "struct": "a table {...}",
+    "dict": "a table {...}",
+    "none": "null",
 }
-_COMPARED = {
-    ">=": "must be at least",
-    ">": "must be more than",
-    "<=": "must be at most",
-    "<": "must be less than",
-}
-_AMOUNT = {"<=": "at most {}", ">=": "at least {}", None: "exactly {}"}
+_LIMITS = {"from": "ge", "from above": "gt", "to": "le", "to below": "lt"}
+_COMPARED = {">=": "at least", ">": "more than", "<=": "at most", "<": "less than", None: "exactly"}
 _PATH = re.compile(r" - at `\$\.?(?P<path>.*)`$", re.DOTALL)
 _LENGTH = re.compile(r"Expected `(?P<kind>\w+)` of length (?P<op>[<>]=?)? ?(?P<n>\d+)")
 _RANGE = re.compile(r"Expected `\w+` (?P<op>[<>]=?) (?P<limit>\S+)")
@@ -166,20 +169,88 @@ _FIELD = re.compile(r"Object (?P<what>missing required|contains unknown) field `
 _VALUE = re.compile(r"Invalid (?:enum )?value (?P<value>.*)", re.DOTALL)
 
 
-def explain(message: str) -> str:
-    """A message of msgspec in plain English: `models[0].sigma: must be more than 0`."""
+def explain(message: str, kind: Any, content: Any = None) -> str:
+    """A message of msgspec in plain English: `tare.steady_px: must be a number from 0.01 to 100, is 0`.
+
+    kind     the type that it is about
+    content  what was converted, for the wrong value; None: not shown
+    """
     found = _PATH.search(message)
     place = found["path"] if found else ""
-    what = _what(message[: found.start()] if found else message)
+    message = message[: found.start()] if found else message
+    what = _what(message)
+    steps = re.findall(r"\w+|\.{3}", place)  # in a dict every key is "..."
+    kinds = [inspect.type_info(kind)]
+    for step in steps:
+        kinds = [below for one in kinds for below in _below(one, step)]
+    wanted = {_wanted(one) for one in kinds}
+    if len(wanted) == 1 and (wrong := _KIND.match(message) or _RANGE.match(message)):
+        is_found = f", is {_named(wrong['found'])}" if "found" in wrong.groupdict() else ""
+        if content is not None and "..." not in steps:
+            for step in steps:
+                content = content[int(step) if isinstance(content, list) else step]
+            is_found = f", is {_shown(content)}"
+        what = f"must be {wanted.pop()}{is_found}"
+    elif what.startswith("unknown") and len(kinds) == 1 and (known := _known(kinds[0])):
+        what += f"; known: {', '.join(known)}"
     return f"{place}: {what}" if place else what
+
+
+def _shown(value: object) -> str:
+    text = json.dumps(value, default=str)
+    return text if len(text) <= 40 else text[:37] + "..."
+
+
+def _below(kind: inspect.Type, step: str) -> list[inspect.Type]:
+    """The types of a field or of an item; none where there is no such field."""
+    match kind:
+        case inspect.UnionType(types=types):
+            return [below for one in types for below in _below(one, step)]
+        case inspect.StructType(fields=fields):
+            return [field.type for field in fields if field.encode_name == step]
+        case inspect.TupleType(item_types=items):
+            return list(items)
+        case inspect.ListType(item_type=item) | inspect.VarTupleType(item_type=item):
+            return [item]
+        case inspect.DictType(value_type=value):
+            return [value]
+    return []
+
+
+def _known(kind: inspect.Type) -> list[str]:
+    """The keys or values that a place may have; empty where it may have any."""
+    match kind:
+        case inspect.StructType(fields=fields):
+            return [field.encode_name for field in fields]
+        case inspect.EnumType(cls=cls):
+            return [member.value for member in cls if member.value]
+        case inspect.LiteralType(values=values):
+            return list(map(str, values))
+    return []
+
+
+def _wanted(kind: inspect.Type) -> str:
+    """What a place takes, with its whole range."""
+    match kind:
+        case inspect.UnionType(types=types):
+            return " or ".join(dict.fromkeys(map(_wanted, types)))
+        case inspect.ListType(item_type=item) | inspect.VarTupleType(item_type=item):
+            return f"a list, each of it {_wanted(item)}"
+        case inspect.EnumType() | inspect.LiteralType():
+            return f"one of {', '.join(_known(kind))}"
+        case inspect.StrType(max_length=int(most)):
+            return f"text of at most {most} characters"
+    limits = [(word, getattr(kind, name, None)) for word, name in _LIMITS.items()]
+    within = "".join(f" {word} {limit:.16g}" for word, limit in limits if limit is not None)
+    return _named(type(kind).__name__.removesuffix("Type").lower()) + within
 
 
 def _what(message: str) -> str:
     if m := _LENGTH.match(message):
         unit = "character" if m["kind"] == "str" else "item"
-        return f"must have {_AMOUNT[m['op']].format(m['n'])} {unit}{'s' * (m['n'] != '1')}"
+        return f"must have {_COMPARED[m['op']]} {m['n']} {unit}{'s' * (m['n'] != '1')}"
     if m := _RANGE.match(message):
-        return f"{_COMPARED[m['op']]} {float(m['limit']):g}"
+        return f"must be {_COMPARED[m['op']]} {float(m['limit']):g}"
     if m := _KIND.match(message):
         return f"must be {_named(m['wanted'])}, is {_named(m['found'])}"
     if m := _FIELD.match(message):

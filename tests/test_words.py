@@ -10,7 +10,7 @@ ROOT = Path(__file__).resolve().parent.parent
 #: Modules and folders: what they were called -> what they are called.
 MODULES = {
     "aside": "worker",
-    "tape": "frame_recorder",
+    "tape": "writer",
     "recorded": "session",
     "leave": "process",
     "threads": "process",
@@ -87,6 +87,7 @@ NOT_IN_TEST_NAMES = (
 ALLOWED = {
     "calib/rig/simulated.py": {"look"},  # a table of the rig's file
     "calib/sim/render.py": {"light"},  # of the lamp
+    "calib/sim/source.py": {"light"},  # of the lamp
     "edge/recording/mcap_file.py": {"tell"},  # of a file object
     "edge/worker/client.py": {"feed"},  # the recording's or the viewers' feed
     "hostlink/wire/generate/doc.py": {"room"},  # in a frame

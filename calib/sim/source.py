@@ -15,8 +15,9 @@ Rules
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator
+
+import msgspec
 
 from calib.sim.camera import Camera
 from calib.sim.of_sensor import appearance_of, camera_of, depth_factor
@@ -26,19 +27,23 @@ from calib.sim.simulator import Simulator
 from calib.sim.tip import Tip
 from edge.errors import ConfigError, SourceError
 from edge.sensors import KnownSensor, load_sensor
-from edge.sources import Options, Paced, convert
+from edge.sources import Options, Paced
 from edge.types import Frame, FrameSource, Lens, Polarity
 
 RATE_HZ = 60.0
-#: The scheme's own keys: kind and default.
-_KEYS = {
-    "pins": ("int", "331"),
-    "layout": ("str", "rings"),
-    "seed": ("int", "0"),
-    "paced": ("bool", "1"),
-    "light": ("str", "clean"),
-    "sensor": ("str", ""),
-}
+
+
+class SimKeys(msgspec.Struct):
+    """The scheme's own keys."""
+
+    pins: int = 331
+    layout: str = "rings"
+    seed: int = 0
+    paced: bool = True
+    light: str = "clean"
+    sensor: str = ""
+
+
 _LIGHTS = {"clean": lambda camera, seed: Appearance(), "ugly": ugly}
 
 
@@ -80,34 +85,30 @@ def open_sim(where: str, options: Options) -> FrameSource:
     scene = where or "tour"
     if scene not in SCENES:
         raise SourceError(f"source sim:{where}: no scene {scene!r}; one of {', '.join(SCENES)}")
-    for key in options.extra:
-        if key not in _KEYS:
-            raise SourceError(f"source sim:{where}: unknown key {key!r}; known keys: {', '.join(_KEYS)}")
-    texts = {name: default for name, (_, default) in _KEYS.items()} | dict(options.extra)
-    values = {name: convert(_KEYS[name][0], name, text, f"sim:{where}") for name, text in texts.items()}
+    keys = options.own(f"sim:{where}", SimKeys)
     try:
-        sensor = load_sensor(values["sensor"]) if values["sensor"] else None
-        camera = _camera(sensor, values, options)
-        if values["light"] not in _LIGHTS:
-            raise ValueError(f"light {values['light']!r} is unknown; one of {', '.join(_LIGHTS)}")
-        appearance = _LIGHTS[values["light"]](camera, values["seed"])
+        sensor = load_sensor(keys.sensor) if keys.sensor else None
+        camera = _camera(sensor, keys, options)
+        if keys.light not in _LIGHTS:
+            raise ValueError(f"light {keys.light!r} is unknown; one of {', '.join(_LIGHTS)}")
+        appearance = _LIGHTS[keys.light](camera, keys.seed)
         if sensor is not None:
             appearance = appearance_of(sensor, appearance)
-        simulator = Simulator(camera, appearance, values["seed"], options.rate_hz or RATE_HZ)
+        simulator = Simulator(camera, appearance, keys.seed, options.rate_hz or RATE_HZ)
     except (ValueError, ConfigError) as error:
         raise SourceError(f"source sim:{where}: {error}") from None
     factor = 1.0 if sensor is None else depth_factor(sensor)
-    source = SceneSource(simulator, scene, keep=values["paced"], depth_factor=factor)
-    if not values["paced"]:
+    source = SceneSource(simulator, scene, keep=keys.paced, depth_factor=factor)
+    if not keys.paced:
         return source
     return Paced(source, simulator.rate_hz, loop=True)
 
 
-def _camera(sensor: KnownSensor | None, values: Mapping[str, Any], options: Options) -> Camera:
+def _camera(sensor: KnownSensor | None, keys: SimKeys, options: Options) -> Camera:
     """Raises ValueError."""
     given = (options.width, options.height)
     if sensor is None:
-        tip = Tip(n_pins=values["pins"], kind=values["layout"])
+        tip = Tip(n_pins=keys.pins, kind=keys.layout)
         return Camera(tip=tip, size_px=(given[0] or 640, given[1] or 480))
     both = [key for key in ("pins", "layout") if key in options.extra]
     if both:

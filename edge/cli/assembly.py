@@ -1,58 +1,55 @@
 """Assembles a finger: source, loop, links, recorder and live page, from options and configuration."""
 
-from __future__ import annotations
-
 import logging
 import os
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
+import click
+import numpy as np
+from msgspec.structs import asdict
+
+from edge.calibration import Calibration
+from edge.cli.options import LoopOptions
+from edge.config import Config, SourceTable
+from edge.drift import DriftParams
 from edge.errors import ConfigError
+from edge.faults.detector import FaultParams
+from edge.faults.registry import FaultLog, FaultRegistry
+from edge.link.node import Node
+from edge.link.settings import NodeSettings, SettingsFile
+from edge.link.sinks import CanSink, SerialSink, open_sink
+from edge.rest.tare import TareParams
+from edge.runtime.board_monitor import BoardMonitor, BoardParams, free_space_problem
+from edge.runtime.calibration_store import CalibrationStore
+from edge.runtime.device import LoopDevice
+from edge.runtime.loop import Loop, LoopConfig
+from edge.runtime.systemd import Notifier
+from edge.sensors import KnownSensor, load_sensor, missing_pins
+from edge.sources import open_source
+from edge.types import FrameSource, Polarity, Result
 from hostlink.interrupt import call_on_signals
-
-if TYPE_CHECKING:
-    from edge.calibration import Calibration
-    from edge.cli.options import LoopOptions
-    from edge.config import Config, SourceTable
-    from edge.link.node import Node
-    from edge.link.settings import SettingsFile
-    from edge.runtime.device import LoopDevice
-    from edge.runtime.loop import Loop
-    from edge.sensors import KnownSensor
-    from edge.types import FrameSource, Result
-    from edge.worker import WorkerClient
-    from hostlink.web import Listen
-    from hostlink.wire import State
+from hostlink.web import Listen
+from hostlink.wire import FEATURE_BITS, State
 
 log = logging.getLogger("edge")
 
 
 def open_configured(table: SourceTable, spec: str | None = None) -> FrameSource:
     """The source of a configuration, or `spec` with its settings. Raises SourceError."""
-    from msgspec.structs import asdict
-
-    from edge.sources import open_source
-
     settings = asdict(table)
-    return open_source(spec or table.spec, **{k: v for k, v in settings.items() if k != "spec"})
+    configured = settings.pop("spec")
+    return open_source(spec or configured, **settings)
 
 
 def load_calibration(path: str | Path | None) -> Calibration | None:
     """Raises CalibrationError."""
-    if path is None:
-        return None
-    from edge.calibration import Calibration
-
-    return Calibration.load(path)
+    return None if path is None else Calibration.load(path)
 
 
 def expect_sensor(source: FrameSource, config: Config) -> KnownSensor | None:
     """The configured sensor; the source's pins are looked for as it has them, unless its address says how."""
-    from edge.sensors import load_sensor
-    from edge.types import Polarity
-
     if not config.sensor.model:
         return None
     sensor = load_sensor(config.sensor.model)
@@ -69,16 +66,6 @@ def make_loop(
     calibration_path: Path | None = None,
 ) -> Loop:
     """The loop with everything that the options request; the stack closes it all."""
-    from edge.drift import DriftParams
-    from edge.faults.detector import FaultParams
-    from edge.faults.registry import FaultLog, FaultRegistry
-    from edge.rest.tare import TareParams
-    from edge.runtime.board_monitor import BoardMonitor, BoardParams, free_space_problem
-    from edge.runtime.calibration_store import CalibrationStore
-    from edge.runtime.device import LoopDevice
-    from edge.runtime.loop import Loop, LoopConfig
-    from edge.runtime.systemd import Notifier
-
     sensor = expect_sensor(source, config)
     state_dir = _state_directory(config)
     store = None if state_dir is None else CalibrationStore(state_dir)
@@ -123,8 +110,6 @@ def make_loop(
 
 def _report_missing_pins(sensor: KnownSensor) -> Callable[[Result, State], None]:
     """A callback that warns when a rest frame has fewer pins than the sensor."""
-    from edge.sensors import missing_pins
-
     reported = ""
 
     def check(result: Result, state: State) -> None:
@@ -148,9 +133,6 @@ def _state_directory(config: Config) -> Path | None:
 
 
 def _settings(config: Config, state_dir: Path | None) -> SettingsFile:
-    from edge.link.settings import NodeSettings, SettingsFile
-    from hostlink.wire import FEATURE_BITS
-
     return SettingsFile(
         state_dir / "settings.json" if state_dir else None,
         NodeSettings(
@@ -165,9 +147,6 @@ def _add_sink(
     stack: ExitStack, loop: Loop, spec: str, device: LoopDevice, settings: SettingsFile, node_id: int
 ) -> None:
     """Open a sink; one that can carry commands becomes a node. Raises SinkError."""
-    from edge.link.node import Node
-    from edge.link.sinks import CanSink, SerialSink, open_sink
-
     sink = open_sink(spec, node=node_id)
     stack.callback(sink.close)
     if not isinstance(sink, CanSink | SerialSink):
@@ -183,7 +162,6 @@ def _add_sink(
 
 def _send_detail(node: Node) -> Callable[[Result, State], None]:
     """A callback that sends every pin's motion if the host has requested it."""
-    import numpy as np
 
     def send(result: Result, state: State) -> None:
         if node.detail_divider and result.features is not None:
@@ -193,40 +171,37 @@ def _send_detail(node: Node) -> Callable[[Result, State], None]:
     return send
 
 
-def _finger_number(loop: Loop, config: Config) -> int:
-    """As hosts know it: a sink's address may name another number than the configuration does."""
-    from edge.link.node import Node
-
-    return next((sink.number for sink in loop.sinks if isinstance(sink, Node)), config.sensor.node_id)
-
-
-def _fail_if_lost(worker: WorkerClient, record: Path | None) -> Callable[[Any, Any, Any], None]:
-    """At the end: exit code 1 if the recording that was asked for is not complete. The worker says why."""
-
-    def end(kind: object, error: object, traceback: object) -> None:
-        worker.close()
-        if kind is None and record is not None and worker.recording.fault:
-            raise SystemExit(1)
-
-    return end
-
-
 def start_worker(
     stack: ExitStack, loop: Loop, options: LoopOptions, listen: Listen | None, config: Config
-) -> str:
-    """Recorder and live page in their own process, if they are requested.
+) -> None:
+    """Recorder and live page in their own process, if they are requested; says where the page is.
 
-    Returns  the page's address; "": none
+    At the end of the stack: exit code 1 if the recording is not complete. The worker says why.
     """
     if listen is None and options.record_path is None:
-        return ""
-    from edge.worker import WorkerClient, WorkerConfig
+        return
+    from edge.worker import WorkerClient, WorkerConfig  # not in a finger that nobody watches
 
-    tip, finger = {"serial": config.sensor.serial}, _finger_number(loop, config)
-    recordings = options.recordings_folder(config)
+    # A sink's address may name another number than the configuration does.
+    numbers = [sink.number for sink in loop.sinks if isinstance(sink, Node)]
     worker = WorkerClient(
-        loop, WorkerConfig(listen, options.record_path, options.overwrite, recordings, tip, finger)
+        loop,
+        WorkerConfig(
+            listen,
+            options.record_path,
+            options.overwrite,
+            options.recordings_folder(config),
+            {"serial": config.sensor.serial},
+            numbers[0] if numbers else config.sensor.node_id,
+        ),
     )
-    stack.push(_fail_if_lost(worker, options.record_path))
+
+    def end(kind: object, error: object, trace: object) -> None:
+        worker.close()
+        if kind is None and options.record_path is not None and worker.recording.fault:
+            raise SystemExit(1)
+
+    stack.push(end)
     worker.start()
-    return worker.url if listen is not None else ""
+    if listen is not None:
+        click.echo(f"live page: {worker.url}", err=True)

@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -67,17 +67,19 @@ def worst(lines: Sequence[Line]) -> str:
     return max((line.level for line in lines), key=LEVELS.index, default="ok")
 
 
-def camera(source: FrameSource, frames: Sequence[Frame], config: Config) -> list[Line]:
+def camera(source: FrameSource, frames: Sequence[Frame], config: Config) -> Iterator[Line]:
     """Found, rate, brightness."""
     if not frames:
         why = (source.condition if isinstance(source, LiveSource) else "") or "no images"
-        advice = "unplug it and plug it in again; other program?"
-        return [Line("camera", "fail", f"{source.name}: {why}", advice)]
+        yield Line(
+            "camera", "fail", f"{source.name}: {why}", "unplug it and plug it in again; other program?"
+        )
+        return
     width, height = source.size_px
-    lines = [Line("camera", "ok", f"{source.name}, {width}x{height}")]
+    yield Line("camera", "ok", f"{source.name}, {width}x{height}")
     if isinstance(source, AdjustableSource) and source.refused:
         advice = "set what the camera has: v4l2-ctl --list-ctrls"
-        lines.append(Line("camera", "warn", "; ".join(source.refused), advice))
+        yield Line("camera", "warn", "; ".join(source.refused), advice)
     if source.live and len(frames) > 1:
         steps_s = np.diff([f.capture_ns for f in frames]) / 1e9
         steps_n = np.diff([f.sequence for f in frames])
@@ -86,8 +88,8 @@ def camera(source: FrameSource, frames: Sequence[Frame], config: Config) -> list
         slow = rate_hz < LIVE.slow_rel * asked_hz
         finding = f"{rate_hz:.1f} frames/s" + (f", {asked_hz:g} asked" if asked_hz else "")
         advice = "shorten [source] exposure_us, or ask for less"
-        lines.append(judged("rate", slow, finding, advice, "fail"))
-    return [*lines, _brightness(frames)]
+        yield judged("rate", slow, finding, advice, "fail")
+    yield _brightness(frames)
 
 
 def _brightness(frames: Sequence[Frame]) -> Line:
@@ -141,24 +143,21 @@ def pins(
     ], rest  # fmt: skip
 
 
-def sensor(rest: Rest | None, named: KnownSensor | None) -> list[Line]:
+def sensor(rest: Rest, named: KnownSensor | None) -> Line:
     """Which known sensor the rest frame looks like, or whether it is the one named."""
-    if rest is None:
-        return []
     if named is None:
         match = recognise(rest, known_sensors())
         if match is None:
-            return [Line("sensor", "ok", "looks like none of the known ones, which is no fault")]
+            return Line("sensor", "ok", "looks like none of the known ones, which is no fault")
         known = match.sensor
-        return [Line("sensor", "ok", f"looks like {known.title} ({known.name}){_scale(known, rest)}")]
-    missing = missing_pins(named, len(rest))
-    if missing:
+        return Line("sensor", "ok", f"looks like {known.title} ({known.name}){_scale(known, rest)}")
+    if missing := missing_pins(named, len(rest)):
         advice = "clean lens and skin, light it evenly; or is it another sensor?"
-        return [Line("sensor", "warn", missing, advice)]
+        return Line("sensor", "warn", missing, advice)
     if named.pins.layout and recognise(rest, [named]) is None:
         found = f"the pins do not stand as those of {named.title}"
-        return [Line("sensor", "warn", found, "is something touching it, or is it another sensor?")]
-    return [Line("sensor", "ok", named.title + _scale(named, rest))]
+        return Line("sensor", "warn", found, "is something touching it, or is it another sensor?")
+    return Line("sensor", "ok", named.title + _scale(named, rest))
 
 
 def _scale(known: KnownSensor, rest: Rest) -> str:
@@ -166,16 +165,17 @@ def _scale(known: KnownSensor, rest: Rest) -> str:
     return "" if scale is None else f", {scale:.4f} mm a px"
 
 
-def calibration(path: Path | None, rest: Rest | None) -> list[Line]:
+def calibration(path: Path | None, rest: Rest | None) -> Iterator[Line]:
     """Whether it belongs to this tip, its age, its residual."""
     if path is None:
         advice = "set [calibration] file, or upload one"
-        return [Line("calibration", "warn", "none: calibrated values are invalid", advice)]
+        yield Line("calibration", "warn", "none: calibrated values are invalid", advice)
+        return
     try:
         loaded = Calibration.load(path)
     except CalibrationError as error:
-        return [Line("calibration", "fail", str(error), "fit it again: `python -m calib fit`")]
-    lines = []
+        yield Line("calibration", "fail", str(error), "fit it again: `python -m calib fit`")
+        return
     if rest is not None:
         known_n, serial = len(loaded.rest), loaded.content.sensor.serial
         share = len(rest) / known_n
@@ -183,15 +183,16 @@ def calibration(path: Path | None, rest: Rest | None) -> list[Line]:
             level = "fail" if share < SEEN.seen_rel else "warn"
             finding = f"{len(rest)} of the calibration's {known_n} pins are seen"
             advice = "clean lens and skin, light it evenly; is the skin torn?"
-            lines.append(Line("pins", level, finding, advice))
+            yield Line("pins", level, finding, advice)
         try:
             in_order_of(loaded, rest)
         except CalibrationError as error:
             advice = f"this file was made for tip {serial}; use the one of this tip"
-            lines.append(Line("calibration", "fail", str(error), advice))
+            yield Line("calibration", "fail", str(error), advice)
         else:
-            lines.append(Line("calibration", "ok", f"{path}: of this tip, {serial}"))
-    return [*lines, _age(loaded), _residual(loaded)]
+            yield Line("calibration", "ok", f"{path}: of this tip, {serial}")
+    yield _age(loaded)
+    yield _residual(loaded)
 
 
 def _age(loaded: Calibration) -> Line:
@@ -205,7 +206,12 @@ def _age(loaded: Calibration) -> Line:
 
 
 def _residual(loaded: Calibration) -> Line:
-    sigmas = _sigmas(loaded)
+    sigmas: dict[str, float] = {}  # one-sigma error of each output
+    for model in loaded.content.models:
+        if isinstance(model, Curve):
+            sigmas[model.output] = model.sigma
+        else:
+            sigmas |= dict(zip(model.outputs, model.sigma, strict=True))
     shown = [
         f"{name} {sigma:.3g}" for name, sigma in sorted(sigmas.items()) if not name.startswith("contact_")
     ]
@@ -215,53 +221,44 @@ def _residual(loaded: Calibration) -> Line:
     return judged("residual", bool(rough), f"one sigma: {', '.join(shown) or 'no models'}", advice)
 
 
-def _sigmas(loaded: Calibration) -> dict[str, float]:
-    """One-sigma error of each output."""
-    sigmas: dict[str, float] = {}
-    for model in loaded.content.models:
-        if isinstance(model, Curve):
-            sigmas[model.output] = model.sigma
-        else:
-            sigmas |= dict(zip(model.outputs, model.sigma, strict=True))
-    return sigmas
-
-
-def link(spec: str, machine: Machine) -> list[Line]:
+def link(spec: str, machine: Machine) -> Iterator[Line]:
     """One sink: is it there, up, with which bit rates, how many errors."""
     try:
         address = parse_address(spec)
-    except AddressError as error:
-        return [Line("link", "fail", str(error), "see `python -m edge run --help`")]
-    if address.interface == "socketcan":
-        return _can(address, machine)
-    try:
+        if address.interface == "socketcan":
+            yield from _can(address, machine)
+            return
         open_sink(spec).close()
+        yield Line("link", "ok", f"{spec}: opens")
+    except AddressError as error:
+        yield Line("link", "fail", str(error), "see `python -m edge run --help`")
     except SinkError as error:
-        return [Line("link", "fail", str(error), "check the cable and its name; join the group dialout")]
-    return [Line("link", "ok", f"{spec}: opens")]
+        yield Line("link", "fail", str(error), "check the cable and its name; join the group dialout")
 
 
-def _can(address: Address, machine: Machine) -> list[Line]:
+def _can(address: Address, machine: Machine) -> Iterator[Line]:
     name = address.channel
     found = machine.interface(name)
     if found is None:
         advice = "load its driver or overlay; see deploy/README.md"
-        return [Line("link", "fail", f"no CAN interface {name}", advice)]
+        yield Line("link", "fail", f"no CAN interface {name}", advice)
+        return
     info = found.get("linkinfo", {})
     data = info.get("info_data", {})
     if info.get("info_kind") not in ("can", "vcan", "vxcan"):
-        return [Line("link", "fail", f"{name} is no CAN interface", "name one in [link] sinks")]
+        yield Line("link", "fail", f"{name} is no CAN interface", "name one in [link] sinks")
+        return
     if "UP" not in found.get("flags", []):
-        advice = f"deploy/can-up.sh {name}, or enable systemd-networkd"
-        return [Line("link", "fail", f"{name} is down", advice)]
+        yield Line("link", "fail", f"{name} is down", f"deploy/can-up.sh {name}, or enable systemd-networkd")
+        return
     bitrate = data.get("bittiming", {}).get("bitrate", 0)
     fast = data.get("data_bittiming", {}).get("bitrate", 0)
     rates = (f", {bitrate / 1e6:g} Mbit/s" if bitrate else "") + (f" and {fast / 1e6:g}" if fast else "")
-    lines = [Line("link", "ok", f"{name} is up{rates}")]
+    yield Line("link", "ok", f"{name} is up{rates}")
     if address.fd and found.get("mtu", 0) < FD_MTU:
         advice = f"deploy/can-up.sh {name}, or can:{name}?fd=0"
-        lines.append(Line("link", "fail", f"{name} takes classic frames only", advice))
-    return [*lines, _bus_errors(data, info)]
+        yield Line("link", "fail", f"{name} takes classic frames only", advice)
+    yield _bus_errors(data, info)
 
 
 def _bus_errors(data: dict[str, Any], info: dict[str, Any]) -> Line:
@@ -280,20 +277,19 @@ def _bus_errors(data: dict[str, Any], info: dict[str, Any]) -> Line:
     return Line("errors", "ok", finding)
 
 
-def processor(machine: Machine) -> list[Line]:
+def processor(machine: Machine) -> Iterator[Line]:
     """Frequency governor and temperature."""
     governors = machine.governors()
     slow = governors - {"performance"}
     finding = f"governor {', '.join(sorted(governors))}" if governors else "no frequency governor"
     advice = "echo performance | sudo tee /sys/devices/system/cpu/cpu*/cpufreq/scaling_governor"
-    lines = [judged("processor", bool(slow), finding, advice)]
+    yield judged("processor", bool(slow), finding, advice)
     degc = machine.temperature_degc()
     if not math.isnan(degc):
-        lines.append(judged("temperature", degc >= BOARD.hot_degc, f"{degc:.0f} degC", "cool the board"))
-    return lines
+        yield judged("temperature", degc >= BOARD.hot_degc, f"{degc:.0f} degC", "cool the board")
 
 
-def clock(machine: Machine) -> list[Line]:
+def clock(machine: Machine) -> Line:
     """Resolution of the clock that stamps samples; the wall clock, which stamps recordings."""
     step_ns = time.get_clock_info("monotonic").resolution * 1e9
     wall = {
@@ -303,31 +299,31 @@ def clock(machine: Machine) -> list[Line]:
     }
     synchronised = machine.clock_synchronised()
     finding = f"samples are stamped to {step_ns:.0f} ns; {wall[synchronised]}"
-    coarse = step_ns > _STAMP_NS
     advice = "samples do not need it, recordings do: timedatectl set-ntp true"
-    if coarse:
-        return [Line("clock", "fail", finding)]
-    return [judged("clock", synchronised is False, finding, advice)]
+    if step_ns > _STAMP_NS:
+        return Line("clock", "fail", finding)
+    return judged("clock", synchronised is False, finding, advice)
 
 
-def disk(config: Config, rate_hz: float, machine: Machine) -> list[Line]:
+def disk(config: Config, rate_hz: float, machine: Machine) -> Iterator[Line]:
     """Whether settings can be stored, and recordings keep up: one second of one is written."""
     folder = Path(config.state.directory or ".")
     need_bytes = round(config.source.width * config.source.height * (rate_hz or 60.0))
     try:
         free = machine.free_bytes(folder)
         if free < STORED_BYTES + need_bytes:
-            return [Line("disk", "fail", f"{folder}: {free >> 20} MiB left", "free some space")]
+            yield Line("disk", "fail", f"{folder}: {free >> 20} MiB left", "free some space")
+            return
         seconds = machine.write_s(folder, need_bytes)
     except OSError as error:
         advice = "set [state] directory to a folder we may write"
-        return [Line("disk", "fail", f"{folder}: {error.strerror}", advice)]
+        yield Line("disk", "fail", f"{folder}: {error.strerror}", advice)
+        return
     need = need_bytes / 1e6
     speed = need / max(seconds, 1e-6)
     finding = f"{folder}: {free >> 20} MiB left, writes {speed:.0f} MB/s; raw recording takes {need:.0f}"
     advice = "record at a lower rate, or onto a faster disk; the measurement is not affected"
-    lines = [judged("disk", speed < need, finding, advice)]
+    yield judged("disk", speed < need, finding, advice)
     if not config.state.directory:
         advice = "set [state] directory, so that they survive a restart"
-        lines.append(Line("settings", "warn", "live in memory only", advice))
-    return lines
+        yield Line("settings", "warn", "live in memory only", advice)

@@ -85,11 +85,7 @@ def doctor(
 def examine(
     config: Config, open_camera: Callable[[], FrameSource], calibration_path: Path | None, machine: Machine
 ) -> list[Line]:
-    """Run all checks, in the order of the data flow.
-
-    open_camera       opens the source; may raise SourceError
-    calibration_path  the calibration in use; None: there is none
-    """
+    """Run all checks, in the order of the data flow. `open_camera` may raise SourceError."""
     lines: list[Line] = []
     rest = None
     try:
@@ -109,14 +105,15 @@ def examine(
         if frames:
             found, rest = checks.pins(frames[: TARE.frames_n], source.polarity, source.lens)
             lines += found
-            lines += checks.sensor(rest, sensor)
+            if rest is not None:
+                lines.append(checks.sensor(rest, sensor))
     lines += checks.calibration(calibration_path, rest)
     for spec in config.link.sinks:
         lines += checks.link(spec, machine)
     if not config.link.sinks:
         advice = 'set [link] sinks, e.g. ["can:can0"]'
         lines.append(Line("link", "warn", "no sink: samples are not sent", advice))
-    lines += [*checks.processor(machine), *checks.clock(machine), *checks.disk(config, asked_hz, machine)]
+    lines += [*checks.processor(machine), checks.clock(machine), *checks.disk(config, asked_hz, machine)]
     return lines
 
 

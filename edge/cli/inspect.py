@@ -1,24 +1,27 @@
 """`edge inspect`: which pins are found in single images, or in the rest frame of a recording."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
+from edge.calibration import Calibration
+from edge.cli.assembly import load_calibration
 from edge.cli.options import calibration_option, overwrite_option, rest_option, sensor_option
 from edge.errors import EdgeError, InputError, SourceError
+from edge.pins import take_rest
+from edge.rest.choice import rest_of_source
+from edge.rest.sensor_match import mm_per_px, recognise
+from edge.rest.symmetry import symmetry_of
+from edge.sensors import KnownSensor, known_sensors, load_sensor, missing_pins
+from edge.sources import open_source, read_image
+from edge.types import Image, Polarity, Rest
+from edge.view.panels import save_pins_overlay
 from hostlink.cli_exit import print_error
-from hostlink.interrupt import exit_on_interrupt
 from hostlink.output_file import check_output, writing
-
-if TYPE_CHECKING:
-    from edge.calibration import Calibration
-    from edge.sensors import KnownSensor
-    from edge.types import Image, Pins, Polarity, Rest
 
 
 @click.command()
@@ -54,11 +57,6 @@ def inspect(
     untouched tip it also says which known sensor it looks like, and the scale where its pitch is known.
     With --rest each IMAGE is a recording (MCAP, video, folder), and the pins are those of its rest frame.
     """
-    with exit_on_interrupt():
-        from edge.cli.assembly import load_calibration
-        from edge.sensors import known_sensors, load_sensor
-        from edge.types import Polarity
-
     if calibration_path is not None and rest is None:
         raise InputError("--calibration: is for the rest frame of a recording; give --rest too")
     calibration = load_calibration(calibration_path)
@@ -84,7 +82,8 @@ def inspect(
         else:
             entry |= _findings(found_rest, sensors)
             if path in pictures:
-                _draw(pictures[path], image, found_rest.pins, overwrite)
+                with writing(pictures[path], overwrite) as unfinished:
+                    save_pins_overlay(unfinished, image, found_rest.pins)
             if not as_json:
                 click.echo(f"{path}: {_in_words(entry, sensors)}")
                 if rest is not None:
@@ -98,9 +97,6 @@ def inspect(
 
 def _single(path: Path, polarity: Polarity) -> tuple[Image, Rest]:
     """Raises SourceError, NoPins."""
-    from edge.pins import take_rest
-    from edge.sources import read_image
-
     try:
         image = read_image(path)
     except SourceError as error:
@@ -113,12 +109,6 @@ def _of_recording(
     path: Path, how: str, calibration: Calibration | None, polarity: Polarity
 ) -> tuple[Image, Rest, dict[str, Any]]:
     """The rest frame of a recording, as `replay` takes it. Raises SourceError, CalibrationError."""
-    from contextlib import closing
-
-    from edge.rest.choice import rest_of_source
-    from edge.sources import open_source
-    from edge.types import Polarity
-
     with closing(open_source(str(path))) as source:
         if source.polarity is Polarity.FOUND:
             source.polarity = polarity
@@ -127,9 +117,6 @@ def _of_recording(
 
 
 def _findings(rest: Rest, sensors: Sequence[KnownSensor]) -> dict[str, Any]:
-    from edge.rest.sensor_match import mm_per_px, recognise
-    from edge.rest.symmetry import symmetry_of
-
     match = recognise(rest, sensors)
     scale = None if match is None else mm_per_px(match.sensor, rest)
     return {
@@ -143,8 +130,6 @@ def _findings(rest: Rest, sensors: Sequence[KnownSensor]) -> dict[str, Any]:
 
 
 def _in_words(entry: dict[str, Any], sensors: Sequence[KnownSensor]) -> str:
-    from edge.sensors import missing_pins
-
     known = next((s for s in sensors if s.name == entry["sensor"]), None)
     message = f"{entry['n_pins']} {'dark' if entry['dark'] else 'bright'} pins, "
     if known is not None:
@@ -175,10 +160,3 @@ def _pictures(images: Sequence[Path], folder: Path, overwrite: bool) -> dict[Pat
             raise InputError(f"--overlay {folder}: two images are named {path.stem}; give them one by one")
         chosen[path] = check_output(picture, (".png",), images, overwrite)
     return chosen
-
-
-def _draw(picture: Path, image: Image, pins: Pins, overwrite: bool) -> None:
-    from edge.view.panels import save_pins_overlay
-
-    with writing(picture, overwrite) as unfinished:
-        save_pins_overlay(unfinished, image, pins)

@@ -1,49 +1,46 @@
 """`edge lens`: a lens measured with pictures of a checkerboard, by OpenCV's calibration."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
+import cv2
+import numpy as np
 
 from edge.cli.options import overwrite_option
 from edge.errors import InputError
+from edge.sources import read_image
+from edge.sources.lens_file import text_of
+from edge.types import Array, Lens
 from hostlink.cli_exit import print_error
-from hostlink.interrupt import exit_on_interrupt
 from hostlink.output_file import check_output, writing
-
-if TYPE_CHECKING:
-    from edge.types import Array, Lens
 
 #: A camera is determined by this number of views of a plane (Zhang 2000).
 VIEWS_MIN = 3
 
 
-class Corners(click.ParamType[tuple[int, int]]):
-    """Inner corners of a board, "9x6"."""
-
-    name = "corners"
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[int, int]:
-        if isinstance(value, tuple):
-            return value
-        match = re.fullmatch(r"(\d{1,2})x(\d{1,2})", value)
-        columns, rows = (int(n) for n in match.groups()) if match else (0, 0)
-        if min(columns, rows) < 3:
-            self.fail(f"{value!r} is no board; give its inner corners across and down, e.g. 9x6", param, ctx)
-        return columns, rows
+def _corners_of_board(context: click.Context, option: click.Parameter, text: str) -> tuple[int, int]:
+    """(9, 6) of "9x6"."""
+    match = re.fullmatch(r"(\d{1,2})x(\d{1,2})", text)
+    columns, rows = (int(n) for n in match.groups()) if match else (0, 0)
+    if min(columns, rows) < 3:
+        message = f"{text!r} is no board; give its inner corners across and down, e.g. 9x6"
+        raise click.BadParameter(message, context, option)
+    return columns, rows
 
 
 @click.command()
 @click.argument("images", nargs=-1, required=True, metavar="IMAGE...", type=click.Path(path_type=Path))
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="File to write (.toml).")
 @click.option(
-    "--board", type=Corners(), default="9x6", show_default=True, help="Inner corners across and down."
+    "--board",
+    callback=_corners_of_board,
+    metavar="CORNERS",
+    default="9x6",
+    show_default=True,
+    help="Inner corners across and down.",
 )
 @click.option(
     "--fisheye", is_flag=True, help="Fit a fisheye's model, for views of more than about 120 degrees."
@@ -57,9 +54,6 @@ def lens(
     Take ten or more, at the size that the tip is filmed with and without the tip: the board in the middle, in
     each corner, and tilted. Its squares may be of any size.
     """
-    with exit_on_interrupt():
-        from edge.sources.lens_file import text_of
-
     check_output(output, (".toml",), images, overwrite)
     found, size_px = _corners(images, board)
     if len(found) < VIEWS_MIN:
@@ -79,11 +73,6 @@ def _corners(images: Sequence[Path], board: tuple[int, int]) -> tuple[list[Array
 
     Raises  SourceError: not an image; InputError: images of different size
     """
-    import cv2
-    import numpy as np
-
-    from edge.sources import read_image
-
     found: list[Array] = []
     size_px = (0, 0)
     for path in images:
@@ -107,11 +96,6 @@ def _fit(
     found: Sequence[Array], board: tuple[int, int], size_px: tuple[int, int], fisheye: bool
 ) -> tuple[Lens, float]:
     """The lens, and the rms distance of the corners from where it has them, px. Raises InputError."""
-    import cv2
-    import numpy as np
-
-    from edge.types import Lens
-
     columns, rows = board
     flat = np.zeros((columns * rows, 1, 3))
     flat[:, 0, :2] = np.mgrid[:columns, :rows].T.reshape(-1, 2)

@@ -12,10 +12,7 @@ from edge.runtime.board_monitor import Thermometer
 
 
 class Machine:
-    """Facts about the machine.
-
-    root  of its file system
-    """
+    """root  of its file system"""
 
     def __init__(self, root: Path = Path("/")) -> None:
         self.root = root
@@ -23,12 +20,9 @@ class Machine:
     def interface(self, name: str) -> dict[str, Any] | None:
         """Properties of a network interface, from `ip`; None: there is none."""
         try:
-            run = subprocess.run(
-                ["ip", "-details", "-statistics", "-json", "link", "show", "dev", name],
-                capture_output=True, text=True, timeout=5.0, check=False,
-            )  # fmt: skip
-            found = json.loads(run.stdout or "[]")
-        except (OSError, ValueError, subprocess.TimeoutExpired):
+            printed = _printed_by("ip", "-details", "-statistics", "-json", "link", "show", "dev", name)
+            found = json.loads(printed or "[]")
+        except ValueError:
             return None
         return dict(found[0]) if found else None
 
@@ -43,14 +37,8 @@ class Machine:
 
     def clock_synchronised(self) -> bool | None:
         """Whether the wall clock follows a time server; None: unknown."""
-        try:
-            run = subprocess.run(
-                ["timedatectl", "show", "--property=NTPSynchronized", "--value"],
-                capture_output=True, text=True, timeout=5.0, check=False,
-            )  # fmt: skip
-        except (OSError, subprocess.TimeoutExpired):
-            return None
-        return {"yes": True, "no": False}.get(run.stdout.strip())
+        printed = _printed_by("timedatectl", "show", "--property=NTPSynchronized", "--value")
+        return {"yes": True, "no": False}.get(printed.strip())
 
     def free_bytes(self, folder: Path) -> int:
         """Free space for this user in a folder. Raises OSError."""
@@ -70,3 +58,11 @@ class Machine:
             return time.monotonic() - start
         finally:
             path.unlink(missing_ok=True)
+
+
+def _printed_by(*command: str) -> str:
+    """The output of a program; "": it is not installed, or does not end."""
+    try:
+        return subprocess.run(command, capture_output=True, text=True, timeout=5.0, check=False).stdout
+    except (OSError, subprocess.TimeoutExpired):
+        return ""

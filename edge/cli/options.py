@@ -1,24 +1,21 @@
 """Common options of the commands, and their values."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
+from msgspec.structs import replace
 
+from edge.config import Config, load_config
 from edge.errors import InputError
+from edge.sensors import load_sensor
 from hostlink.cli_types import FiniteFloat
-from hostlink.interrupt import exit_on_interrupt
 from hostlink.output_file import check_output
+from hostlink.web import Listen, WebError, find_token, parse_listen
 from hostlink.web.listen import TOKEN_VARIABLE
-
-if TYPE_CHECKING:
-    from edge.config import Config
-    from hostlink.web import Listen
 
 Command = Callable[..., None]
 
@@ -105,11 +102,6 @@ class LoopOptions:
 
     def load_config(self) -> Config:
         """Raises ConfigError."""
-        with exit_on_interrupt():  # also what the loop needs: nothing is open yet
-            import edge.runtime.loop
-            import edge.sources  # noqa: F401
-            from edge.config import load_config
-
         return with_sensor(load_config(self.config_path), self.sensor_name)
 
     def check_record(self, *inputs: str | Path) -> None:
@@ -120,8 +112,6 @@ class LoopOptions:
 
     def listen(self) -> Listen | None:
         """Where the live page is served; None: there is none. Raises InputError."""
-        from hostlink.web import WebError, find_token, parse_listen
-
         if self.view_at is None and not self.view_here:
             if self.view_token is not None or self.view_token_file is not None:
                 raise InputError("--view-token: there is no page; give --view too")
@@ -141,10 +131,6 @@ class LoopOptions:
 
 def with_sensor(config: Config, name: str | None) -> Config:
     """The configuration, of this sensor if one is named. Raises ConfigError: it is not known."""
-    from msgspec.structs import replace
-
-    from edge.sensors import load_sensor
-
     if name is not None:
         config = replace(config, sensor=replace(config.sensor, model=name))
     if config.sensor.model:

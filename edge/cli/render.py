@@ -1,11 +1,10 @@
 """`edge render`: a recording as the paper's video: every frame through the pipeline and into a picture.
 
-The rest frame is the recording's first frames, as in a replay; they are in the video, too. A frame whose pins
-cannot be identified is shown with its image and without cells.
+A frame whose pins cannot be identified is shown with its image and without cells.
 """
 
 import logging
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import closing
 from dataclasses import asdict, dataclass
 from itertools import chain, islice
@@ -136,18 +135,16 @@ def render_recording(
         if not first:
             raise SourceError(f"source {recording}: no images")
         try:
-            rest_frame = given.rest if given else _rest_of(first, source, calibration)
+            images = [frame.image for frame in first]
+            rest_frame = (
+                given.rest if given else tare(images, np.inf, calibration, source.polarity, source.lens)
+            )
         except NoPins as error:
             raise SourceError(f"source {recording}: {error}") from None
         made = _render(source, chain(first, frames), rest_frame, out, calibration, style or Style(), progress)
     if damage := damage_of(source):
         log.warning("%s: %s", recording, damage)
     return made
-
-
-def _rest_of(first: Sequence[Frame], source: FrameSource, calibration: Calibration | None) -> Rest:
-    """The rest frame of the first images. Raises NoPins."""
-    return tare([frame.image for frame in first], np.inf, calibration, source.polarity, source.lens)
 
 
 def _render(
@@ -172,12 +169,11 @@ def _render(
             nonlocal unidentified_n
             for frame in frames:
                 result = pipeline.process(frame)
-                tracks, cells, features = result.tracks, result.cells, result.features
-                unidentified_n += features is None
-                polygons = cell_polygons(cells) if cells is not None else []
-                palette = PALETTES[style.palette]
+                unidentified_n += result.features is None
+                polygons = cell_polygons(result.cells) if result.cells is not None else []
+                palette, text = PALETTES[style.palette], caption(result)
                 yield picture(
-                    view, frame, tracks, polygons, features, palette=palette, caption=caption(result)
+                    view, frame, result.tracks, polygons, result.features, palette=palette, caption=text
                 )
                 shown.advance(task)
 

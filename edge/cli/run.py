@@ -36,10 +36,8 @@ def run(
             source = open_configured(config.source, source_spec)
             stack.callback(source.close)
             loop = make_loop(stack, source, config, options.sink_specs, options.calibration_path)
-            url = start_worker(stack, loop, options, listen, config)
-        if url:
-            click.echo(f"live page: {url}", err=True)
-        elif not loop.sinks and options.record_path is None:
+        start_worker(stack, loop, options, listen, config)
+        if not loop.sinks and listen is None and options.record_path is None:
             log.warning("no sink: samples are not sent; give --sink can:can0, or the key sinks in [link]")
         statistics = loop.run(frames_max)
         if not quiet or as_json:

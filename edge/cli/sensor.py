@@ -1,21 +1,21 @@
 """`edge sensor`: the description of a sensor of one's own, from one image and one length."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
+from scipy.spatial.distance import pdist
 
 from edge.cli.options import overwrite_option
 from edge.errors import InputError, NoPins
+from edge.pins import take_rest
+from edge.rest.sensor_match import layout_of
+from edge.rest.symmetry import symmetry_of
+from edge.sensors import load_sensor
+from edge.sources import read_image
+from edge.types import Rest
 from hostlink.cli_types import FiniteFloat
-from hostlink.interrupt import exit_on_interrupt
 from hostlink.output_file import check_output, writing
-
-if TYPE_CHECKING:
-    from edge.types import Rest
 
 
 @click.command()
@@ -34,12 +34,6 @@ def sensor(image: Path, output: Path, across_mm: float | None, title: str | None
     Written are the pins' number, layout and polarity, and with --across-mm their pitch. Without it nothing
     in mm is known.
     """
-    with exit_on_interrupt():
-        from edge.pins import take_rest
-        from edge.rest.symmetry import symmetry_of
-        from edge.sensors import load_sensor
-        from edge.sources import read_image
-
     check_output(output, (".toml",), (image,), overwrite)
     title = title or output.stem
     if not 0 < len(title) <= 64 or not title.isprintable():
@@ -61,10 +55,6 @@ def sensor(image: Path, output: Path, across_mm: float | None, title: str | None
 
 def _description(rest: Rest, title: str, across_mm: float | None, image: str) -> str:
     """The file. The pitch is that of the middle: of the layout, or without one of the three nearest."""
-    import numpy as np
-
-    from edge.rest.sensor_match import layout_of
-
     found = layout_of(rest)
     seen = f"found in {image}"
     pins: dict[str, object] = {"count": len(rest), "polarity": "dark" if rest.pattern.dark else "bright"}
@@ -76,8 +66,7 @@ def _description(rest: Rest, title: str, across_mm: float | None, image: str) ->
     camera = [f"size_px = [{width}, {height}]"]
     sources["camera.size_px"] = seen
     if across_mm is not None:
-        gap = rest.xy_img[:, None] - rest.xy_img
-        scale = across_mm / float(np.hypot(gap[..., 0], gap[..., 1]).max())
+        scale = across_mm / float(pdist(rest.xy_img).max())
         pitch_px = rest.pattern.pitch_px if found is None else found[1].pitch_px
         measured = f"{across_mm:g} mm across by ruler, {seen}"
         pins["pitch_mm"] = round(scale * pitch_px, 4)

@@ -1,7 +1,5 @@
 """Summary at the end of a run or replay: the loop's counters; pins, shear and contacts."""
 
-from __future__ import annotations
-
 import cmath
 import json
 import math
@@ -10,15 +8,15 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
 from itertools import accumulate
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
-if TYPE_CHECKING:
-    from edge.link.sinks import Sink
-    from edge.runtime.statistics import LoopStatistics
-    from edge.types import FrameSource, Result
-    from hostlink.wire import State
+from edge.link.sinks import Sink
+from edge.runtime.statistics import LoopStatistics
+from edge.sources import Paced
+from edge.types import FrameSource, RecordedSource, Result
+from hostlink.wire import State
 
 #: Keys of the JSON, and their text for people; the last word is the unit.
 LABELS = {
@@ -54,9 +52,6 @@ LABELS = {
 
 def damage_of(source: FrameSource) -> str:
     """Message on the unreadable part of a recording; known once it has been read. Empty: none."""
-    from edge.sources import Paced
-    from edge.types import RecordedSource
-
     recorded = source.source if isinstance(source, Paced) else source
     if not isinstance(recorded, RecordedSource):
         return ""
@@ -71,9 +66,14 @@ _DAMAGE = {"truncated": "cut off at its end"}
 
 
 class Summary:
-    """Numbers over all frames; its memory does not grow with them. `add` is a result callback of the loop."""
+    """Numbers over all frames; its memory does not grow with them. `add` is a result callback of the loop.
 
-    def __init__(self) -> None:
+    skipped_n  images that passed before the first result; None: there was none
+    """
+
+    def __init__(self, source: FrameSource) -> None:
+        self._source = source
+        self.skipped_n: int | None = None
         self._held: Counter[int] = Counter()
         self._confidence: Counter[float] = Counter()  # rounded as it is shown
         self._shear_n = 0
@@ -82,6 +82,8 @@ class Summary:
         self._displacement_mm = -math.inf
 
     def add(self, result: Result, state: State) -> None:
+        if self.skipped_n is None:
+            self.skipped_n = self._source.dropped_n
         self._held[result.tracks.n_seen] += 1
         self._confidence[round(result.tracks.confidence, 3)] += 1
         features = result.features

@@ -30,10 +30,8 @@ _STANDARD_IDS = CanIds()
 
 
 class Node:
-    """One finger on one link.
+    """One finger on one link, which it closes.
 
-    sink      the open link; the node closes it
-    device    the application
     settings  where settings live; several nodes of one finger may share one
     node      CANopen node number on a serial line; on CAN it is the sink's
     number    the one of the two that holds
@@ -82,7 +80,7 @@ class Node:
     @property
     def state(self) -> NmtState:
         """As a master has set it."""
-        return self._port.nmt.state
+        return self._port.state
 
     def send(self, state: State) -> bool:
         """Send a sample if it is due; True: it was sent. A sample that is not due is neither sent nor
@@ -161,9 +159,8 @@ class Node:
                 self._send_emergency(code, True)
 
     def _start(self) -> None:
-        nmt = self._port.nmt
-        nmt.boot(self._settings.values.heartbeat_ms)
-        nmt.state = NmtState.OPERATIONAL
+        self._port.boot(self._settings.values.heartbeat_ms)
+        self._port.state = NmtState.OPERATIONAL
 
     def _send(self, state: State) -> bool:
         dropped_n = self.sink.dropped_n
@@ -217,7 +214,7 @@ class Node:
     def _changed(self, setting: str) -> None:
         values = self._settings.values
         if setting == "heartbeat_ms":
-            self._port.nmt.set_heartbeat(values.heartbeat_ms)
+            self._port.set_heartbeat(values.heartbeat_ms)
         elif setting == "features":
             names = frozenset(name for name, bit in FEATURE_BITS.items() if values.features & bit)
             self._device.set_features(names)

@@ -3,8 +3,6 @@
 An access that fails raises `Aborted` with CiA 301's code, and no other error.
 """
 
-from __future__ import annotations
-
 import logging
 import math
 import struct
@@ -12,10 +10,11 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from hashlib import sha256
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 from edge.errors import CalibrationError, RequestRefused
 from edge.link.params import PARAMS
+from edge.link.settings import NodeSettings, SettingsFile
 from hostlink.output_file import OutputError
 from hostlink.wire import (
     OBJECTS,
@@ -31,22 +30,12 @@ from hostlink.wire import (
 )
 from hostlink.wire.objects import TYPES
 
-if TYPE_CHECKING:
-    from edge.link.settings import SettingsFile
-
 log = logging.getLogger(__name__)
 Value = int | float | str | bytes
 
 FORCE = 2  # value of the tare object
 _INDICES = frozenset(o.index for o in OBJECTS)
-_SETTINGS = frozenset({"heartbeat_ms", "rate_hz", "divider", "features", "detail_divider"})
-_COB_IDS = {
-    "sync_cob_id": "sync",
-    "emergency_cob_id": "emergency",
-    "sdo_request_cob_id": "sdo_request",
-    "sdo_response_cob_id": "sdo_response",
-    **{f"tpdo{n}_cob_id": f"tpdo{n}" for n in range(1, 5)},
-}
+_SETTINGS = frozenset(NodeSettings.__dataclass_fields__)
 
 
 class Aborted(Exception):
@@ -107,9 +96,7 @@ class Device(Protocol):
 
 
 class ObjectServer:
-    """The node's objects.
-
-    on_change  called with the name of a setting that changed
+    """on_change  called with the name of a setting that changed
     link       counters kept by the node itself: name of a statistics object -> present value
     """
 
@@ -184,14 +171,10 @@ class ObjectServer:
             self.refusal = str(error)
             log.warning("object %s: %s", obj.name, error)
             raise Aborted(Abort.VALUE_RANGE) from None
-        except OutputError as error:
-            self.refusal = f"cannot be stored: {error}"
-            log.error("object %s cannot be stored: %s", obj.name, error)
-            raise Aborted(Abort.NOT_STORED) from None
-        except OSError as error:
-            self.refusal = (
-                f"cannot be stored: {error.strerror}; free some space, or allow writing to the state folder"
-            )
+        except (OutputError, OSError) as error:
+            advice = "; free some space, or allow writing to the state folder"
+            why = f"{error.strerror}{advice}" if isinstance(error, OSError) else error
+            self.refusal = f"cannot be stored: {why}"
             log.error("object %s cannot be stored: %s", obj.name, error)
             raise Aborted(Abort.NOT_STORED) from None
 
@@ -200,8 +183,8 @@ class ObjectServer:
         if name in _SETTINGS:
             setting: Value = getattr(self._settings.values, name)
             return setting
-        if name in _COB_IDS:
-            base = int(getattr(self._ids, _COB_IDS[name]))
+        if name.endswith("_cob_id"):
+            base = int(getattr(self._ids, name.removesuffix("_cob_id")))
             return base + (self._node if obj.node_id else 0)
         if name == "settings_stored":
             return self._settings.is_stored

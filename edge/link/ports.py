@@ -7,7 +7,7 @@ from typing import Any
 
 from edge.link.link_sink import LinkSink
 from edge.link.medium import CanFrame
-from edge.link.nmt import Nmt, NmtCommand, NmtState
+from edge.link.nmt import LEADS_TO, NmtCommand, NmtState
 from edge.link.object_server import Aborted, ObjectServer
 from edge.link.params import PARAMS
 from edge.link.sdo_server import DOWNLOAD_MAX, TOO_LONG, SdoServer
@@ -22,6 +22,7 @@ class _Port(ABC):
 
     on_nmt   called after a master's command was taken
     on_sync  called at each SYNC
+    state    may be set
     """
 
     def __init__(
@@ -31,7 +32,7 @@ class _Port(ABC):
         self.server = server
         self._sink, self._node = sink, node
         self._on_nmt, self._on_sync = on_nmt, on_sync
-        self.nmt = Nmt(lambda data: sink.post(self._item(Kind.HEARTBEAT, data)), self._every)
+        self.state = NmtState.INITIALISING
 
     @abstractmethod
     def _item(self, kind: Kind, data: bytes) -> Any:
@@ -44,15 +45,29 @@ class _Port(ABC):
     def forget_transfer(self) -> None:
         """Abandon a segmented transfer."""
 
-    def _every(self, period_s: float, make: Callable[[], bytes] | None) -> None:
-        item = None if make is None else lambda: self._item(Kind.HEARTBEAT, make())
+    def _heartbeat(self) -> Any:
+        return self._item(Kind.HEARTBEAT, bytes((self.state,)))
+
+    def boot(self, heartbeat_ms: int) -> None:
+        """Send the boot-up message, and be pre-operational, with heartbeat."""
+        self.set_heartbeat(0)
+        self.state = NmtState.INITIALISING
+        self._sink.post(self._heartbeat())
+        self.state = NmtState.PRE_OPERATIONAL
+        self.set_heartbeat(heartbeat_ms)
+
+    def set_heartbeat(self, period_ms: int) -> None:
+        """Send the state each period from now on; 0: not."""
         # Fingers that begin together would else send theirs in the same moment for ever.
-        self._sink.every(period_s, item, self._node / (NODES_MAX + 1))
+        phase = self._node / (NODES_MAX + 1)
+        self._sink.every(period_ms / 1000.0, self._heartbeat if period_ms else None, phase)
 
     def _command(self, number: int) -> None:
+        """Take a master's command, if there is such a one."""
         self.forget_transfer()
-        command = self.nmt.command(number)
-        if command is not None:
+        if number in list(NmtCommand):
+            command = NmtCommand(number)
+            self.state = LEADS_TO[command]
             self._on_nmt(command)
 
 
@@ -89,7 +104,7 @@ class CanPort(_Port):
         elif can_id == self._ids.sync:
             if len(data) <= 1:  # CiA 301: empty, or one counter
                 self._on_sync()
-        elif can_id == self._request and len(data) == 8 and self.nmt.state is not NmtState.STOPPED:
+        elif can_id == self._request and len(data) == 8 and self.state is not NmtState.STOPPED:
             self.sdo.request(data)
 
 
@@ -120,7 +135,7 @@ class SerialPort(_Port):
             self._command(body[0])
         elif kind is Message.SYNC:
             self._on_sync()
-        elif kind is Message.REQUEST and self.nmt.state is not NmtState.STOPPED:
+        elif kind is Message.REQUEST and self.state is not NmtState.STOPPED:
             # A request repeated because its answer was lost gets the same answer; the action (a tare, a
             # reboot) is not repeated. After a while it is another program's, whose counter has begun anew.
             now_s = time.monotonic()

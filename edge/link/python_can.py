@@ -20,10 +20,7 @@ _BROKEN = (can.CanError, OSError, ValueError, TypeError)
 
 
 class CanMedium:
-    """A python-can bus.
-
-    instant  whether its `send(timeout=0)` returns at once
-    """
+    """A python-can bus; instant: its `send(timeout=0)` returns at once."""
 
     def __init__(self, bus: can.BusABC | OpenBus, instant: bool) -> None:
         self.instant = instant

@@ -6,9 +6,9 @@ status bits and time, no values.
 
 from itertools import starmap
 from math import nan
-from typing import Any, Protocol
+from typing import Any
 
-from edge.types import Reading, Tracks
+from edge.types import Result, Tracks
 from hostlink.wire import Contact, State, Status
 from hostlink.wire.fields import CONTACTS_MAX
 from hostlink.wire.status import status_of
@@ -26,18 +26,8 @@ _UNCALIBRATED, _SATURATED, _TRACKER_LOST = map(
 )
 
 
-class Measured(Protocol):
-    """The part of a result that is sent."""
-
-    @property
-    def tracks(self) -> Tracks: ...
-
-    @property
-    def reading(self) -> Reading: ...
-
-
 def to_state(
-    measured: Measured | None,
+    measured: Result | None,
     *,
     sample: int,
     status: int,
@@ -47,7 +37,7 @@ def to_state(
 ) -> State:
     """The sample of one frame.
 
-    measured          tracks and reading; None: there is no rest frame, or no image
+    measured          None: there is no rest frame, or no image
     sample            number of the measurement; continues over gaps, wraps on the wire
     status            bits known so far; SATURATED, UNCALIBRATED and TRACKER_LOST are added from the result
     capture_time_us   start of exposure on this device's monotonic clock

@@ -77,11 +77,6 @@ class SdoServer:
             Sdo.BLOCK_DOWNLOAD: self._block_download,
         }
 
-    @property
-    def held_bytes(self) -> int:
-        """Memory taken by the transfer under way."""
-        return len(self._transfer.data) if self._transfer else 0
-
     def reset(self) -> None:
         """Forget the transfer under way."""
         self._transfer, self._repeated = None, _NO_REPEAT

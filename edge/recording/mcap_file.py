@@ -115,12 +115,7 @@ def _chunks(file: _Bounded, faults: Counter[str]) -> Iterator[Any]:
         end = 0
         for index in sorted(summary.chunk_indexes, key=lambda index: index.chunk_start_offset):
             try:
-                if index.chunk_start_offset < end:
-                    raise ValueError("chunks overlap")
-                file.seek(index.chunk_start_offset)
-                chunk = next(file.records(), None)
-                if not isinstance(chunk, Chunk):
-                    raise ValueError("no chunk where the index has one")
+                chunk = _record_at(file, index.chunk_start_offset, end, Chunk)
                 end = file.tell()
             except broken:
                 faults["damaged chunk"] += 1
@@ -134,6 +129,17 @@ def _chunks(file: _Bounded, faults: Counter[str]) -> Iterator[Any]:
                 yield record
     except broken:
         faults["truncated"] = 1
+
+
+def _record_at(file: _Bounded, offset: int, end: int, kind: type[Any]) -> Any:
+    """A record by the index. Raises one of `damage`: not this kind, or before the end of the one before."""
+    if offset < end:  # one record, listed a thousand times, would be held as often
+        raise ValueError("records overlap")
+    file.seek(offset)
+    record = next(file.records(), None)
+    if not isinstance(record, kind):
+        raise ValueError("another record than the index says")
+    return record
 
 
 def _unpacked(chunk: Any) -> Iterator[Any]:
@@ -189,47 +195,24 @@ def image_count(path: Path, topic: str | None) -> int:
             return 0
 
 
-def read_attachments(path: str | Path) -> dict[str, bytes]:
-    """Attached files by name; where several have one name, the last. Raises SourceError: no such file, not
-    MCAP.
-    """
-    from mcap.records import Attachment
-
-    return {record.name: record.data for record in _outside_chunks(Path(path), Attachment)}
-
-
 def read_metadata(path: str | Path) -> dict[str, dict[str, str]]:
     """Key-value pairs by the record's name; `voronoi_touch` is the recorder's own. Raises SourceError."""
     from mcap.records import Metadata
 
-    return {record.name: dict(record.metadata) for record in _outside_chunks(Path(path), Metadata)}
-
-
-def _outside_chunks(path: Path, kind: type[Any]) -> list[Any]:
-    """Attachments or metadata: by the index, else by reading the file."""
-    from mcap.records import Attachment
-
     broken = damage(OSError)
-    found: list[Any] = []
-    with _opened(path) as file:
+    found: list[Metadata] = []
+    with _opened(Path(path)) as file:
         try:
             summary = file.summary()
             if summary is not None:
-                indexes = summary.attachment_indexes if kind is Attachment else summary.metadata_indexes
                 end = 0
-                for index in sorted(indexes, key=lambda index: index.offset):
-                    if index.offset < end:  # one record, listed a thousand times, would be held as often
-                        raise ValueError("records overlap")
-                    file.seek(index.offset)
-                    record = next(file.records(), None)
+                for index in sorted(summary.metadata_indexes, key=lambda index: index.offset):
+                    found.append(_record_at(file, index.offset, end, Metadata))
                     end = file.tell()
-                    if not isinstance(record, kind):
-                        raise ValueError("another record than the index says")
-                    found.append(record)
-                return found
+                return {record.name: dict(record.metadata) for record in found}
         except broken:
             found.clear()
         file.seek(8)
         with suppress(*broken):  # truncated: what was read before remains valid
-            found.extend(record for record in file.records() if isinstance(record, kind))
-    return found
+            found.extend(record for record in file.records() if isinstance(record, Metadata))
+    return {record.name: dict(record.metadata) for record in found}

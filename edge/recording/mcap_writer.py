@@ -9,23 +9,32 @@ import time
 from collections import Counter
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 from edge.errors import SinkError
-from edge.recording.params import PARAMS
 from edge.recording.topics import Topic, proto, schema_of
 
 Compression = Literal["none", "lz4", "zstd"]
 
 
+@dataclass(frozen=True, slots=True)
+class RecordingParams:
+    """Parameters by name; evidence in docs/tuning.md, "Recording"."""
+
+    chunk_age_s: float = 0.5  # a chunk of the file is closed at this age, or full: a kill costs so much
+    item_bytes: int = 512  # memory of a queued message without its arrays, roughly
+
+
+PARAMS = RecordingParams()
+
+
 class McapWriter:
     """One open file; used by one thread.
 
-    path         must not exist, unless `overwrite`
-    metadata     about the whole recording
     written_n    messages by topic, in chunks that are closed or open
-    Raises       SinkError: the file exists or cannot be created
+    Raises       SinkError: the file exists and `overwrite` is not set, or it cannot be created
     """
 
     def __init__(
@@ -38,10 +47,7 @@ class McapWriter:
         proto("RawImage")
         self.written_n: Counter[str] = Counter()
         self._file = _open(path, overwrite)
-        self._writer: Any = Writer(
-            self._file,
-            compression=CompressionType[compression.upper()],
-        )
+        self._writer: Any = Writer(self._file, compression=CompressionType[compression.upper()])
         self._channels: dict[str, int] = {}
         self._chunk_open = False
         self._chunk_since_s = 0.0

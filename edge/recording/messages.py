@@ -63,22 +63,6 @@ def _cloud(columns: Mapping[str, NDArray[Any]], log_ns: int) -> bytes:
     )
 
 
-def cloud_to_array(cloud: Any) -> NDArray[Any]:
-    """Structured array of a decoded foxglove.PointCloud: one row a pin, one field a column."""
-    names = {number: name for name, number in _NUMERIC.items()}
-    dtype = np.dtype(
-        {
-            "names": [field.name for field in cloud.fields],
-            "formats": [
-                "<" + names[field.type] if names[field.type] != "u1" else "u1" for field in cloud.fields
-            ],
-            "offsets": [field.offset for field in cloud.fields],
-            "itemsize": cloud.point_stride,
-        }
-    )
-    return np.frombuffer(cloud.data, dtype)
-
-
 def pins_cloud(tracks: Tracks, features: Features | None, log_ns: int) -> bytes:
     """Row i is pin i: x, y, sigma_px, seen; with features also dx_px, dy_px, area_change."""
     columns: dict[str, NDArray[Any]] = {

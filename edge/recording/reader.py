@@ -46,7 +46,7 @@ class _Truth(msgspec.Struct):
 def read_messages(path: str | Path, topics: Sequence[str] | None = None) -> Iterator[tuple[str, int, Any]]:
     """(topic, log time ns, message) in the file's order: JSON as dict, Foxglove as protobuf object.
 
-    Clouds of pins and cells become arrays through `cloud_to_array`. A damaged message is skipped.
+    A damaged message is skipped.
     Raises SourceError: does not exist, not MCAP
     """
     broken = damage(msgspec.DecodeError, SourceError)  # SourceError: unknown schema
@@ -84,9 +84,8 @@ class RecordingSource(FileSource):
         if not first:
             wanted = f"on topic {topic}" if topic else "on any topic"
             raise SourceError(f"{self.name}: no complete image {wanted}; record again or name another topic")
-        height, width = first[0][0].image.shape
+        height, width = first[0].image.shape
         self.size_px = (width, height)
-        self.recorded_clock = first[0][1]
         self.rate_hz = self._rate_hz()
 
     def _rate_hz(self) -> float:
@@ -107,9 +106,7 @@ class RecordingSource(FileSource):
         self._topic = self._topic or raw.topic
         return raw.topic == self._topic
 
-    def _frames(
-        self, faults: Counter[str], size_px: tuple[int, int] | None = None
-    ) -> Iterator[tuple[Frame, Clock]]:
+    def _frames(self, faults: Counter[str], size_px: tuple[int, int] | None = None) -> Iterator[Frame]:
         about: tuple[int, _About | None] = (-1, None)  # log time, and the data of that time
         truth: tuple[int, dict[str, Any] | None] = (-1, None)
         n = 0
@@ -122,13 +119,9 @@ class RecordingSource(FileSource):
                     truth = raw.log_ns, msgspec.json.decode(raw.data, type=_Truth).truth
                 elif self._is_image(raw):
                     image = decode_image(raw.schema, raw.data, size_px)
-                    yield _frame(
-                        image,
-                        raw,
-                        n,
-                        about[1] if about[0] == raw.log_ns else None,
-                        truth[1] if truth[0] == raw.log_ns else None,
-                    )
+                    frame_about = about[1] if about[0] == raw.log_ns else None
+                    frame_truth = truth[1] if truth[0] == raw.log_ns else None
+                    yield _frame(image, raw, n, frame_about, frame_truth)
                     n += 1
             except OtherSize:
                 faults["other image size"] += 1
@@ -138,7 +131,7 @@ class RecordingSource(FileSource):
     def __iter__(self) -> Iterator[Frame]:
         faults: Counter[str] = Counter()
         self.faults = faults
-        for frame, _ in self._frames(faults, self.size_px):
+        for frame in self._frames(faults, self.size_px):
             if self._closed:
                 return
             yield frame
@@ -151,7 +144,7 @@ class RecordingSource(FileSource):
 
 def _frame(
     image: Image, raw: RawMessage, n: int, about: _About | None, truth: dict[str, Any] | None
-) -> tuple[Frame, Clock]:
+) -> Frame:
     """A frame from another tool's file has no `about`: log time and a running number are used instead.
 
     Raises ValueError: impossible times or bits
@@ -161,12 +154,13 @@ def _frame(
     bits = about.bits or bits_max
     if bits > bits_max or about.capture_ns > _TIME_MAX_NS:
         raise ValueError(f"{bits} bits of a pixel that has {bits_max}, at {about.capture_ns} ns")
-    return Frame(image, about.capture_ns, about.sequence, Clock.RECORDED, bits, truth), about.clock
+    return Frame(image, about.capture_ns, about.sequence, Clock.RECORDED, bits, truth)
+
+
+class RecordingKeys(msgspec.Struct):
+    topic: str | None = None  # image topic
 
 
 def open_recording(where: str, options: Options) -> RecordingSource:
     """The scheme `mcap:FILE?topic=...`, and files that end in .mcap. Raises SourceError."""
-    for key in options.extra:
-        if key != "topic":
-            raise SourceError(f"recording {where}: unknown key {key!r}; known: topic")
-    return RecordingSource(where, options.extra.get("topic"))
+    return RecordingSource(where, options.own(where, RecordingKeys).topic)

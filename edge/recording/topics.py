@@ -22,10 +22,6 @@ class Topic:
     schema: str  # name of the schema; "foxglove." ones are protobuf, the rest JSON
     content: Mapping[str, Any] = field(default_factory=dict)  # JSON schema, for JSON; other fields may follow
 
-    @property
-    def is_json(self) -> bool:
-        return not self.schema.startswith("foxglove.")
-
 
 def _json(name: str, title: str, *fields: tuple[str, str, str]) -> Topic:
     """A topic of JSON messages; fields: (name, JSON type, meaning)."""
@@ -122,7 +118,7 @@ def proto(name: str) -> Any:
 
 def schema_of(topic: Topic) -> tuple[str, str, bytes]:
     """(message encoding, schema encoding, schema) with the names of MCAP's registry."""
-    if topic.is_json:
+    if not topic.schema.startswith("foxglove."):
         return "json", "jsonschema", msgspec.json.encode(topic.content)
     from mcap_protobuf.schema import build_file_descriptor_set
 

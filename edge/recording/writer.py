@@ -11,20 +11,32 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Literal, Self
 
+from edge.cells import cell_polygons
 from edge.recording import messages
 from edge.recording.images import image_message
-from edge.recording.mcap_writer import Compression, McapWriter
-from edge.recording.message_queue import Item, MessageQueue
-from edge.recording.params import PARAMS
+from edge.recording.mcap_writer import PARAMS, Compression, McapWriter
+from edge.recording.message_queue import MessageQueue
 from edge.recording.topics import TOPICS, FoxgloveMessages, Topic, contacts_topic, sample_topic
-from edge.types import Array, Cells, Features, Frame, Reading, Tracks
-from hostlink.topics import Diagnosis, contact_scene, diagnostics_message, sample_message, tip_transforms
+from edge.types import Frame, Result
+from edge.view.palette import cell_rgba
+from hostlink.topics import (
+    DIAGNOSIS_S,
+    Diagnosis,
+    contact_scene,
+    diagnostics_message,
+    finger_name,
+    level_of,
+    sample_message,
+    status_text,
+    tip_transforms,
+)
 from hostlink.web.limits import WebLimits
-from hostlink.wire import State
+from hostlink.wire import State, pack_state, unpack_state
 
 #: A topic or its key in TOPICS, and what encodes the message.
 _Part = tuple[str | Topic, Callable[[], bytes]]
@@ -41,7 +53,7 @@ class _LogClock:
         self._learns = offset_ns is None
         self._wall_minus_monotonic_ns = time.time_ns() - time.monotonic_ns()
         self._last_ns = 0
-        self._overlay_due_ns = {"pins_overlay": 0, "cells_overlay": 0}
+        self._overlay_due_ns = 0
 
     def _wall_ns(self) -> int:
         """Wall time that does not step while the file is open."""
@@ -57,11 +69,11 @@ class _LogClock:
         self._last_ns = frame.capture_ns + self._offset_ns
         return self._last_ns
 
-    def overlay_is_due(self, topic: str, log_ns: int) -> bool:
+    def overlay_is_due(self, log_ns: int) -> bool:
         """Whether another one is due: as often as the live page shows one."""
-        if 0 <= self._overlay_due_ns[topic] - log_ns < 1e9:
+        if 0 <= self._overlay_due_ns - log_ns < 1e9:
             return False
-        self._overlay_due_ns[topic] = log_ns + int(1e9 / WebLimits().rate_hz)
+        self._overlay_due_ns = log_ns + int(1e9 / WebLimits().rate_hz)
         return True
 
 
@@ -76,6 +88,7 @@ class Recorder:
     rate_hz      nominal rate of the camera; 0 where unknown
     offset_ns    log time minus capture time; None: from the wall clock at the first frame. A
                  simulator gives 0, so that the same frames make the same file.
+    finger       its number, in the names of what `take` records
     fault        why writing has stopped
     refused_n    messages that could not be encoded; the reasons are in /events
     Raises       SinkError: the file exists or cannot be created
@@ -99,6 +112,11 @@ class Recorder:
         self._queue = MessageQueue(int(buffer_mb * 1e6))
         self._clock = _LogClock(offset_ns)
         self._png = image == "png"
+        self._serial = about.get("serial", "")
+        self._since_ns: int | None = None  # of the samples counted for the next diagnosis
+        self._samples_n = 0
+        self._lost_noted_n = 0
+        self.finger = 1
         self.refused_n = 0
         self.fault: str | None = None
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
@@ -133,46 +151,39 @@ class Recorder:
         parts.append((key, lambda: image_message(frame.image, log_ns, png=self._png)))
         return self._put(frame, parts, frame.image.nbytes)
 
-    def pins(self, frame: Frame, tracks: Tracks, features: Features | None = None) -> bool:
-        """Record where each pin is; with features also its motion and its cell's area change."""
+    def take(self, frame: Frame, result: Result | None, state: State) -> None:
+        """Record one turn of the loop: the image, its results if it has any, the sample sent to the bus."""
+        self.frame(frame)
+        if result is not None:
+            self._result(frame, result)
+        # Rounded and saturated as on the wire: a recording holds what the host received.
+        self.sample(frame, self.finger, lambda: unpack_state(pack_state(state, state.sample)))
+        self._diagnose(frame, state)
+
+    def _result(self, frame: Frame, result: Result) -> None:
+        """Numbers of the stages; at a viewer's rate also the pins and the shaded cells, as overlays."""
         log_ns = self._clock.of(frame)
+        tracks, cells, features = result.tracks, result.cells, result.features
         parts: list[_Part] = [("pins", lambda: messages.pins_cloud(tracks, features, log_ns))]
-        if self._clock.overlay_is_due("pins_overlay", log_ns):
+        n_bytes = 4 * tracks.xy_img.nbytes
+        due = self._clock.overlay_is_due(log_ns)
+        if due:
             parts.append(("pins_overlay", lambda: messages.annotations_of(log_ns, points=tracks.xy_img)))
-        return self._put(frame, parts, tracks.xy_img.nbytes * 4)
-
-    def cells(
-        self,
-        frame: Frame,
-        cells: Cells,
-        polygons: Callable[[], Sequence[Array]] | None = None,
-        colours: Callable[[], Sequence[tuple[float, float, float, float]]] | None = None,
-    ) -> bool:
-        """Record the cells' areas; with polygons and colours also the shaded cells, at a viewer's rate.
-
-        polygons, colours  called in the recorder's thread, one entry a cell
-        """
-        log_ns = self._clock.of(frame)
-        parts: list[_Part] = [("cells", lambda: messages.cells_cloud(cells, log_ns))]
-        if polygons and colours and self._clock.overlay_is_due("cells_overlay", log_ns):
-            parts.append(
-                (
-                    "cells_overlay",
-                    lambda: messages.annotations_of(log_ns, polygons=polygons(), colours=colours()),
+        if cells is not None and features is not None:
+            parts.append(("cells", lambda: messages.cells_cloud(cells, log_ns)))
+            n_bytes += 3 * cells.xy_img.nbytes
+            if due:
+                parts.append(
+                    (
+                        "cells_overlay",
+                        lambda: messages.annotations_of(
+                            log_ns, polygons=cell_polygons(cells), colours=cell_rgba(features.area_change)
+                        ),
+                    )
                 )
-            )
-        return self._put(frame, parts, cells.xy_img.nbytes * 3)
-
-    def features(self, frame: Frame, features: Features) -> bool:
-        """Record the scalars and the contacts, image units."""
-        return self._put(
-            frame, [("features", lambda: messages.to_json(messages.features_json(frame, features)))]
-        )
-
-    def reading(self, frame: Frame, reading: Reading) -> bool:
-        return self._put(
-            frame, [("reading", lambda: messages.to_json(messages.reading_json(frame, reading)))]
-        )
+            parts.append(("features", lambda: messages.to_json(messages.features_json(frame, features))))
+        parts.append(("reading", lambda: messages.to_json(messages.reading_json(frame, result.reading))))
+        self._put(frame, parts, n_bytes)
 
     def sample(self, frame: Frame, finger: int, state: Callable[[], State]) -> bool:
         """Record the sample sent to the bus: its values, and its contacts as a scene.
@@ -187,24 +198,31 @@ class Recorder:
         values = (sample_topic(finger), lambda: messages.to_json(sample_message(state())))
         return self._put(frame, [values, (contacts_topic(finger), scene)])
 
-    def diagnosis(self, frame: Frame, diagnosis: Diagnosis) -> bool:
-        """Record the state of the finger, and where its tip is."""
-        log_ns = self._clock.of(frame)
+    def _diagnose(self, frame: Frame, state: State) -> None:
+        """Record the finger's state, and where its tip is, with the first sample, and then once a second."""
+        self._samples_n += 1
+        passed_s = 0.0 if self._since_ns is None else (frame.capture_ns - self._since_ns) * 1e-9
+        if self._since_ns is not None and 0.0 <= passed_s < DIAGNOSIS_S:
+            return
+        log_ns, name, problem = self._clock.of(frame), finger_name(self.finger), status_text(state.status)
+        values = {"dropped": str(self.dropped_n)}
+        if passed_s > 0.0:
+            values["rate_hz"] = f"{self._samples_n / passed_s:.0f}"
+        found = Diagnosis(name, level_of(state.status, problem), problem or "measures", self._serial, values)
 
         def tips() -> bytes:
-            return bytes(tip_transforms(FoxgloveMessages(), [diagnosis.name], log_ns).SerializeToString())
+            return bytes(tip_transforms(FoxgloveMessages(), [name], log_ns).SerializeToString())
 
-        state = ("diagnostics", lambda: messages.to_json(diagnostics_message([diagnosis], log_ns)))
-        return self._put(frame, [state, ("tf", tips)])
+        about = ("diagnostics", lambda: messages.to_json(diagnostics_message([found], log_ns)))
+        self._put(frame, [about, ("tf", tips)])
+        self._since_ns, self._samples_n = frame.capture_ns, 0
 
-    def event(self, level: str, text: str, name: str = "edge") -> bool:
+    def event(self, level: str, text: str, name: str = "edge") -> None:
         """Record a line of the log. level: debug, info, warning, error, fatal."""
         log_ns = self._clock.now_ns()
-
-        def encode() -> bytes:
-            return messages.log_message(level, text, name, log_ns)
-
-        return self._queue.put([Item(PARAMS.item_bytes, TOPICS["events"], log_ns, log_ns, 0, encode)])
+        encode = partial(messages.log_message, level, text, name, log_ns)
+        write = partial(self._write, TOPICS["events"], log_ns, log_ns, 0, encode)
+        self._queue.put([write], PARAMS.item_bytes)
 
     def count_lost(self, messages_n: int) -> None:
         """Count messages that were lost before the recorder; a warning in the file marks the gap."""
@@ -213,18 +231,18 @@ class Recorder:
     def attach(self, name: str, data: bytes, media_type: str = "application/json") -> None:
         """Store a file in the recording: calibration, configuration."""
         now_ns = self._clock.now_ns()
-        self._queue.put_call(lambda: self._writer.add_attachment(now_ns, name, data, media_type))
+        self._queue.put([lambda: self._writer.add_attachment(now_ns, name, data, media_type)], 0)
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
         pairs = dict(values)
-        self._queue.put_call(lambda: self._writer.add_metadata(name, pairs))
+        self._queue.put([lambda: self._writer.add_metadata(name, pairs)], 0)
 
     def close(self, timeout_s: float = 10.0) -> None:
         """Write the queue and the index, and end; messages not written after `timeout_s` are dropped."""
         self._queue.close()
         self._thread.join(timeout_s)
         if self._thread.is_alive():
-            self._queue.give_up()
+            self._queue.close(give_up=True)
             self._thread.join(1.0)
 
     def __enter__(self) -> Self:
@@ -240,13 +258,12 @@ class Recorder:
 
         n_bytes  memory that they keep, beside their own
         """
-        log_ns, sequence = self._clock.of(frame), frame.sequence & 0xFFFFFFFF
-        items = []
-        for topic, encode in parts:
-            topic = TOPICS[topic] if isinstance(topic, str) else topic
-            cost = PARAMS.item_bytes + (n_bytes if encode is parts[-1][1] else 0)
-            items.append(Item(cost, topic, log_ns, frame.capture_ns, sequence, encode))
-        return self._queue.put(items)
+        times = (self._clock.of(frame), frame.capture_ns, frame.sequence & 0xFFFFFFFF)
+        calls = [
+            partial(self._write, TOPICS[topic] if isinstance(topic, str) else topic, *times, encode)
+            for topic, encode in parts
+        ]
+        return self._queue.put(calls, PARAMS.item_bytes * len(calls) + n_bytes)
 
     # -- the thread ---------------------------------------------------------------------------
 
@@ -265,30 +282,32 @@ class Recorder:
 
     def _fail(self, error: OSError) -> None:
         self.fault = self.fault or f"{self.path}: {error.strerror or error}"
-        self._queue.give_up()
+        self._queue.close(give_up=True)
 
     def _step(self) -> None:
-        """Write one message, or close a chunk that is old enough. Raises OSError."""
-        item = self._queue.get(self._writer.chunk_due_s)
-        if isinstance(item, Item):
-            self._write(item)
-            self._queue.done(item)
-        elif item is not None:
-            item()
+        """Write some messages, or close a chunk that is old enough. Raises OSError."""
+        calls, cost_bytes = self._queue.get(self._writer.chunk_due_s)
+        for write in calls:
+            write()
+        self._queue.done(cost_bytes)
         if self._writer.chunk_due_s == 0.0:
             self._writer.end_chunk()
 
-    def _write(self, item: Item) -> None:
-        if lost_n := self._queue.newly_dropped():
-            self._note("warning", f"{lost_n} messages dropped: the disk is too slow", item.log_ns)
+    def _write(
+        self, topic: Topic, log_ns: int, publish_ns: int, sequence: int, encode: Callable[[], bytes]
+    ) -> None:
+        dropped_n = self.dropped_n
+        if lost_n := dropped_n - self._lost_noted_n:
+            self._lost_noted_n = dropped_n
+            self._note("warning", f"{lost_n} messages dropped: the disk is too slow", log_ns)
         try:
-            data = item.encode()
+            data = encode()
         except Exception as error:  # noqa: BLE001  (a viewer's callback must not end the recording)
             self.refused_n += 1
             why = f"{type(error).__name__}: {error}"
-            self._note("error", f"{item.topic.name} not recorded: {why}", item.log_ns)
+            self._note("error", f"{topic.name} not recorded: {why}", log_ns)
         else:
-            self._writer.add(item.topic, item.log_ns, item.publish_ns, item.sequence, data)
+            self._writer.add(topic, log_ns, publish_ns, sequence, data)
 
     def _note(self, level: str, text: str, log_ns: int) -> None:
         """Write a line of the recorder's own log."""

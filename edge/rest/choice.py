@@ -74,9 +74,8 @@ class RestChoice:
             f"the least deformed: its cells are {self.deformation_rel:.1%} off untouched ones, "
             f"{self.typical_rel:.1%} in a typical image"
         )
-        if self.trusted:
-            return f"{found}; {self.agree_n} of {self.compared_n} others show the same: untouched"
-        return f"{found}; {self.agree_n} of {self.compared_n} others show the same: it may show a touch"
+        verdict = "untouched" if self.trusted else "it may show a touch"
+        return f"{found}; {self.agree_n} of {self.compared_n} others show the same: {verdict}"
 
 
 def choose_rest(
@@ -85,10 +84,7 @@ def choose_rest(
     params: RestChoiceParams = PARAMS,
     lens: Lens | None = None,
 ) -> RestChoice:
-    """The least deformed of some images, in any order.
-
-    Raises  NoPins: no image shows pins
-    """
+    """The least deformed of some images, in any order. Raises NoPins: no image shows pins."""
     start, rest = _first_with_pins(images, polarity, lens)
     found = _compare(images, rest, params)
     if not found.agrees[found.index, start]:  # the touch in it may have hidden pins
@@ -242,9 +238,11 @@ def rest_of_source(
 def rest_if_touched(source: FrameSource, calibration: Calibration | None = None) -> GivenRest | None:
     """An untouched rest frame for a recording that begins under a touch.
 
-    Returns  None: it begins untouched, as far as can be seen, or it has no image that surely is
+    Returns  None: it is live, it begins untouched, as far as can be seen, or it has no image that surely is
     Raises   SourceError, CalibrationError
     """
+    if source.live:
+        return None
     images = [frame.image for frame in islice(source, TARE.frames_n)]
     try:
         take_rest_frame(

@@ -158,5 +158,4 @@ class TareState:
             self._executor = None
         self._job = None
         if self.request is not None:
-            message = "the program ends"
-            self.finish(RestFrameState.REFUSED, RestFrameReason.NO_IMAGES, message)
+            self.finish(RestFrameState.REFUSED, RestFrameReason.NO_IMAGES, "the program ends")

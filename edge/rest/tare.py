@@ -105,8 +105,7 @@ def take_rest_frame(
                 raise problem
             problems.append(problem)
 
-    refiner = CentroidRefiner(rest)
-    first, last = (refiner.refine(images[k], rest.xy_img) for k in (0, -1))
+    first, last = _ends(images, rest)
     check(_unsteady(first, last, params.steady_px))
     if calibration is not None:
         try:
@@ -134,6 +133,12 @@ def _take(images: Sequence[Image], params: TareParams, calibration: Calibration 
         with suppress(NoPins):
             return take_rest(images, Polarity.DARK if dark else Polarity.BRIGHT, params.lens)
     return take_rest(images, params.polarity, params.lens)
+
+
+def _ends(images: Sequence[Image], rest: Rest) -> tuple[Pins, Pins]:
+    """The pins in the first image and in the last."""
+    refiner = CentroidRefiner(rest)
+    return refiner.refine(images[0], rest.xy_img), refiner.refine(images[-1], rest.xy_img)
 
 
 def _unsteady(first: Pins, last: Pins, steady_px: float) -> TareRefused | None:
@@ -255,8 +260,6 @@ def tare(
     Raises     NoPins: no pins in view, or they move; CalibrationError: another tip, another image size
     """
     rest = take_rest(images, polarity, lens)
-    refiner = CentroidRefiner(rest)
-    first, last = (refiner.refine(images[k], rest.xy_img) for k in (0, -1))
-    if moved := _unsteady(first, last, steady_px):
+    if moved := _unsteady(*_ends(images, rest), steady_px):
         raise NoPins(str(moved))
     return rest if calibration is None else in_order_of(calibration, rest)

@@ -26,7 +26,7 @@ from edge.limits import RATE_MIN_HZ
 from edge.sources.files import IMAGE_SUFFIXES, FolderSource, VideoSource, read_image
 from edge.sources.lens_file import lens_for
 from edge.sources.live import ThreadedSource
-from edge.sources.options import Options, Spec, convert, parse_spec
+from edge.sources.options import NoKeys, Options, Spec, parse_spec
 from edge.sources.paced import Paced
 from edge.types import FrameSource
 
@@ -35,11 +35,11 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FolderSource",
+    "NoKeys",
     "Options",
     "Paced",
     "ThreadedSource",
     "VideoSource",
-    "convert",
     "known_schemes",
     "open_source",
     "read_image",
@@ -49,23 +49,14 @@ GROUP = "voronoi_touch.sources"
 Opener = Callable[[str, Options], FrameSource]
 
 
-def _later(module: str, name: str) -> Opener:
-    """An opener that imports its module when first used."""
-
-    def open_it(where: str, options: Options) -> FrameSource:
-        source: FrameSource = getattr(import_module(module), name)(where, options)
-        return source
-
-    return open_it
-
-
-_BUILT_IN: dict[str, Opener] = {
-    "images": lambda where, options: FolderSource(where, options.without_extra(where).rate_hz),
-    "video": lambda where, options: VideoSource(where, options.without_extra(where).rate_hz),
-    "v4l2": _later("edge.sources.v4l2", "open_v4l2"),
-    "oak": _later("edge.sources.oak", "open_oak"),
-    "picamera": _later("edge.sources.picamera", "open_picamera"),
-    "mcap": _later("edge.recording.reader", "open_recording"),
+#: Module and function of each scheme, imported when it is first used.
+_BUILT_IN = {
+    "images": "edge.sources.files:open_images",
+    "video": "edge.sources.files:open_video",
+    "v4l2": "edge.sources.v4l2:open_v4l2",
+    "oak": "edge.sources.oak:open_oak",
+    "picamera": "edge.sources.picamera:open_picamera",
+    "mcap": "edge.recording.reader:open_recording",
 }
 _FROM_EXTRA = {"sim": "voronoi-touch[calib]"}
 
@@ -83,11 +74,14 @@ def known_schemes() -> list[str]:
 
 
 def _opener(spec: Spec) -> Opener:
+    opener: Opener
     if spec.scheme in _BUILT_IN:
-        return _BUILT_IN[spec.scheme]
+        module, _, name = _BUILT_IN[spec.scheme].partition(":")
+        opener = getattr(import_module(module), name)
+        return opener
     for point in _from_packages(name=spec.scheme):
         try:
-            opener: Opener = point.load()
+            opener = point.load()
         except ImportError as error:
             hint = _FROM_EXTRA.get(spec.scheme, f"the package of {point.value}")
             raise SourceError(f"source {spec.text}: {error}; install {hint}") from error

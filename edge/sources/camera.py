@@ -15,8 +15,6 @@ from edge.types import Clock, Frame, Image
 class CameraSource(ThreadedSource):
     """A camera that comes back after it was lost; a subclass opens, reads and closes its device.
 
-    options   what it was asked for
-    retry_s   between attempts to get it back
     clock_ns  the host's monotonic clock
     """
 
@@ -57,7 +55,11 @@ class CameraSource(ThreadedSource):
         try:
             while not self._closing.is_set():
                 if self._device is None:
-                    self._return()
+                    self._opened_ns = self._clock_ns()
+                    try:
+                        self._device = self._open()
+                    except (SourceError, RuntimeError):  # still away, or booting: `condition` stays "lost"
+                        self._closing.wait(self._retry_s)
                 elif self._reopen.is_set():
                     self._reopen.clear()
                     self._release()
@@ -67,14 +69,6 @@ class CameraSource(ThreadedSource):
                     self._release()
         finally:
             self._release()
-
-    def _return(self) -> None:
-        """Open the device again, or pause."""
-        self._opened_ns = self._clock_ns()
-        try:
-            self._device = self._open()
-        except (SourceError, RuntimeError):  # still away, or booting: `condition` stays "lost"
-            self._closing.wait(self._retry_s)
 
     def _release(self) -> None:
         device, self._device = self._device, None

@@ -20,6 +20,7 @@ from cv2.utils import logging
 from edge.errors import SourceError
 from edge.limits import RATE_MAX_HZ
 from edge.sources.image_header import check_size, image_size
+from edge.sources.options import NoKeys, Options
 from edge.types import Clock, Frame, Image, Lens, Polarity
 from hostlink.input_file import read_bounded
 
@@ -105,7 +106,6 @@ def read_image(path: str | Path) -> Image:
 class FileSource:
     """What all recordings have in common. Each iteration starts from the beginning.
 
-    kind    what it is, for messages
     faults  how often each kind of damage was met, in the last reading
     """
 
@@ -119,11 +119,6 @@ class FileSource:
         self.lens: Lens | None = None
         self.faults: Counter[str] = Counter()
         self._closed = False
-
-    @property
-    def truncated(self) -> bool:
-        """Whether the file is truncated; known once it has been read to its end."""
-        return self.faults["truncated"] > 0
 
     def close(self) -> None:
         self._closed = True
@@ -247,3 +242,13 @@ class VideoSource(FileSource):
                 yield Frame(to_grey(image), capture_ns, at, Clock.RECORDED)
         finally:
             capture.release()
+
+
+def open_images(where: str, options: Options) -> FolderSource:
+    options.own(where, NoKeys)
+    return FolderSource(where, options.rate_hz)
+
+
+def open_video(where: str, options: Options) -> VideoSource:
+    options.own(where, NoKeys)
+    return VideoSource(where, options.rate_hz)

@@ -171,9 +171,7 @@ class ThreadedSource(ABC):
             raise failure
 
     def peek(self) -> Frame | None:
-        """The frame that the next `read` would give, without taking it; for another thread. None: there is
-        none.
-        """
+        """The frame that the next `read` would give, without taking it; for another thread."""
         return self._slot
 
     def __iter__(self) -> Iterator[Frame]:

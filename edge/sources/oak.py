@@ -21,10 +21,11 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import timedelta
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
+import msgspec
 import numpy as np
 
 from edge.errors import SourceError
@@ -81,7 +82,6 @@ def camera_output(
 ) -> MakeOutput:
     """Mono camera of a module: manual exposure and focus, no anti-banding, one chunk a frame.
 
-    crop  of the image of the options' size; None: all of it
     sync  what the camera's frame sync pin is: a key of `SYNC_MODES`; "": as depthai has it
     """
 
@@ -110,8 +110,7 @@ def camera_output(
 SYNC_MODES = {"output": "OUTPUT", "input": "INPUT", "ptp": "TIME_PTP"}
 
 
-@dataclass(frozen=True, slots=True)
-class Crop:
+class Crop(NamedTuple):
     """A part of the image, px."""
 
     x: int
@@ -123,8 +122,8 @@ class Crop:
     def parse(cls, text: str, size_px: tuple[int, int]) -> Crop:
         """Of "x,y,width,height". Raises SourceError: not that, or not within an image of this size."""
         width, height = size_px
-        match = re.fullmatch(r"(\d{1,5}),(\d{1,5}),(\d{1,5}),(\d{1,5})", text)
-        crop = cls(*(int(number) for number in match.groups())) if match else cls(0, 0, 0, 0)
+        match = re.fullmatch(r"\d{1,5}(,\d{1,5}){3}", text)
+        crop = cls(*map(int, text.split(","))) if match else cls(0, 0, 0, 0)
         within = crop.x + crop.width <= width and crop.y + crop.height <= height
         if not (crop.width and crop.height and within):
             raise SourceError(
@@ -195,9 +194,7 @@ class OakSource(CameraSource):
 
     make_output  builds the nodes; called again when a lost module is back
     module       gives the module to open; None: host only, and the source ends with the stream
-    socket       of the camera, for checks and lens
     own_clock    the module's clock instead of the host's
-    crop         that the nodes make
     Raises       SourceError: no module, no such camera, no frames, too slow
     """
 
@@ -276,25 +273,27 @@ class OakSource(CameraSource):
         self._hand_over(Frame(image, stamp // timedelta(microseconds=1) * 1000, sequence, clock))
 
 
+class OakKeys(msgspec.Struct):
+    """The scheme's own keys; `crop` is x,y,width,height."""
+
+    socket: str = "CAM_B"
+    clock: Literal["host", "device"] = "host"
+    crop: str | None = None
+    sync: Literal["", "output", "input", "ptp"] = ""
+
+
 def open_oak(where: str, options: Options) -> OakSource:
-    """The scheme `oak:`; its own keys: socket=CAM_B, clock=device, crop=x,y,width,height, sync=output."""
-    extra = dict(options.extra)
-    socket, clock = extra.pop("socket", "CAM_B"), extra.pop("clock", "host")
-    crop_text, sync = extra.pop("crop", None), extra.pop("sync", "")
-    options = replace(options, extra=extra).without_extra(f"oak:{where}")
-    if clock not in ("host", "device"):
-        raise SourceError(f"source oak: no clock {clock!r}; known: host, device")
-    if sync and sync not in SYNC_MODES:
-        raise SourceError(f"source oak: no sync {sync!r}; known: {', '.join(SYNC_MODES)}")
-    crop = None if crop_text is None else Crop.parse(crop_text, options.size_or(LIVE.size_px))
+    """The scheme `oak:`; its own keys: `OakKeys`."""
+    keys = options.own(f"oak:{where}", OakKeys)
+    crop = None if keys.crop is None else Crop.parse(keys.crop, options.size_or(LIVE.size_px))
     load_depthai()
-    _socket(socket)
+    _socket(keys.socket)
     return OakSource(
-        camera_output(options, socket, crop, sync),
+        camera_output(options, keys.socket, crop, keys.sync),
         options,
         name=f"camera oak:{where}".rstrip(":"),
         module=lambda: find_module(where),
-        socket=socket,
-        own_clock=clock == "device",
+        socket=keys.socket,
+        own_clock=keys.clock == "device",
         crop=crop,
     )

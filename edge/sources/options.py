@@ -5,55 +5,64 @@ v4l2:0?exposure_us=2000&format=GREY
 scheme where  keys; they win over the settings given in code or configuration
 """
 
-from __future__ import annotations
-
 import re
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields, replace
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, TypeVar
 from urllib.parse import parse_qsl
 
+import msgspec
+
 from edge.errors import SourceError
-from edge.limits import IMAGE_SIDE_PX, NUMBER_MAX, RATE_MAX_HZ
+from edge.limits import IMAGE_SIDE_PX, NUMBER_MAX, RATE_MAX_HZ, explain
 from edge.types import Polarity
 
 #: Dark or bright for every source; other values are the source's own: a number for the simulator.
 _SHARED = "pins"
+EXPOSURE_MAX_US = 0x7FFF_FFFF  # what a control of V4L2 holds
+_VIDEO_MAX_FRAME = 32  # buffers of a V4L2 device
+Side = Annotated[int, msgspec.Meta(ge=0, le=IMAGE_SIDE_PX)]
+Whole = Annotated[int, msgspec.Meta(ge=-int(NUMBER_MAX), le=int(NUMBER_MAX))]
+T = TypeVar("T", bound=msgspec.Struct)
 
 
-@dataclass(frozen=True, slots=True)
-class Options:
+class NoKeys(msgspec.Struct):
+    """The own keys of a source that has none."""
+
+
+class Options(msgspec.Struct, frozen=True):
     """width, height  px; 0: the camera's own
     gain           in the camera's own unit (V4L2 control, ISO for OAK, a factor for picamera2); 0: unchanged
     lens           file of `edge lens`, or factory: distortion that is removed from the pins' places; "": none
     extra          keys of the specification that are the source's own
     """
 
-    width: int = 0
-    height: int = 0
-    rate_hz: float = 0.0  # frames a second; 0: the camera's own, or the recording's
-    exposure_us: int = 0  # manual exposure; 0: unchanged
-    gain: int = 0
-    focus: int | None = None  # lens position in the camera's own unit; None: unchanged
+    width: Side = 0
+    height: Side = 0
+    rate_hz: Annotated[float, msgspec.Meta(ge=0, le=RATE_MAX_HZ)] = 0.0  # frames/s; 0: the source's own
+    exposure_us: Annotated[int, msgspec.Meta(ge=0, le=EXPOSURE_MAX_US)] = 0  # manual exposure; 0: unchanged
+    gain: Whole = 0
+    focus: Whole | None = None  # lens position in the camera's own unit; None: unchanged
     format: str = ""  # pixel format: GREY, Y10, Y12, Y16, MJPG, YUYV; "": the best that the camera has
     pins: Polarity = Polarity.FOUND  # dark or bright; "": found when the rest frame is taken
     lens: str = ""
-    buffers: int = 1  # kernel buffers of a V4L2 camera
+    buffers: Annotated[int, msgspec.Meta(ge=1, le=_VIDEO_MAX_FRAME)] = 1  # of the kernel, for a V4L2 camera
     check_rate: bool = True  # measure the rate at the start, and refuse a camera that is slower than asked
-    extra: Mapping[str, str] = field(default_factory=dict)
+    extra: Mapping[str, str] = {}
 
     def size_or(self, default_px: tuple[int, int]) -> tuple[int, int]:
         """The width and height that are asked for, px."""
         return (self.width, self.height) if self.width and self.height else default_px
 
-    def without_extra(self, name: str) -> Options:
-        """Self; raises SourceError if the specification has a key that this source does not know."""
-        for key, value in self.extra.items():
-            if key == _SHARED:
-                _convert(key, value, name)  # raises
-            known = ", ".join(f.name for f in fields(self) if f.name != "extra")
-            raise SourceError(f"source {name}: unknown key {key!r}; known keys: {known}")
-        return self
+    def own(self, name: str, kind: type[T]) -> T:
+        """The source's own keys, the fields of a struct. Raises SourceError: another key or value."""
+        known = kind.__struct_fields__
+        if _SHARED in self.extra and _SHARED not in known:
+            _convert({_SHARED: self.extra[_SHARED]}, Options, name)  # raises
+        for key in self.extra.keys() - known:
+            listed = ", ".join([*known, *self.__struct_fields__[:-1]])
+            raise SourceError(f"source {name}: unknown key {key!r}; known keys: {listed}")
+        return _convert(self.extra, kind, name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,47 +75,18 @@ class Spec:
     options: Options
 
 
+_YES_NO = {"yes": True, "no": False}  # beside what msgspec takes: true, false, 1, 0
 _SCHEME = re.compile(r"^([a-z][a-z0-9_+-]*):(.*)$", re.DOTALL)
-EXPOSURE_MAX_US = 0x7FFF_FFFF  # what a control of V4L2 holds
-_VIDEO_MAX_FRAME = 32  # buffers of a V4L2 device
-#: Ranges of what a camera can be asked for; a key without a row takes any finite number.
-_RANGES: dict[str, tuple[float, float]] = {
-    "width": (0, IMAGE_SIDE_PX),
-    "height": (0, IMAGE_SIDE_PX),
-    "rate_hz": (0, RATE_MAX_HZ),
-    "exposure_us": (0, EXPOSURE_MAX_US),
-    "buffers": (1, _VIDEO_MAX_FRAME),
-}
-_TRUE = {"1": True, "true": True, "yes": True, "0": False, "false": False, "no": False}
-#: Conversion, description and example of a key's value, by its type in `Options`.
-_KINDS: dict[str, tuple[Callable[[str], Any], str, str]] = {
-    "bool": (lambda text: _TRUE[text.lower()], "0 or 1", "1"),
-    "float": (float, "a number", "1"),
-    "int": (int, "a whole number", "1"),
-    "str": (str, "text", "1"),
-    "Polarity": (Polarity, "dark or bright", "dark"),
-}
 
 
-def convert(kind: str, name: str, text: str, spec: str) -> Any:
-    """A key's value. Raises SourceError: it is not of that kind (bool, float, int, str)."""
-    read, wanted, example = _KINDS[kind]
-    low, high = _RANGES.get(name, (-NUMBER_MAX, NUMBER_MAX))
+def _convert(keys: Mapping[str, str], kind: type[T], spec: str) -> T:
+    """Keys with their values as text, as a struct. Raises SourceError."""
+    yes_no = {field.name: _YES_NO for field in msgspec.structs.fields(kind) if field.type is bool}
+    values = {key: yes_no.get(key, {}).get(text.lower(), text) for key, text in keys.items()}
     try:
-        value = read(text)
-        if isinstance(value, int | float) and not low <= value <= high:  # nor NaN
-            raise ValueError
-    except (ValueError, KeyError):
-        within = f" from {low:.0f} to {high:.0f}" if name in _RANGES else ""
-        raise SourceError(
-            f"source {spec}: {name}={text}: give {wanted}{within}, e.g. {name}={example}"
-        ) from None
-    return value
-
-
-def _convert(name: str, text: str, spec: str) -> Any:
-    kind = str({f.name: f.type for f in fields(Options)}[name]).partition(" ")[0]
-    return convert(kind, name, text, spec)
+        return msgspec.convert(values, kind, strict=False)
+    except msgspec.ValidationError as error:
+        raise SourceError(f"source {spec}: {explain(str(error), kind, keys)}") from None
 
 
 def parse_spec(text: str, options: Options) -> Spec:
@@ -114,12 +94,11 @@ def parse_spec(text: str, options: Options) -> Spec:
     match = _SCHEME.match(text)
     scheme, rest = match.groups() if match else ("", text)
     where, _, query = rest.partition("?")
-    changes: dict[str, Any] = {}
-    extra = dict(options.extra)
+    shared: dict[str, str] = {}
+    changes: dict[str, Any] = {"extra": dict(options.extra)}
     for key, value in parse_qsl(query, keep_blank_values=True):
-        own = key == _SHARED and value not in list(Polarity)
-        if key in {f.name for f in fields(Options)} - {"extra"} and not own:
-            changes[key] = _convert(key, value, text)
-        else:
-            extra[key] = value
-    return Spec(text, scheme, where, replace(options, extra=extra, **changes))
+        own = key not in Options.__struct_fields__[:-1] or (key == _SHARED and value not in list(Polarity))
+        (changes["extra"] if own else shared)[key] = value
+    read = _convert(shared, Options, text)
+    changes |= {key: getattr(read, key) for key in shared}
+    return Spec(text, scheme, where, msgspec.structs.replace(options, **changes))

@@ -13,11 +13,9 @@ from edge.types import Clock, Frame, FrameSource
 
 
 class Paced(ThreadedSource):
-    """A live source over a recording.
+    """A live source over a recording, which it closes.
 
-    source     iterated from its start; closed with this
     rate_hz    0: the recording's own times
-    speed      factor on the speed of playing
     loop       start again at the end, for ever; times and sequence numbers continue
     rest_n     so many first images are each given when the one before has been read; time waits for that
     clock_ns   the host's monotonic clock
@@ -71,7 +69,8 @@ class Paced(ThreadedSource):
         period_ns = 1e9 / self.rate_hz if self.rate_hz else 0.0
         for n, (due_ns, frame) in enumerate(self._due()):
             if n < self._rest_n:
-                self._wait_until_read()
+                with self._changed:  # until the loop has taken the frame that was offered last
+                    self._changed.wait_for(lambda: self._slot is None or self._closing.is_set())
                 start_ns = max(start_ns, self._clock_ns() - due_ns)
             wait_ns = start_ns + due_ns - self._clock_ns()
             if wait_ns > 0:
@@ -81,11 +80,6 @@ class Paced(ThreadedSource):
             if self._closing.is_set():
                 return
             self._offer(replace(frame, capture_ns=start_ns + due_ns, clock=Clock.HOST))
-
-    def _wait_until_read(self) -> None:
-        """Wait until the loop has taken the frame that was offered last, or the source is closed."""
-        with self._changed:
-            self._changed.wait_for(lambda: self._slot is None or self._closing.is_set())
 
     def close(self) -> None:
         super().close()

@@ -22,7 +22,7 @@ from edge.errors import SourceError
 from edge.params import PARAMS as RUNTIME
 from edge.sources.camera import CameraSource
 from edge.sources.live import PARAMS as LIVE
-from edge.sources.options import Options
+from edge.sources.options import NoKeys, Options
 from edge.types import Array, Image
 
 _MONO = re.compile(r"^R(8|10|12)$")
@@ -47,9 +47,7 @@ def load_picamera2(number: int) -> Any:
 
 
 class PiCameraSource(CameraSource):
-    """A CSI camera.
-
-    open_camera  gives a `picamera2.Picamera2`, again after each loss
+    """open_camera  gives a `picamera2.Picamera2`, again after each loss
     Raises       SourceError: no camera, a size that it does not have, no frames, too slow
     """
 
@@ -75,10 +73,11 @@ class PiCameraSource(CameraSource):
         try:
             self._configure(camera)
             camera.start()
-        except (RuntimeError, ValueError, KeyError, SourceError) as error:
+        except SourceError:
             camera.close()
-            if isinstance(error, SourceError):
-                raise
+            raise
+        except (RuntimeError, ValueError, KeyError) as error:
+            camera.close()
             advice = "other program? ask for another size or format"
             raise SourceError(f"{self.name}: {error}; {advice}") from error
         return camera
@@ -188,5 +187,5 @@ def open_picamera(where: str, options: Options) -> PiCameraSource:
     if where and not (where.isdecimal() and len(where) < 10):
         raise SourceError(f"source picamera:{where}: no such camera; give a number: picamera:0, picamera:1")
     number = int(where or 0)
-    options = options.without_extra(f"picamera:{where}")
+    options.own(f"picamera:{where}", NoKeys)
     return PiCameraSource(lambda: load_picamera2(number), options, name=f"camera picamera:{number}")

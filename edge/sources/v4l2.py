@@ -16,18 +16,19 @@ Source: OpenCV modules/videoio/src/cap_v4l.cpp (for what each property does); V4
 import os
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
+from msgspec.structs import replace
 
 from edge.errors import SourceError
 from edge.params import PARAMS as RUNTIME
 from edge.sources.camera import CameraSource
 from edge.sources.live import PARAMS as LIVE
-from edge.sources.options import Options
+from edge.sources.options import NoKeys, Options
 from edge.types import Image
 
 _EXPOSURE_UNIT_US = 100  # V4L2_CID_EXPOSURE_ABSOLUTE
@@ -85,17 +86,8 @@ def find_device(where: str, sys_root: Path = Path("/sys"), dev_root: Path = Path
     return os.path.realpath(path)
 
 
-def _grey8(raw: Any, size: tuple[int, int]) -> Image:
-    return np.ascontiguousarray(raw.reshape(size[1], size[0]), dtype=np.uint8)
-
-
 def _grey16(raw: Any, size: tuple[int, int]) -> Image:
-    data = np.ascontiguousarray(raw)
-    return data.view("<u2").reshape(size[1], size[0]).astype(np.uint16, copy=False)
-
-
-def _yuyv(raw: Any, size: tuple[int, int]) -> Image:
-    return np.ascontiguousarray(raw.reshape(size[1], size[0], 2)[:, :, 0], dtype=np.uint8)
+    return np.ascontiguousarray(raw).view("<u2").reshape(size[1], size[0]).astype(np.uint16, copy=False)
 
 
 def _mjpg(raw: Any, size: tuple[int, int]) -> Image:
@@ -105,35 +97,20 @@ def _mjpg(raw: Any, size: tuple[int, int]) -> Image:
     return np.asarray(image, dtype=np.uint8)
 
 
-@dataclass(frozen=True, slots=True)
-class _Format:
-    fourcc: str
-    bits: int
-    to_grey: Callable[[Any, tuple[int, int]], Image]
-
-
-# In the order in which they are tried: no colour, no loss first.
-_FORMATS = {
-    "GREY": _Format("GREY", 8, _grey8),
-    "Y10": _Format("Y10 ", 10, _grey16),
-    "Y12": _Format("Y12 ", 12, _grey16),
-    "Y16": _Format("Y16 ", 16, _grey16),
-    "MJPG": _Format("MJPG", 8, _mjpg),
-    "YUYV": _Format("YUYV", 8, _yuyv),
+#: By name: bits that count, and how the image is made of the camera's bytes.
+_FORMATS: dict[str, tuple[int, Callable[[Any, tuple[int, int]], Any]]] = {
+    "GREY": (8, lambda raw, size: raw.reshape(size[1], size[0])),
+    "Y10": (10, _grey16),
+    "Y12": (12, _grey16),
+    "Y16": (16, _grey16),
+    "MJPG": (8, _mjpg),
+    "YUYV": (8, lambda raw, size: raw.reshape(size[1], size[0], 2)[:, :, 0]),
 }
-_AUTO = ("GREY", "MJPG", "YUYV")
-
-
-def _fourcc(name: str) -> int:
-    return int.from_bytes(name.encode("ascii"), "little")
+_AUTO = ("GREY", "MJPG", "YUYV")  # in the order in which they are tried: no colour, no loss first
 
 
 class V4l2Source(CameraSource):
-    """A V4L2 camera.
-
-    where         see `find_device`
-    make_capture  gives an object with the interface of cv2.VideoCapture
-    find          gives the path for `where`
+    """make_capture  gives an object with the interface of cv2.VideoCapture, for the path that `find` gives
     Raises        SourceError: does not exist, no permission, other size, too slow
     """
 
@@ -194,8 +171,8 @@ class V4l2Source(CameraSource):
         capture.set(cv2.CAP_PROP_BUFFERSIZE, o.buffers)
         wanted = (o.format.upper(),) if o.format else _AUTO
         for name in wanted:
-            self._format = _FORMATS[name]
-            code = _fourcc(self._format.fourcc)
+            self._bits, self._to_grey = _FORMATS[name]
+            code = cv2.VideoWriter.fourcc(*name.ljust(4))
             if capture.set(cv2.CAP_PROP_FOURCC, code) and int(capture.get(cv2.CAP_PROP_FOURCC)) == code:
                 break
         else:
@@ -210,7 +187,7 @@ class V4l2Source(CameraSource):
         if o.width and o.height and size != (o.width, o.height):
             raise SourceError(
                 f"{self.name}: asked for {o.width}x{o.height}, camera gives {size[0]}x{size[1]} as "
-                f"{self._format.fourcc.strip()}; ask for that, or see v4l2-ctl --list-formats-ext"
+                f"{name}; ask for that, or see v4l2-ctl --list-formats-ext"
             )
         if self.size_px not in ((0, 0), size):
             raise SourceError(
@@ -245,12 +222,12 @@ class V4l2Source(CameraSource):
         try:
             if not ok or raw is None:
                 raise ValueError("no image")
-            image = self._format.to_grey(raw, self.size_px)
+            image: Image = np.ascontiguousarray(self._to_grey(raw, self.size_px))
         except (ValueError, cv2.error):
             self.faults["damaged frame"] += 1
         else:
             driver_ns = round(float(device.get(cv2.CAP_PROP_POS_MSEC)) * 1e6)
-            self._hand_over_at(image, self._format.bits, driver_ns, now_ns, self._period_ns)
+            self._hand_over_at(image, self._bits, driver_ns, now_ns, self._period_ns)
         return True
 
     def _shut(self, device: Any) -> None:
@@ -258,4 +235,5 @@ class V4l2Source(CameraSource):
 
 
 def open_v4l2(where: str, options: Options) -> V4l2Source:
-    return V4l2Source(where, options.without_extra(f"v4l2:{where}"))
+    options.own(f"v4l2:{where}", NoKeys)
+    return V4l2Source(where, options)

@@ -12,8 +12,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edge.types import Array
-from edge.view.params import PARAMS
 
+
+@dataclass(frozen=True, slots=True)
+class ViewParams:
+    """Every chosen number of the pictures; the evidence for each is in docs/tuning.md, "Pictures"."""
+
+    full_change: float = 0.5  # area change that gets the full colour
+    local_gain: float = 2.0  # of each pin's motion, as a vector
+    global_gain: float = 6.0  # of the mean motion, which is small beside the largest
+    jpeg_quality: int = 80  # of the live page's camera image
+    side_max_px: int = 720
+
+
+PARAMS = ViewParams()
 COLOUR_STEPS = 255  # on each side of no change: as many as a colour of 8 bits has
 
 Bgr = tuple[int, int, int]
@@ -54,14 +66,14 @@ SAFE = replace(  # Okabe and Ito: orange, blue, bluish green, black
 )
 
 
-def cell_colours(
-    area_change: Array, palette: Palette = PAPER, full: float = PARAMS.full_change
-) -> NDArray[np.uint8]:
-    """BGR of each cell, (n, 3); a lost pin's cell is grey like an edge.
+def _share(area_change: Array) -> Array:
+    """Of the change that gets the full colour; beyond it the colour stays."""
+    return np.clip(np.nan_to_num(area_change) / PARAMS.full_change, -1.0, 1.0)
 
-    full  area change that gets the full colour; beyond it the colour stays
-    """
-    share = np.clip(np.nan_to_num(area_change) / full, -1.0, 1.0)
+
+def cell_colours(area_change: Array, palette: Palette = PAPER) -> NDArray[np.uint8]:
+    """BGR of each cell, (n, 3); a lost pin's cell is grey like an edge."""
+    share = _share(area_change)
     colours = _ramp(palette)[np.rint((share + 1.0) * COLOUR_STEPS).astype(np.intp)]
     colours[~np.isfinite(area_change)] = palette.edge
     return colours
@@ -99,13 +111,10 @@ def _bgr(lab: Array) -> NDArray[np.uint8]:
     return np.rint(255.0 * c[:, ::-1]).astype(np.uint8)
 
 
-def cell_rgba(
-    area_change: Array, palette: Palette = PAPER, full: float = PARAMS.full_change
-) -> list[tuple[float, float, float, float]]:
+def cell_rgba(area_change: Array, palette: Palette = PAPER) -> list[tuple[float, float, float, float]]:
     """The same as an overlay on the camera's image: r, g, b, opacity in 0..1; opacity shows the change."""
-    share = np.clip(np.nan_to_num(area_change) / full, -1.0, 1.0)
     rgba = []
-    for s in share.tolist():
+    for s in _share(area_change).tolist():
         b, g, r = palette.compressed if s >= 0 else palette.expanded
         rgba.append((r / 255, g / 255, b / 255, 0.7 * abs(s)))
     return rgba

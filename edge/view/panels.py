@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from edge.errors import SinkError
 from edge.types import Array, Features, Frame, Image, Pins, Tracks
-from edge.view.palette import PAPER, Bgr, Palette, cell_colours
-from edge.view.params import PARAMS
+from edge.view.palette import PAPER, PARAMS, Bgr, Palette, cell_colours
 
 Canvas = NDArray[np.uint8]
 _SHIFT = 4
@@ -61,16 +60,14 @@ def draw_touch(
     tracks: Tracks,
     features: Features | None,
     palette: Palette = PAPER,
-    full: float = PARAMS.full_change,
 ) -> Canvas:
     """Cells shaded by area change, pins, local and global shear, contact stars.
 
     polygons  (k, 2) px, row i the cell of pin i; empty where there is none
-    full      area change that gets the full colour
     """
     canvas = np.full((view.size[1], view.size[0], 3), palette.paper, np.uint8)
     if features is not None:
-        _cells(canvas, view, polygons, cell_colours(features.area_change, palette, full), palette)
+        _cells(canvas, view, polygons, cell_colours(features.area_change, palette), palette)
         _local_shear(canvas, view, tracks, features, palette)
     seen = tracks.xy_img[tracks.seen]
     for x, y in view.fixed(seen).tolist():
@@ -183,15 +180,12 @@ def save_pins_overlay(path: str | Path, image: Image, pins: Pins) -> None:
     for (x, y), r in zip(view.fixed(pins.xy_img).tolist(), pins.radius_px.tolist(), strict=True):
         cv2.circle(canvas, (x, y), round(r * scale * _ONE), _RING, 1, cv2.LINE_AA, _SHIFT)
         cv2.drawMarker(canvas, (round(x / _ONE), round(y / _ONE)), _CROSS, cv2.MARKER_CROSS, 5, 1)
-    if not _write(Path(path), canvas):
-        raise SinkError(f"picture {path}: cannot be written; give a folder that exists and may be written to")
-
-
-def _write(path: Path, canvas: Canvas) -> bool:
     try:
-        return bool(cv2.imwrite(str(path), canvas))
+        written = cv2.imwrite(str(path), canvas)
     except cv2.error:  # no encoder for this suffix
-        return False
+        written = False
+    if not written:
+        raise SinkError(f"picture {path}: cannot be written; give a folder that exists and may be written to")
 
 
 _CROSS: Bgr = (60, 60, 255)
@@ -206,18 +200,17 @@ def picture(
     features: Features | None,
     *,
     palette: Palette = PAPER,
-    full: float = PARAMS.full_change,
     caption: str = "",
 ) -> Canvas:
     """Both panels side by side, with legend, scale bar and caption; BGR, same size for every frame."""
-    touch = draw_touch(view, polygons, tracks, features, palette, full)
+    touch = draw_touch(view, polygons, tracks, features, palette)
     camera = draw_camera(view, frame.image, frame.bits, tracks, palette)
     width, height = view.size
     gap, foot = max(4, height // 80), round(0.12 * height)
     canvas = np.full((height + foot, 2 * width + gap, 3), palette.paper, np.uint8)
     canvas[:height, :width] = touch
     canvas[:height, width + gap :] = camera
-    _legend(canvas[height:, :width], view, palette, full)
+    _legend(canvas[height:, :width], view, palette)
     _caption(canvas[height:, width + gap :], frame, tracks, features, caption, palette)
     return canvas
 
@@ -231,11 +224,11 @@ def _text(canvas: Canvas, at: tuple[float, float], text: str, size: float, colou
     return float(width)
 
 
-def _legend(foot: Canvas, view: View, palette: Palette, full: float) -> None:
+def _legend(foot: Canvas, view: View, palette: Palette) -> None:
     """Colour bar of the area change, scale bar, and the factors of the vectors."""
     h, w = foot.shape[:2]
-    size = h * 0.17
-    bar = cell_colours(np.linspace(-full, full, round(0.34 * w)), palette, full)
+    size, full = h * 0.17, PARAMS.full_change
+    bar = cell_colours(np.linspace(-full, full, round(0.34 * w)), palette)
     top, bottom, left = round(0.18 * h), round(0.36 * h), round(0.03 * w)
     foot[top:bottom, left : left + len(bar)] = bar
     cv2.rectangle(foot, (left, top), (left + len(bar) - 1, bottom - 1), palette.edge, 1)

@@ -3,7 +3,6 @@
 Places are px of the camera's image, pixel centres on integers, at any size of the transmitted picture.
 """
 
-from collections.abc import Sequence
 from math import degrees
 from typing import Any
 
@@ -11,14 +10,15 @@ import cv2
 import numpy as np
 
 from edge.cells import cell_polygons
-from edge.types import Array, Frame, Rest, Result
-from edge.view.chart import CHART
-from edge.view.palette import COLOUR_STEPS, PAPER, SAFE, Palette, cell_colours, cell_rgba
-from edge.view.params import PARAMS
+from edge.types import Array, Frame, Image, Rest, Result
+from edge.view.palette import COLOUR_STEPS, PAPER, PARAMS, SAFE, Palette, cell_colours, cell_rgba
 from hostlink.wire import FIELDS
-from hostlink.wire.shown import live_charts, page_numbers
+from hostlink.wire.shown import live_charts, live_fields, page_numbers
 
 Arrays = dict[str, tuple[str, bytes]]
+#: Fields of every sample that the page's charts show as they are sent, and all that they show, in this order.
+CHARTED = live_fields(FIELDS)
+CHART = ("time_s", *CHARTED, "latency_ms", "volume_px2", "shear_x_px", "shear_y_px")
 
 
 def hello(source: str, serial: str) -> dict[str, Any]:
@@ -46,17 +46,17 @@ def _colours(palette: Palette) -> dict[str, Any]:
 def camera(frame: Frame) -> tuple[dict[str, Any], Arrays]:
     """The image, no larger than a panel."""
     image = frame.image
-    grey = image if image.dtype == np.uint8 else (image >> max(0, frame.bits - 8)).astype(np.uint8)
+    grey: Image = image if image.dtype == np.uint8 else (image >> max(0, frame.bits - 8)).astype(np.uint8)
     height, width = image.shape
     step = -(-max(height, width) // PARAMS.side_max_px)
-    shown = (
-        grey if step == 1 else cv2.resize(grey, (width // step, height // step), interpolation=cv2.INTER_AREA)
-    )
-    _, data = cv2.imencode(".jpg", shown, (cv2.IMWRITE_JPEG_QUALITY, PARAMS.jpeg_quality))
+    if step > 1:
+        small = cv2.resize(grey, (width // step, height // step), interpolation=cv2.INTER_AREA)
+        grey = np.asarray(small, np.uint8)
+    _, data = cv2.imencode(".jpg", grey, (cv2.IMWRITE_JPEG_QUALITY, PARAMS.jpeg_quality))
     header = {
         "capture_us": frame.capture_ns // 1000,
         "size_px": [width, height],
-        "image_px": [shown.shape[1], shown.shape[0]],
+        "image_px": [grey.shape[1], grey.shape[0]],
     }
     return header, {"image": ("jpeg", data.tobytes())}
 
@@ -100,17 +100,11 @@ def touch(result: Result, rest: Rest, wants: frozenset[str]) -> tuple[dict[str, 
         arrays["points"] = _f4(np.concatenate([cells.xy_img, cells.boundary_img]))
         arrays["triangles"] = ("u2", cells.triangles.astype("<u2").tobytes())
         if "cells" in wants:
-            arrays |= _outlines(cell_polygons(cells), cell_rgba(features.area_change))
+            polygons = cell_polygons(cells)
+            arrays["corners_n"] = ("u2", np.array([len(p) for p in polygons], "<u2").tobytes())
+            arrays["corners"] = _f4(np.concatenate(polygons))
+            arrays["rgba"] = _f4(np.array(cell_rgba(features.area_change)))
     return header, arrays
-
-
-def _outlines(polygons: Sequence[Array], rgba: Sequence[tuple[float, float, float, float]]) -> Arrays:
-    """The cells for viewers that do not make them: number of corners of each, all corners, colours."""
-    return {
-        "corners_n": ("u2", np.array([len(p) for p in polygons], "<u2").tobytes()),
-        "corners": _f4(np.concatenate(polygons)),
-        "rgba": _f4(np.array(rgba)),
-    }
 
 
 def _f4(values: Array) -> tuple[str, bytes]:

@@ -55,18 +55,13 @@ def write_video(pictures: Iterable[NDArray[np.uint8]], path: str | Path, rate_hz
                 raise _disk_full(path)
     if not n:
         raise SinkError(f"video {path}: no pictures; give a recording with frames in it")
-    _check_whole(path, n)
-    return n
-
-
-def _check_whole(path: Path, n: int) -> None:
-    """Raises OSError: not all frames are in the file."""
     with quiet_opencv():
         capture = cv2.VideoCapture(str(path.absolute()), cv2.CAP_FFMPEG)
-        found = capture.get(cv2.CAP_PROP_FRAME_COUNT) if capture.isOpened() else 0.0
+        written_n = capture.get(cv2.CAP_PROP_FRAME_COUNT) if capture.isOpened() else 0.0
         capture.release()
-    if round(found) != n:
+    if round(written_n) != n:
         raise _disk_full(path)
+    return n
 
 
 def _disk_full(path: Path) -> OSError:

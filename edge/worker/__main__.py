@@ -26,7 +26,6 @@ limit_resources()
 
 from edge.errors import EdgeError  # noqa: E402  (after the number of library threads is set)
 from edge.params import PARAMS as RUNTIME  # noqa: E402
-from edge.recording.frame_recorder import FrameRecorder  # noqa: E402
 from edge.recording.topics import TOPICS  # noqa: E402
 from edge.recording.writer import Recorder  # noqa: E402
 from edge.runtime.process import run_and_exit  # noqa: E402
@@ -53,17 +52,13 @@ log = logging.getLogger("edge.worker")
 
 
 class Worker:
-    """The worker process.
-
-    control  to the loop's process
-    inbox    from it
-    """
+    """control, inbox  to and from the loop's process"""
 
     def __init__(self, control: socket.socket, inbox: Inbox, begin: Begin) -> None:
         self._control, self._inbox, self._begin = control, inbox, begin
         self._config = config = begin.config
         self._serial = config.tip.get("serial", "")
-        self._recording: FrameRecorder | None = None
+        self._recording: Recorder | None = None
         self._switching = threading.Lock()  # one worker thread at a time starts or stops a recording
         self._drained = threading.Event()
         self._pending: dict[int, Future[str]] = {}
@@ -71,7 +66,7 @@ class Worker:
         self._reported: dict[type, object] = {PageReport: PageReport(), RecordingReport: RecordingReport()}
         self._due_s = 0.0
         if config.record is not None:
-            self._recording = self._frame_recorder(self._recorder(config.record, config.overwrite))
+            self._recording = self._recorder(config.record, config.overwrite)
         self._page: Any = None
         if config.listen is not None:
             from edge.worker.page import LivePage
@@ -92,16 +87,13 @@ class Worker:
             match message:
                 case Show():
                     self._page.show(message)
-                case Take(frame, result, state, lost_n):
-                    if self._page is not None:
-                        self._page.take(frame, result, state)
-                    if recording is not None:
-                        recording.recorder.count_lost(lost_n)
-                        recording.take(frame, result, state)
+                case Take(frame, result, state, lost_n) if recording is not None:
+                    recording.count_lost(lost_n)
+                    recording.take(frame, result, state)
                 case Event(level, text) if recording is not None:
                     recording.event(level, text)
                 case Attach(name, data) if recording is not None:
-                    recording.recorder.attach(name, data.tobytes())
+                    recording.attach(name, data.tobytes())
                 case Stopped():
                     self._drained.set()
             now_s = time.monotonic()
@@ -112,7 +104,7 @@ class Worker:
             self._page.close()
         with self._switching:
             if self._recording is not None:
-                self._recording.recorder.close()
+                self._recording.close()
                 self._report()
 
     # ---- to and from the loop -----------------------------------------------------------------------
@@ -131,9 +123,9 @@ class Worker:
             now.append(PageReport(server.viewers_n, server.sent_n, server.cut_off_n))
         recording, shown = self._recording, None
         if recording is not None:
-            report = RecordingReport(_frames_n(recording.recorder), recording.dropped_n, recording.fault)
+            report = RecordingReport(_frames_n(recording), recording.dropped_n, recording.fault)
             now.append(report)
-            shown = {"file": recording.recorder.path.name, **asdict(report)}
+            shown = {"file": recording.path.name, **asdict(report)}
         if self._page is not None:
             self._page.recording = shown
         for message in now:
@@ -177,10 +169,9 @@ class Worker:
             return self._begin_recording() if recording is None else self._end_recording(recording)
 
     def _recorder(self, path: Path, overwrite: bool = False) -> Recorder:
-        return Recorder(path, tip=self._config.tip, rate_hz=self._begin.rate_hz, overwrite=overwrite)
-
-    def _frame_recorder(self, recorder: Recorder) -> FrameRecorder:
-        return FrameRecorder(recorder, self._config.finger, self._serial)
+        made = Recorder(path, tip=self._config.tip, rate_hz=self._begin.rate_hz, overwrite=overwrite)
+        made.finger = self._config.finger
+        return made
 
     def _begin_recording(self) -> str:
         folder = self._config.recordings
@@ -192,7 +183,7 @@ class Worker:
             raise CommandRefused(str(error)) from None
         except OSError as error:
             raise CommandRefused(f"{folder}: {error.strerror}; give another folder") from None
-        self._recording = self._frame_recorder(recorder)
+        self._recording = recorder
         try:
             self._ask("start_recording")
         except CommandRefused:
@@ -201,18 +192,17 @@ class Worker:
             raise
         return f"recording {name}"
 
-    def _end_recording(self, recording: FrameRecorder) -> str:
+    def _end_recording(self, recording: Recorder) -> str:
         self._drained.clear()
         self._ask("stop_recording")
         self._drained.wait(PARAMS.command_s)  # everything that the loop has sent has arrived
         self._recording = None
-        recorder = recording.recorder
-        recorder.close()
-        frames_n = _frames_n(recorder)
-        if recorder.fault:
-            raise CommandRefused(f"{recorder.path.name}: {frames_n} frames, then {recorder.fault}")
-        lost = f", {recorder.dropped_n} messages lost" if recorder.dropped_n else ""
-        return f"{recorder.path.name}: {frames_n} frames{lost}"
+        recording.close()
+        name, frames_n = recording.path.name, _frames_n(recording)
+        if recording.fault:
+            raise CommandRefused(f"{name}: {frames_n} frames, then {recording.fault}")
+        lost = f", {recording.dropped_n} messages lost" if recording.dropped_n else ""
+        return f"{name}: {frames_n} frames{lost}"
 
 
 def _frames_n(recorder: Recorder) -> int:

@@ -11,7 +11,6 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -61,7 +60,7 @@ class WorkerClient:
         self._listen = config.listen
         self.page = PageReport()
         self.view = ViewFeed(loop, self._put)
-        self.recording = RecordingFeed(self._put, self.view.was_recorded)
+        self.recording = RecordingFeed(self._put)
         self.process: subprocess.Popen[bytes] | None = None
         self._closing = False
         self._recorded = False  # the process may still have something to write
@@ -80,10 +79,6 @@ class WorkerClient:
     def port(self) -> int:
         assert self._listen is not None
         return self._listen.port
-
-    @property
-    def connected(self) -> bool:
-        return self._outbox is not None
 
     def start(self) -> None:
         """Start the process, and begin to send to it. Raises InputError."""
@@ -219,14 +214,20 @@ class WorkerClient:
     def _do(self, ask: Ask) -> str:
         """Run a viewer's command; "" or why it was not done."""
         if ask.what == "tare":
-            if self._loop.in_contact and not ask.force:
-                return "something touches the tip; let go, or force the tare"
             return self._tare(ask.force)
         starts = ask.what == "start_recording"
-        return self._in_loop(self._start_recording if starts else self._stop_recording)
+        future = self._loop.post(self._start_recording if starts else self._stop_recording)
+        try:
+            future.result(PARAMS.command_s)
+        except TimeoutError:
+            future.cancel()
+            return "the loop does not answer; nothing was done"
+        return ""
 
     def _tare(self, force: bool) -> str:
         """Have a new rest frame taken; "" or why the previous one stays in use."""
+        if self._loop.in_contact and not force:
+            return "something touches the tip; let go, or force the tare"
         try:
             outcome = self._loop.request_tare(force).done.result(PARAMS.command_s)
         except RequestRefused as error:
@@ -234,16 +235,6 @@ class WorkerClient:
         except TimeoutError:
             return "no rest frame could be taken in time; the one before stays in use until it is"
         return outcome.message if outcome.state is RestFrameState.REFUSED else ""
-
-    def _in_loop(self, command: Callable[[], None]) -> str:
-        """Run a command in the loop between two frames; "" or why it failed."""
-        future = self._loop.post(command)
-        try:
-            future.result(PARAMS.command_s)
-        except TimeoutError:
-            future.cancel()
-            return "the loop does not answer; nothing was done"
-        return ""
 
     def _on_worker_exit(self) -> None:
         """The worker ended unexpectedly: report it, and serve the page again."""

@@ -1,26 +1,18 @@
-"""What the loop sends to the worker: new results for viewers, and every turn for the recorder.
-
-Both run in the loop's thread after the sample has left, and never wait.
-"""
-
-from __future__ import annotations
+"""What the loop's thread sends to the worker: new results for viewers, and every turn for the recorder."""
 
 import time
 from collections import deque
 from collections.abc import Callable
 from math import nan
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from edge.view.chart import CHARTED
+from edge.runtime.loop import Loop
+from edge.types import Features, Frame, Rest, Result
+from edge.view.scene import CHARTED
 from edge.worker.messages import Event, RecordingReport, Show, Take
 from edge.worker.params import PARAMS
 from hostlink.web.limits import WebLimits
-from hostlink.wire import FAULTS
-
-if TYPE_CHECKING:
-    from edge.runtime.loop import Loop
-    from edge.types import Features, Frame, Rest, Result
-    from hostlink.wire import State
+from hostlink.wire import FAULTS, State
 
 _MEANING = {fault.code: fault.meaning for fault in FAULTS}
 
@@ -75,7 +67,13 @@ class ViewFeed:
             result if is_new else None,
             state if is_new else None,
             None if rest is rest_shown else rest,
-            self._about(),
+            {
+                "faults": [[_MEANING[code], message] for code, message in loop.faults.active.items()],
+                "taring": loop.measurement.tare.busy,
+                "tares_n": loop.tares_n,
+                "calibrated": loop.calibration is not None,
+                "dropped_n": loop.source.dropped_n,
+            },
         )
         # Due by the clock, not a period after this frame: so as many are sent as the page draws.
         period_s = 1.0 / WebLimits().rate_hz
@@ -84,11 +82,6 @@ class ViewFeed:
         if self._put(show):
             self._shown = (frame, result, rest)
             self._rows.clear()
-
-    def was_recorded(self, frame: Frame, result: Result | None) -> None:
-        """The worker has received this frame for the recording: it need not be sent again for viewing."""
-        if self.watched:
-            self._shown = (frame, result or self._shown[1], self._shown[2])
 
     def set_watched(self, watched: bool) -> None:
         """The first viewer came, or the last one left; the next message is complete."""
@@ -101,20 +94,9 @@ class ViewFeed:
         """A new worker needs a complete message."""
         self._shown = (None, None, None)
 
-    def _about(self) -> dict[str, Any]:
-        """The data that do not come from a frame."""
-        loop = self._loop
-        return {
-            "faults": [[_MEANING[code], message] for code, message in loop.faults.active.items()],
-            "taring": loop.measurement.tare.busy,
-            "tares_n": loop.tares_n,
-            "calibrated": loop.calibration is not None,
-            "dropped_n": loop.source.dropped_n,
-        }
-
 
 def _row(at_s: float, state: State, features: Features | None) -> tuple[float, ...]:
-    """One sample in the order of `edge.view.chart.CHART`."""
+    """One sample in the order of `edge.view.scene.CHART`."""
     volume_px2, shear_px = nan, [nan, nan]
     if features is not None:
         volume_px2 = nan if features.volume_px2 is None else features.volume_px2
@@ -126,15 +108,12 @@ def _row(at_s: float, state: State, features: Features | None) -> tuple[float, .
 class RecordingFeed:
     """Sends each turn of the loop to the recorder, and keeps its state.
 
-    put          sends a message to the worker; False: the memory is full
-    on_recorded  called with each turn that was sent: the worker has its image and result
-    report       the worker's last report on the recording
+    put     sends a message to the worker; False: the memory is full
+    report  the worker's last report on the recording
     """
 
-    def __init__(
-        self, put: Callable[[Any], bool], on_recorded: Callable[[Frame, Result | None], None]
-    ) -> None:
-        self._put, self._on_recorded = put, on_recorded
+    def __init__(self, put: Callable[[Any], bool]) -> None:
+        self._put = put
         self.begin()
 
     def begin(self) -> None:
@@ -149,7 +128,6 @@ class RecordingFeed:
             self.lost_n += 1
             return
         self._lost_reported_n += lost_n
-        self._on_recorded(frame, result)
 
     def event(self, level: str, text: str) -> None:
         """Record a line of the log; from any thread."""

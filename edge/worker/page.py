@@ -13,8 +13,7 @@ import numpy as np
 
 from edge.errors import InputError
 from edge.types import Frame, Rest, Result
-from edge.view.chart import CHART
-from edge.view.scene import Arrays, camera, hello, touch
+from edge.view.scene import CHART, Arrays, camera, hello, touch
 from edge.worker.messages import Show
 from edge.worker.params import PARAMS
 from hostlink.web import Listen, PageServer, WebError, pack_packet
@@ -25,9 +24,7 @@ VALUES = tuple(f.name for f in FIELDS if not f.plain)
 
 
 class LivePage:
-    """The live page.
-
-    source, serial  names of camera and tip
+    """source, serial  names of camera and tip
     commands        of viewers, by name
     on_wants        called with what all viewers request together when that changes; None: nobody watches
     recording       the state of a recording for viewers, while there is one
@@ -84,12 +81,6 @@ class LivePage:
         self._charted = (rows_n + len(show.rows), recent)
         self._last_s = show.last_s
         self._seen_n = show.seen_n
-
-    def take(self, frame: Frame, result: Result | None, state: State) -> None:
-        """Show frames that are recorded."""
-        self._frame = frame
-        if result is not None:
-            self._latest = (result, state)
 
     # ---- the server's thread ------------------------------------------------------------------------
 

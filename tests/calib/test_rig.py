@@ -134,7 +134,7 @@ def stage_of(path: Path) -> StageFile:
     (load_simulation, "[tip]\nrim_deg = 95", ["rim_deg"]),
     (load_simulation, "[tip]\nn_pins = 100", ["91"]),
     (load_simulation, "[tip]\nn_pins = 3997", ["3997 pins; give 12 to 3060"]),
-    (load_simulation, "[tip]\nskin_mm = nan", ["tip.skin_mm = nan: give a finite number"]),
+    (load_simulation, "[tip]\nskin_mm = nan", ["skin_mm = nan; must be > 0"]),
     (load_simulation, "[camera]\nsize_px = [100000, 100000]", ["100000x100000 pixels are too many"]),
     (load_simulation, "[tip]\ncamera_distance_mm = 5", ["camera_distance_mm"]),
     (load_simulation, "seed = 'x'", ["seed"]),
@@ -143,8 +143,8 @@ def stage_of(path: Path) -> StageFile:
     (stage_of, "[stage]\nport='a'\ndialect='klipper'", ["marlin"]),
     (stage_of, "[stage]\nport='a'\n[axes.Q]\nat=1", ["axes.Q"]),
     (stage_of, "[stage]\nbaud=9600", ["port"]),
-    (stage_of, "[stage]\nport='a'\nfeed_mm_min=inf", ["stage.feed_mm_min = inf: give a finite number"]),
-    (stage_of, "[stage]\nport='a'\nclear_mm=-5", ["stage.clear_mm: must be at least 0.1"]),
+    (stage_of, "[stage]\nport='a'\nfeed_mm_min=inf", ["feed_mm_min: must be a number from 0.1 to 100000"]),
+    (stage_of, "[stage]\nport='a'\nclear_mm=-5", ["stage.clear_mm: must be a number from 0.1 to "]),
     (stage_of, "[stage]\nport='a'\n[axes.X]\nsign=2", ["axes.X.sign = 2; give 1 or -1"]),
 ])  # fmt: skip
 def test_a_wrong_file_is_one_line_with_the_key(

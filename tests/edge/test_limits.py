@@ -25,6 +25,8 @@ from edge.sources.lens_file import load_lens
 from tests.support.nasty import NASTY
 from tests.support.refusals import one_line
 
+NUMBER = "a number from -9007199254740992 to 9007199254740992"
+
 
 class Item(msgspec.Struct, forbid_unknown_fields=True):
     x: Number
@@ -41,16 +43,16 @@ class Table(msgspec.Struct):
     ("raw", "expected"),
     [
         ('{"items":[{"x":1e400}]}', "items[0].x: number out of range"),
-        ('{"items":[{"x":1e16}]}', "items[0].x: must be at most 9.0072e+15"),
+        ('{"items":[{"x":1e16}]}', f"items[0].x: must be {NUMBER}"),
         ('{"items":[{"x":NaN}]}', "no JSON: invalid character (byte 15)"),
-        ('{"items":[{"x":"1"}]}', "items[0].x: must be a number, is text"),
-        ('{"items":[{"x":true}]}', "items[0].x: must be a number, is true or false"),
-        ('{"items":[{"y":1}]}', "items[0]: unknown key 'y'"),
+        ('{"items":[{"x":"1"}]}', f"items[0].x: must be {NUMBER}, is text"),
+        ('{"items":[{"x":true}]}', f"items[0].x: must be {NUMBER}, is true or false"),
+        ('{"items":[{"y":1}]}', "items[0]: unknown key 'y'; known: x, names, kind"),
         ('{"items":[{}]}', "items[0]: lacks x"),
         ('{"items":[{"x":1,"names":["a","b","c"]}]}', "items[0].names: must have at most 2 items"),
         ('{"items":[{"x":1,"kind":3}]}', "items[0].kind: must be text or null, is a whole number"),
         ('{"items":[],"n":1.5}', "n: must be a whole number, is a number"),
-        ('{"items":{}}', "items: must be a list, is a table {...}"),
+        ('{"items":{}}', "items: must be a list, each of it a table {...}, is a table {...}"),
         ("[]", "must be a table {...}, is a list"),
         ('{"items":[', "no JSON: input data was truncated"),
         ('{"other":' + "[" * 100_000, "lists and tables are nested too deeply"),

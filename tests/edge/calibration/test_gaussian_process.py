@@ -196,7 +196,7 @@ def _with_process(**changes: Any) -> dict[str, Any]:
         ({"factor": [[[1.0, 0.0]]]}, "factor[0]: 1 pairs of numbers for 3 terms"),
         ({"weights": [[1.0, 0.0]]}, "weights: 1 pairs of numbers for 3 terms"),
         ({"sigma": [0.1]}, "sigma: give one for each of 2 outputs"),
-        ({"far": -1.0}, "far: must be at least 0"),
+        ({"far": -1.0}, "far: must be a number from 0 to 1000000000000"),
         ({"across_weights": [0.1]}, "across_weights: 1 numbers for 2 terms"),
         ({"across_range": [1.0, -1.0]}, "across_range: give [low, high]"),
         ({"lost": {"scale": 0.1}}, "lost: "),

@@ -23,7 +23,7 @@ from calib.sim import Camera, Simulator, Tip, ToolPose
 from edge.recording.reader import read_messages
 from edge.recording.writer import Recorder
 from edge.runtime.loop import Loop
-from edge.runtime.statistics import LoopStatistics
+from edge.runtime.statistics import LoopStatistics, StatisticsCollector
 from edge.sensors import load_sensor
 from edge.sources import open_source
 from hostlink.interrupt import ENDING
@@ -113,6 +113,7 @@ def test_memory_does_not_grow_with_the_samples(
 
     def watched(loop: Loop, frames_max: int | None = None) -> LoopStatistics:
         numbers = count()
+        loop._counters = StatisticsCollector(early_n)  # full before the first look that counts
 
         def look(*result: object) -> None:
             n = next(numbers)
@@ -337,7 +338,7 @@ def mistaken(data_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
         ("replay {press} --calibration text.png", "not a calibration file"),
         ("replay {press} --calibration absent.json", "absent.json: cannot be read"),
         ("replay {press} --speed max --calibration {other}", "calibration"),
-        ("replay {press} --config bad.toml", "unknown key 'speck' in [source]"),
+        ("replay {press} --config bad.toml", "source: unknown key 'speck'"),
         ("replay float.tiff", "float.tiff: pixels of type float32; save it with 8 or 16 bits"),
         ("inspect float.tiff", "float.tiff: pixels of type float32; save it with 8 or 16 bits"),
         ("replay cut.mcap", "cut.mcap: cut off before its first whole image; copy or record it again"),
@@ -345,10 +346,10 @@ def mistaken(data_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
         ("replay {press} --view-at 0.0.0.0:8765", "give a token"),
         ("replay {press} --view-at 127.0.0.1:x", "no port"),
         ("render {press} -o a.mp4 --calibration {other}", "give the calibration of this tip"),
-        ("run --source sim:tour?paced=x", "sim:tour: paced=x: give 0 or 1, e.g. paced=1"),
-        ("run --source sim:tour?pins=many", "sim:tour: pins=many: give a whole number"),
+        ("run --source sim:tour?paced=x", 'sim:tour: paced: must be true or false, is "x"'),
+        ("run --source sim:tour?pins=many", 'sim:tour: pins: must be a whole number, is "many"'),
         ("run --source v4l2:abc", "v4l2:abc: no such camera; give v4l2:NUMBER"),
-        ("run --source v4l2:0?width=wide", "width=wide: give a whole number from 0 to 8192, e.g. width=1"),
+        ("run --source v4l2:0?width=wide", 'width: must be a whole number from 0 to 8192, is "wide"'),
         ("replay {press} --sink udp:8.8.8.8", "8.8.8.8 is no multicast group"),
         ("replay {press} --sink can:can77", "can77"),
         ("replay {press} --sink serial:/dev/absent", "/dev/absent"),

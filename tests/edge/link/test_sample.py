@@ -1,7 +1,7 @@
 """Results as samples: known values are kept, unknown ones are NaN."""
 
-from dataclasses import dataclass
 from math import isnan
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -20,10 +20,9 @@ VALUES = frozenset(f.name for f in FIELDS if not (f.plain or f.contact)) - {
 }
 
 
-@dataclass(frozen=True)
-class Measured:
-    tracks: Tracks
-    reading: Reading
+def measured(tracks: Tracks, reading: Reading) -> Any:
+    """The part of a result that is sent."""
+    return SimpleNamespace(tracks=tracks, reading=reading)
 
 
 def tracks(n: int = 10, seen: int = 8, confidence: float = 1.0) -> Tracks:
@@ -39,7 +38,7 @@ def reading(contacts: int = 2, **values: float) -> Reading:
 def test_every_value_has_its_place() -> None:
     values = {name: float(k + 1) / 4 for k, name in enumerate(sorted(VALUES))}
     state = to_state(
-        Measured(tracks(), reading(2, **values)),
+        measured(tracks(), reading(2, **values)),
         sample=70_000,
         status=Status.TOUCHED,
         capture_time_us=1 << 33,
@@ -60,7 +59,7 @@ def test_every_value_has_its_place() -> None:
 def test_bits_that_follow_from_the_result() -> None:
     untrusted = Reading({}, {}, np.empty((0, 3)), frozenset({"displacement_mm"}), calibrated=False)
     state = to_state(
-        Measured(tracks(confidence=0.1), untrusted), sample=0, status=Status.NOT_LIVE, capture_time_us=0
+        measured(tracks(confidence=0.1), untrusted), sample=0, status=Status.NOT_LIVE, capture_time_us=0
     )
     assert state.status == Status.NOT_LIVE | Status.UNCALIBRATED | Status.SATURATED | Status.TRACKER_LOST
     assert isnan(state.displacement_mm)
@@ -79,8 +78,8 @@ def test_without_a_result_only_the_frame_counts() -> None:
 
 def test_contacts_that_do_not_fit_are_counted_and_unknown_values_refused() -> None:
     rest: dict[str, Any] = {"sample": 0, "status": Status(0), "capture_time_us": 0}
-    state = to_state(Measured(tracks(), reading(6)), **rest)
+    state = to_state(measured(tracks(), reading(6)), **rest)
     assert state.contact_n == 6
     assert [c.x_mm for c in state.contacts] == [0.0, 1.0]
     with pytest.raises(TypeError, match="displacement_cm"):
-        to_state(Measured(tracks(), reading(0, displacement_cm=1.0)), **rest)
+        to_state(measured(tracks(), reading(0, displacement_cm=1.0)), **rest)

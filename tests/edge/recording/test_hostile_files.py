@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 from mcap.data_stream import RecordBuilder
-from mcap.records import Attachment, AttachmentIndex, DataEnd, Footer, Header
+from mcap.records import DataEnd, Footer, Header, Metadata, MetadataIndex
 from mcap.writer import CompressionType, Writer
 
 from edge.errors import SourceError
-from edge.recording.mcap_file import read_attachments, read_metadata
+from edge.recording.mcap_file import read_metadata
 from edge.recording.reader import RecordingSource, read_messages
 from edge.recording.topics import proto
 from edge.recording.writer import Recorder
@@ -58,7 +58,7 @@ def write(
 def read_everything(path: Path) -> int:
     """Run all readers on a file; returns the images. SourceError is the only exception allowed."""
     images_n = 0
-    for read in (read_attachments, read_metadata, lambda p: list(read_messages(p))):
+    for read in (read_metadata, lambda p: list(read_messages(p))):
         with suppress(SourceError):
             read(path)
     try:
@@ -160,24 +160,21 @@ def test_a_wrong_chunk_index_loses_that_chunk_only(tmp_path: Path, offset: int) 
     assert source.faults["damaged chunk"] == 1
 
 
-def test_an_attachment_that_is_listed_often_is_read_once(tmp_path: Path) -> None:
+def test_metadata_that_are_listed_often_are_read_once(tmp_path: Path) -> None:
     head, body, tail = RecordBuilder(), RecordBuilder(), RecordBuilder()
     Header("", "").write(head)
     before = b"\x89MCAP0\r\n" + head.end()
-    Attachment(0, 0, "big", "x", bytes(1 << 20)).write(body)
-    attached = body.end()
+    Metadata("big", {"key": "x" * (1 << 20)}).write(body)
+    stored = body.end()
     DataEnd(0).write(tail)
-    start = len(before) + len(attached) + tail.count
+    start = len(before) + len(stored) + tail.count
     for _ in range(200):
-        AttachmentIndex(
-            offset=len(before), length=len(attached), create_time=0, log_time=0, data_size=1 << 20,
-            name="big", media_type="x",
-        ).write(tail)  # fmt: skip
+        MetadataIndex(offset=len(before), length=len(stored), name="big").write(tail)
     Footer(summary_start=start, summary_offset_start=0, summary_crc=0).write(tail)
     path = tmp_path / "a.mcap"
-    path.write_bytes(before + attached + tail.end() + b"\x89MCAP0\r\n")
+    path.write_bytes(before + stored + tail.end() + b"\x89MCAP0\r\n")
     with bounded_memory(MEMORY_MAX):
-        assert {name: len(data) for name, data in read_attachments(path).items()} == {"big": 1 << 20}
+        assert {name: len(data["key"]) for name, data in read_metadata(path).items()} == {"big": 1 << 20}
 
 
 def mutations(dice: random.Random, data: bytes) -> bytes:

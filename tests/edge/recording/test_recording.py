@@ -14,14 +14,14 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap_protobuf.decoder import DecoderFactory
 
 from edge.errors import SinkError, SourceError
-from edge.recording.mcap_file import read_attachments, read_metadata
-from edge.recording.messages import cloud_to_array
+from edge.recording import writer
+from edge.recording.mcap_file import read_metadata
 from edge.recording.reader import RecordingSource, read_messages
 from edge.recording.topics import TOPICS, proto
 from edge.recording.writer import Recorder
-from edge.types import Cells, Clock, Features, Frame, Reading, Tracks
-from hostlink.topics import Diagnosis, Level
-from hostlink.wire import State
+from edge.types import Cells, Clock, Features, Frame, Reading, Result, Tracks
+from hostlink.topics import status_text
+from hostlink.wire import State, Status
 from tests.support.fields import contact_region
 from tests.support.refusals import one_line
 from tests.support.waiting import SOON_S
@@ -78,12 +78,12 @@ def test_round_trip_is_exact(tmp_path: Path, image: Any, compression: Any, bits:
     source = RecordingSource(tmp_path / "a.mcap")
     assert source.size_px == (64, 48)
     assert not source.live
-    assert source.recorded_clock is Clock.DEVICE
+    assert next(m["clock"] for t, _, m in read_messages(source.path) if t == "/camera/frame") == "device"
     assert source.rate_hz == pytest.approx(1e9 / STEP_NS, rel=1e-3)
     got = list(source)
     assert_same(got, want)
     assert {f.clock for f in got} == {Clock.RECORDED}
-    assert not source.truncated
+    assert not source.faults
     assert_same(list(source), want)  # again from the start
 
 
@@ -129,6 +129,20 @@ def results() -> tuple[Tracks, Cells, Features, Reading]:
     return tracks, cells, features, reading
 
 
+def cloud_to_array(cloud: Any) -> np.ndarray[Any, Any]:
+    """Structured array of a decoded foxglove.PointCloud: one row a pin, one field a column."""
+    kinds = {1: "u1", 6: "<i4", 7: "<f4", 8: "<f8"}
+    dtype = np.dtype(
+        {
+            "names": [field.name for field in cloud.fields],
+            "formats": [kinds[field.type] for field in cloud.fields],
+            "offsets": [field.offset for field in cloud.fields],
+            "itemsize": cloud.point_stride,
+        }
+    )
+    return np.frombuffer(cloud.data, dtype)
+
+
 def decode_by_the_library(path: Path) -> None:
     """The mcap library's reader checks the CRCs, and decodes every message by the schemas in the file."""
     factory = DecoderFactory()
@@ -140,19 +154,17 @@ def decode_by_the_library(path: Path) -> None:
                 decode(message.data)
 
 
-def test_results_read_back(tmp_path: Path) -> None:
+def test_results_read_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     tracks, cells, features, reading = results()
     (frame,) = frames_of(1)
     path = tmp_path / "a.mcap"
     square, none = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 4.0]]), np.full((3, 2), np.nan)
+    monkeypatch.setattr(writer, "cell_polygons", lambda cells: [none, square])
+    monkeypatch.setattr(writer, "cell_rgba", lambda change: [(1.0, 0.0, 0.0, 0.5)] * 2)
     with Recorder(path, tip={"serial": "T-1"}, rate_hz=240) as recorder:
-        recorder.frame(frame)
-        recorder.pins(frame, tracks, features)
-        recorder.cells(frame, cells, lambda: [none, square], lambda: [(1.0, 0.0, 0.0, 0.5)] * 2)
-        recorder.features(frame, features)
-        recorder.reading(frame, reading)
-        recorder.sample(frame, 2, lambda: State(sample=7, displacement_mm=1.5, force_n=float("nan")))
-        recorder.diagnosis(frame, Diagnosis("finger_2", Level.WARN, "warm", "T-1", {"dropped": "0"}))
+        recorder.finger = 2
+        warm = State(sample=7, status=Status.OVER_TEMPERATURE, displacement_mm=1.5, force_n=float("nan"))
+        recorder.take(frame, Result(frame, tracks, cells, features, reading, searched=False), warm)
         recorder.event("warning", "pins lost: 1")
         recorder.attach("calibration.json", b'{"version": 1}')
         recorder.metadata("run", {"operator": "nobody"})
@@ -190,11 +202,12 @@ def test_results_read_back(tmp_path: Path) -> None:
     (arrow,) = got["/finger_2/contacts"].entities[0].arrows
     assert arrow.shaft_length + arrow.head_length == pytest.approx(1.5e-3)
     (status,) = got["/diagnostics"]["status"]
-    assert (status["name"], status["level"], status["message"]) == ("finger_2", 1, "warm")
+    assert (status["name"], status["level"], status["message"]) == ("finger_2", 1, status_text(warm.status))
     assert got["/tf"].transforms[0].child_frame_id == "finger_2"
     assert got["/events"].message == "pins lost: 1"
     assert got["/events"].level == 3
-    assert read_attachments(path) == {"calibration.json": b'{"version": 1}'}
+    with path.open("rb") as file:
+        assert [a.data for a in make_reader(file).iter_attachments()] == [b'{"version": 1}']
     assert read_metadata(path)["run"] == {"operator": "nobody"}
     assert read_metadata(path)["voronoi_touch"]["serial"] == "T-1"
     assert RecordingSource(path).rate_hz == 240
@@ -251,7 +264,7 @@ def test_truncated_file_yields_all_complete_chunks(
     expected = sum(_frames_by_chunk(data, ends)[:complete])
     assert len(got) == expected > 0
     assert_same(got, frames[:expected])
-    assert source.truncated
+    assert source.faults["truncated"]
 
 
 def _frames_by_chunk(data: bytes, ends: list[int]) -> list[int]:

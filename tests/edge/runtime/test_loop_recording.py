@@ -11,7 +11,6 @@ from mcap.reader import make_reader
 
 from edge.calibration import Calibration
 from edge.link.sinks import open_sink
-from edge.recording.frame_recorder import FrameRecorder
 from edge.recording.reader import read_messages
 from edge.recording.writer import Recorder
 from edge.runtime.loop import Loop
@@ -38,8 +37,9 @@ def recorded(data_dir: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[
             [sink],
             Calibration.load(data_dir / "rings331_ball.json"),
         )
-        with Recorder(path, rate_hz=60) as recorder:
-            loop.session.recorder = FrameRecorder(recorder, 3, "T-3")
+        with Recorder(path, tip={"serial": "T-3"}, rate_hz=60) as recorder:
+            recorder.finger = 3
+            loop.session.recorder = recorder
             loop.run()
         sink.close()
         while (message := bus.recv(0.5)) is not None:

@@ -101,9 +101,9 @@ def test_pixels_times_and_gaps_come_through(dai: Any) -> None:
     ("spec", "stated"),
     [
         ("oak:?socket=CAM_Q", "no socket 'CAM_Q'"),
-        ("oak:?clock=x", "no clock 'x'"),
+        ("oak:?clock=x", "clock: unknown value 'x'; known: device, host"),
         ("oak:?fps=3", "unknown key 'fps'"),
-        ("oak:?sync=x", "no sync 'x'; known: output, input, ptp"),
+        ("oak:?sync=x", "sync: unknown value 'x'; known: "),
         ("oak:?crop=1,2,3", "crop=1,2,3: give x,y,width,height within the image of 640x400"),
         ("oak:?crop=600,0,100,100", "crop=600,0,100,100: give x,y,width,height within the image of 640x400"),
         ("oak:?width=320&height=200&crop=0,0,400,100", "within the image of 320x200"),

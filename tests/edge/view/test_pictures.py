@@ -10,9 +10,8 @@ import pytest
 from calib.figures import figure, surface_figure
 from edge.errors import InputError, SinkError
 from edge.types import Array, Features, Frame, Pins, Tracks
-from edge.view.palette import PAPER, SAFE, Palette, cell_colours, cell_rgba
+from edge.view.palette import PAPER, PARAMS, SAFE, Palette, cell_colours, cell_rgba
 from edge.view.panels import View, draw_camera, draw_touch, picture, save_pins_overlay
-from edge.view.params import PARAMS
 from edge.view.video import CODECS, write_video
 from tests.support.fields import contact_region
 from tests.support.processes import python

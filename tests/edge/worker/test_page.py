@@ -10,12 +10,12 @@ from typing import Any
 import aiohttp
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 
 from edge.cells import cell_polygons
-from edge.recording.mcap_file import read_attachments
 from edge.recording.reader import RecordingSource, read_messages
 from edge.types import Feature
-from edge.view.chart import CHART
+from edge.view.scene import CHART
 from edge.worker.messages import Show
 from edge.worker.page import LivePage
 from edge.worker.params import PARAMS
@@ -325,7 +325,8 @@ def test_record_loses_nothing(live: Live) -> None:
     samples = [m["sequence"] for _, _, m in read_messages(path, ["/finger_1/sample"])]
     assert samples == list(range(samples[0], samples[0] + len(sequences)))
     assert live.loop.calibration is not None
-    assert read_attachments(path)["calibration.json"] == live.loop.calibration.encoded
+    with path.open("rb") as file:
+        assert [a.data for a in make_reader(file).iter_attachments()] == [live.loop.calibration.encoded]
 
 
 def test_an_unwritable_folder_is_reported(live: Live) -> None:

@@ -117,7 +117,7 @@ def test_after_the_worker_s_death_the_page_is_served_again(live: Live) -> None:
     frames_n = live.loop.statistics().frames_n
     live.until(lambda: live.loop.statistics().frames_n > frames_n + 20, "the loop goes on")
     live.until(lambda: live.worker.process is not process, "there is another one")
-    live.until(lambda: live.worker.connected, "it is ready")
+    live.until(lambda: live.worker._outbox is not None, "it is ready")
     assert get(live.url) == page
     frames = list(RecordingSource(path))
     assert len(frames) > 20, "what was written reads back"
