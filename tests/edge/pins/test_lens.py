@@ -145,7 +145,7 @@ GOOD = text_of(LENS, "of a test")
             GOOD.replace("0.05, 0.0, 0.0]", "0.05, 0.0, 0.0, 0.0, 0.0]"),
             "6 numbers; a pinhole has 4 or 5",
         ),
-        (GOOD.replace("-0.25", "nan"), "give a finite number"),
+        (GOOD.replace("-0.25", "nan"), "a number from -1000 to 1000, is NaN"),
         ("no toml", "not TOML"),
     ],
 )
