@@ -104,7 +104,12 @@ class ProcessKernel:
         self.want(np.ones(self.n_models, np.bool_))
 
     def want(self, wanted: Mask) -> None:
-        """Evaluate from now on the models of which this is true, (models,) bool; others become NaN."""
+        """Evaluate from now on the models of which this is true, (models,) bool; others become NaN.
+
+        Raises ValueError: another number of models
+        """
+        if wanted.shape != (self.n_models,):
+            raise ValueError(f"wanted ({self.n_models},) is needed")
         self._wanted = wanted.astype(np.uint8)
         self._select()
 

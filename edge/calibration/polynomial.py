@@ -85,7 +85,12 @@ class ModelKernel:
         self._terms = np.zeros((np.diff(begins[2]).max(initial=1), 2))
 
     def want(self, wanted: Mask) -> None:
-        """Evaluate from now on the models of which this is true, (models,) bool; others become NaN."""
+        """Evaluate from now on the models of which this is true, (models,) bool; others become NaN.
+
+        Raises ValueError: another number of models
+        """
+        if wanted.shape != (self._n_models,):
+            raise ValueError(f"wanted ({self._n_models},) is needed")
         self._wanted = wanted.astype(np.uint8)
 
     def run(self, z: Array, out: Array) -> None:
