@@ -102,7 +102,7 @@ class FeatureExtractor:
     _filled_px: cython.double[:, ::1]  # motion since rest, with lost pins predicted
     _change: cython.double[::1]
     _filled_change: cython.double[::1]
-    # Those of which each frame's features have a copy.
+    # Each frame's features have a copy of these.
     _motion_array: Array
     _change_array: Array
     _mean_array: Array

@@ -48,7 +48,7 @@ _REACHED = cython.declare(cython.schar, 4)  # and upwards: reached from peak 0, 
 CONTACTS_MAX = 14
 
 _CONTACTS_MAX = cython.declare(cython.Py_ssize_t, CONTACTS_MAX)
-# What a peak is marked with instead of a contact.
+# A peak that belongs to no contact is marked with one of these.
 _NONE = cython.declare(cython.int, -1)
 _NOISE = cython.declare(cython.int, -2)
 #: Smallest variance across a region, in squared steps: below it the ratio of the axes is rounding.

@@ -5,6 +5,7 @@ acknowledgement, and what it does not cover is sent again. Our sub-blocks of a d
 first byte of no segment is that of another request.
 """
 
+from abc import ABC, abstractmethod
 from binascii import crc_hqx  # CiA 301's: polynomial 0x1021, begun with 0
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -29,7 +30,7 @@ class Transfer:
 
 
 @dataclass(slots=True)
-class BlockTransfer(Transfer):
+class BlockTransfer(Transfer, ABC):
     """The state common to both directions.
 
     has_crc  the client knows the CRC
@@ -41,9 +42,9 @@ class BlockTransfer(Transfer):
     n: int = 0
     done: bool = False
 
+    @abstractmethod
     def take(self, frame: bytes) -> Sequence[bytes] | None:
         """The answers to a frame; None: it is not of this transfer. Raises Aborted."""
-        raise NotImplementedError
 
 
 @dataclass(slots=True)

@@ -24,6 +24,7 @@ def need_multicast() -> None:
             group = socket.inet_aton("239.0.0.7") + socket.inet_aton("0.0.0.0")
             probe.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, group)
         except OSError as error:
+            # A container without a network has no multicast; nothing of the program can be tried with it.
             pytest.skip(f"UDP multicast does not work on this machine: {error}")
 
 
