@@ -12,6 +12,7 @@ class LinkParams:
     # --- a medium that fails
     retry_s: float = RUNTIME.announced_s
     stall_s: float = RUNTIME.stall_s  # nothing leaves for this long: the link counts as down
+    check_s: float = RUNTIME.check_s  # between looks whether it has stalled, while it may
     write_s: float = 0.2  # a medium that accepts nothing for this long is full
     close_s: float = RUNTIME.close_s  # for the queue, and again for the threads
 

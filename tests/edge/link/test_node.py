@@ -15,7 +15,7 @@ import pytest
 from canopen.objectdictionary import ObjectDictionary
 
 from edge.errors import CalibrationError, RequestRefused
-from edge.link.medium import CanFrame, MediumError, opener
+from edge.link.medium import CanFrame, Medium, MediumError, opener
 from edge.link.nmt import NmtState
 from edge.link.node import Node
 from edge.link.object_server import Aborted
@@ -463,15 +463,18 @@ def test_whatever_a_handler_raises_costs_its_message_alone(
             raise raised.pop()
         then(*arguments)
 
+    def stay_lost() -> Medium:
+        raise MediumError("no medium")
+
     sink.on_message = partial(fail_once, receive)
     bench.nmt(1)
     until(lambda: not raised, "the message")
     assert bench.read("serial_number") == "VT-0042"
     raised.append(error)
-    monkeypatch.setattr(sink._medium, "try_open", lambda: None)
-    sink.on_faults = partial(fail_once, report)
-    medium = sink._medium.current
+    medium = sink._medium
     assert medium is not None
+    monkeypatch.setattr(sink, "_open_medium", stay_lost)
+    sink.on_faults = partial(fail_once, report)
     sink._lose(medium, MediumError("lost"))
     until(lambda: bench.finger.faults == {FaultCode.LINK_DOWN: True}, "the fault, in the second attempt")
     assert all(thread.is_alive() for thread in sink._threads)
