@@ -94,7 +94,7 @@ class LinkSink(ABC):
         self._queue = SendQueue(params.samples_n, params.control_n)
         self._refused_s: float | None = None  # since when nothing was accepted
         self._writing_since_s: float | None = None  # begin of the present write
-        self._look = threading.Event()  # faults may have changed
+        self._fault_event = threading.Event()  # faults may have changed
         self._changed = threading.Condition()  # guards medium, queue and counters
         self._writing = threading.Lock()  # one write at a time, none while the medium changes
         self._reading = threading.Lock()  # held by the reader while it is inside of the medium
@@ -221,7 +221,7 @@ class LinkSink(ABC):
         with self._changed:
             self._closing = True
             self._changed.notify_all()
-        self._look.set()
+        self._fault_event.set()
         end_s = time.monotonic() + self._params.close_s
         for thread in self._threads:
             if thread is not threading.current_thread():
@@ -240,7 +240,7 @@ class LinkSink(ABC):
         """Note that the medium has accepted nothing since then."""
         if self._refused_s is None:
             self._refused_s = since_s
-            self._look.set()
+            self._fault_event.set()
 
     def _write(self, medium: Medium, items: Sequence[Any]) -> bool:
         """Write all items of one sample; the caller holds `_writing`."""
@@ -265,7 +265,7 @@ class LinkSink(ABC):
         recovered = self._lost or bus_off or self._refused_s is not None
         self._lost, self._refused_s = False, None
         if recovered:
-            self._look.set()
+            self._fault_event.set()
         return True
 
     def _lose(self, medium: Medium, error: BaseException) -> None:
@@ -279,7 +279,7 @@ class LinkSink(ABC):
             self._medium, self._failed, self._lost = None, medium, True
             dropped_n = self._queue.clear()
             self._changed.notify_all()
-        self._look.set()
+        self._fault_event.set()
         self._count("dropped", dropped_n)
 
     def _recover(self) -> None:
@@ -338,7 +338,7 @@ class LinkSink(ABC):
         with self._changed:
             self._medium, self._refused_s = medium, None
             self._changed.notify_all()
-        self._look.set()
+        self._fault_event.set()
 
     def _close_current(self) -> None:
         self._close_medium(self._medium)
@@ -353,11 +353,11 @@ class LinkSink(ABC):
     def _watch(self) -> None:
         medium = self._medium
         may_stall = self._refused_s is not None or (medium is not None and not medium.instant)
-        self._look.wait(self._params.check_s if may_stall else None)
-        self._look.clear()
+        self._fault_event.wait(self._params.check_s if may_stall else None)
+        self._fault_event.clear()
         if not self._closing and self.on_faults is not None and not self.guard.call(self.on_faults):
             self._pause(self._params.retry_s)
-            self._look.set()  # they must be reported some time
+            self._fault_event.set()  # they must be reported some time
 
     # ---- the reader -------------------------------------------------------------------------------
 
@@ -376,7 +376,7 @@ class LinkSink(ABC):
             except (Exception, SystemExit) as error:  # noqa: BLE001 - the same
                 self._lose(medium, error)
         if medium.bus_off != bus_off:
-            self._look.set()
+            self._fault_event.set()
         if message is not None and self.on_message is not None:
             self.guard.call(self.on_message, message)
         pause_s = self._budget.pause_s(time.thread_time(), time.monotonic())
