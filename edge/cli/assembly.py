@@ -152,7 +152,7 @@ def _add_sink(
     if not isinstance(sink, CanSink | SerialSink):
         loop.sinks.append(sink)
         return
-    node = Node(sink, device, settings, node_id)
+    node = Node(sink, device, settings)
     loop.faults.listeners.append(node.report)
     for code, message in loop.faults.active.items():
         node.report(code, True, message)

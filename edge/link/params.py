@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from edge.params import PARAMS as RUNTIME
+from hostlink.wire.e2e import P5_COUNTERS
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,7 +19,7 @@ class LinkParams:
 
     # --- send queue
     samples_n: int = 4  # older ones are not worth sending
-    control_n: int = 256  # answers, also those that are kept for repetitions
+    control_n: int = P5_COUNTERS  # answers that wait or are known: no two have the same counter
 
     # --- answers
     spaced_rel: float = 0.3  # share of the link's time for detail, and for block transfers, at most

@@ -15,11 +15,11 @@ import pytest
 from canopen.objectdictionary import ObjectDictionary
 
 from edge.errors import CalibrationError, RequestRefused
+from edge.link.commands import SerialCommands
 from edge.link.medium import CanFrame, Medium, MediumError, opener
 from edge.link.nmt import NmtState
 from edge.link.node import Node
 from edge.link.object_server import Aborted
-from edge.link.ports import SerialPort
 from edge.link.settings import NodeSettings, SettingsFile
 from edge.link.sinks import CanFdSink, SerialSink, open_sink
 from hostlink.objects import TIMEOUT_S, TRIES
@@ -567,9 +567,9 @@ def test_serial_objects_segment_by_segment(line: Line) -> None:
 def test_serial_request_repeated_is_done_once(line: Line) -> None:
     request = line.request(Op.WRITE, "tare", 0, 1, b"\1")
     first = line.ask(request, 9)
-    port = line.node._port
-    assert isinstance(port, SerialPort)
-    port._answered_s -= TRIES * TIMEOUT_S  # the second time was lost, too
+    commands = line.node._commands
+    assert isinstance(commands, SerialCommands)
+    commands._answered_s -= TRIES * TIMEOUT_S  # the second time was lost, too
     assert line.ask(request, 9) == first
     assert line.finger.tares == [False]
     line.ask(request, 10)
