@@ -20,6 +20,7 @@ from edge.faults.registry import FaultLog, FaultRegistry
 from edge.link.node import Node
 from edge.link.settings import NodeSettings, SettingsFile
 from edge.link.sinks import CanSink, SerialSink, open_sink
+from edge.rest.choice import GivenRest, rest_if_touched, rest_of_source
 from edge.rest.tare import TareParams
 from edge.runtime.board_monitor import BoardMonitor, BoardParams, free_space_problem
 from edge.runtime.calibration_store import CalibrationStore
@@ -46,6 +47,14 @@ def open_configured(table: SourceTable, spec: str | None = None) -> FrameSource:
 def load_calibration(path: str | Path | None) -> Calibration | None:
     """Raises CalibrationError."""
     return None if path is None else Calibration.load(path)
+
+
+def rest_given(source: FrameSource, how: str | None, calibration: Calibration | None) -> GivenRest | None:
+    """The rest frame that --rest asks for; without it, one for a recording that is seen to begin touched.
+
+    Raises  SourceError, CalibrationError
+    """
+    return rest_if_touched(source, calibration) if how is None else rest_of_source(source, how, calibration)
 
 
 def expect_sensor(source: FrameSource, config: Config) -> KnownSensor | None:

@@ -6,12 +6,11 @@ from dataclasses import asdict
 
 import click
 
-from edge.cli.assembly import make_loop, start_worker
+from edge.cli.assembly import make_loop, rest_given, start_worker
 from edge.cli.options import LoopOptions, SpeedFactor, loop_options, rest_option
 from edge.cli.progress import counting, waiting
 from edge.cli.summary import Summary, damage_of, json_line, print_summary
 from edge.errors import InputError
-from edge.rest.choice import rest_if_touched, rest_of_source
 from edge.runtime.loop import Loop
 from edge.sources import Paced, open_source
 from edge.types import FrameSource, LiveSource, RecordedSource, Result
@@ -86,10 +85,7 @@ def _use_rest(loop: Loop, recording: str, how: str | None, quiet: bool) -> None:
     """
     with closing(open_source(recording)) as source:
         source.polarity, source.lens = loop.source.polarity, loop.source.lens
-        if how is None:
-            given = rest_if_touched(source, loop.calibration)
-        else:
-            given = rest_of_source(source, how, loop.calibration)
+        given = rest_given(source, how, loop.calibration)
     if given is not None:
         loop.measurement.use_rest(given.rest, given.frame)
         if not quiet:
