@@ -107,7 +107,12 @@ def make_loop(
     loop.measurement.fallbacks = tuple(stored[1:])
     registry.listeners.append(FaultLog(registry, notifier.status))
     device = LoopDevice(loop, config.sensor.serial, store)
-    settings = _settings(config, state_dir)
+    defaults = NodeSettings(
+        heartbeat_ms=config.link.heartbeat_ms,
+        divider=config.link.divider,
+        features=sum(FEATURE_BITS.get(feature, 0) for feature in config.features.demand),
+    )
+    settings = SettingsFile(state_dir / "settings.json" if state_dir else None, defaults)
     monitor.storage += [loop.session.trouble, settings.trouble]
     if state_dir is not None:
         monitor.storage.append(lambda: free_space_problem(state_dir))
@@ -141,17 +146,6 @@ def _state_directory(config: Config) -> Path | None:
     return folder
 
 
-def _settings(config: Config, state_dir: Path | None) -> SettingsFile:
-    return SettingsFile(
-        state_dir / "settings.json" if state_dir else None,
-        NodeSettings(
-            heartbeat_ms=config.link.heartbeat_ms,
-            divider=config.link.divider,
-            features=sum(FEATURE_BITS.get(feature, 0) for feature in config.features.demand),
-        ),
-    )
-
-
 def _add_sink(
     stack: ExitStack, loop: Loop, spec: str, device: LoopDevice, settings: SettingsFile, node_id: int
 ) -> None:
@@ -165,19 +159,14 @@ def _add_sink(
     loop.faults.listeners.append(node.report)
     for code, message in loop.faults.active.items():
         node.report(code, True, message)
-    loop.result_callbacks.append(_send_detail(node))
-    loop.sinks.append(node)
 
-
-def _send_detail(node: Node) -> Callable[[Result, State], None]:
-    """A callback that sends every pin's motion if the host has requested it."""
-
-    def send(result: Result, state: State) -> None:
+    def send_detail(result: Result, state: State) -> None:
         if node.detail_divider and result.features is not None:
             f = result.features
             node.send_detail(state.sample, np.column_stack([f.displacement_px, f.area_change]).tolist())
 
-    return send
+    loop.result_callbacks.append(send_detail)
+    loop.sinks.append(node)
 
 
 def start_worker(

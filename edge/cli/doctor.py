@@ -64,13 +64,12 @@ def doctor(
         config = replace(config, source=replace(config.source, spec=source_spec))
     if sink_specs:
         config = replace(config, link=replace(config.link, sinks=tuple(sink_specs)))
-    state_dir = Path(config.state.directory) if config.state.directory else None
-    stored = None if state_dir is None else CalibrationStore(state_dir).path
-    chosen = calibration_path or (stored if stored and stored.is_file() else config.calibration.file)
+    chosen = calibration_path or (Path(config.calibration.file) if config.calibration.file else None)
+    if config.state.directory and not calibration_path:
+        stored = CalibrationStore(Path(config.state.directory)).path
+        chosen = stored if stored.is_file() else chosen
     with waiting("checking camera, link and machine", not as_json):
-        lines = examine(
-            config, lambda: open_configured(config.source), Path(chosen) if chosen else None, Machine()
-        )
+        lines = examine(config, lambda: open_configured(config.source), chosen, Machine())
     if as_json:
         click.echo(json.dumps({"worst": worst(lines), "lines": [asdict(line) for line in lines]}))
     else:

@@ -69,18 +69,14 @@ def inspect(
     for path in images:
         entry: dict[str, Any] = {"image": str(path), "n_pins": 0, "xy_px": []}
         try:
-            if rest is None:
-                image, found_rest = _single(path, polarity)
-            else:
-                image, found_rest, about = _of_recording(path, rest, calibration, polarity)
-                entry |= about
+            image, found_rest, about = _rest_of(path, rest, calibration, polarity)
         except EdgeError as error:
             failed = True
             message = str(error) if str(path) in str(error) else f"{path}: {error}"
             print_error(message)
             entry["error"] = message
         else:
-            entry |= _findings(found_rest, sensors)
+            entry |= about | _findings(found_rest, sensors)
             if path in pictures:
                 with writing(pictures[path], overwrite) as unfinished:
                     save_pins_overlay(unfinished, image, found_rest.pins)
@@ -95,20 +91,17 @@ def inspect(
         raise SystemExit(2)
 
 
-def _single(path: Path, polarity: Polarity) -> tuple[Image, Rest]:
-    """Raises SourceError, NoPins."""
-    try:
-        image = read_image(path)
-    except SourceError as error:
-        advice = "; for a recording add --rest auto" if path.exists() else ""
-        raise SourceError(f"{error}{advice}") from None
-    return image, take_rest([image], polarity)
-
-
-def _of_recording(
-    path: Path, how: str, calibration: Calibration | None, polarity: Polarity
+def _rest_of(
+    path: Path, how: str | None, calibration: Calibration | None, polarity: Polarity
 ) -> tuple[Image, Rest, dict[str, Any]]:
-    """The rest frame of a recording, as `replay` takes it. Raises SourceError, CalibrationError."""
+    """Of an image, or of a recording as `replay` takes it. Raises SourceError, NoPins, CalibrationError."""
+    if how is None:
+        try:
+            image = read_image(path)
+        except SourceError as error:
+            advice = "; for a recording add --rest auto" if path.exists() else ""
+            raise SourceError(f"{error}{advice}") from None
+        return image, take_rest([image], polarity), {}
     with closing(open_source(str(path))) as source:
         if source.polarity is Polarity.FOUND:
             source.polarity = polarity

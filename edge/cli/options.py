@@ -107,8 +107,8 @@ class LoopOptions:
     def check_record(self, *inputs: str | Path) -> None:
         """Raises OutputError: there is a file already, or it is one that is read."""
         if self.record_path is not None:
-            known = (path for path in (self.config_path, self.calibration_path) if path is not None)
-            check_output(self.record_path, (".mcap",), (*inputs, *known), self.overwrite)
+            read = [path for path in (*inputs, self.config_path, self.calibration_path) if path]
+            check_output(self.record_path, (".mcap",), read, self.overwrite)
 
     def listen(self) -> Listen | None:
         """Where the live page is served; None: there is none. Raises InputError."""
@@ -124,9 +124,8 @@ class LoopOptions:
 
     def recordings_folder(self, config: Config) -> Path:
         """Folder for recordings started on the page."""
-        if self.recordings is not None:
-            return self.recordings
-        return Path(config.state.directory) / "recordings" if config.state.directory else Path(".")
+        state = config.state.directory
+        return self.recordings or (Path(state) / "recordings" if state else Path("."))
 
 
 def with_sensor(config: Config, name: str | None) -> Config:

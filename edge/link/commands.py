@@ -41,7 +41,7 @@ class CanCommands:
         self.sdo = SdoServer(
             node.objects,
             lambda data: sink.post(CanFrame(response, data)),
-            lambda block: sink.post_block([CanFrame(response, data) for data in block], spacing_s),
+            lambda block: sink.post_spaced("block", [CanFrame(response, b) for b in block], spacing_s),
         )
         sink.on_message = self.receive
 

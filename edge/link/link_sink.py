@@ -28,7 +28,7 @@ from typing import Any
 from edge.errors import SinkError
 from edge.link.medium import Medium, MediumError, MediumFull
 from edge.link.params import PARAMS, LinkParams
-from edge.link.send_queue import SendQueue
+from edge.link.send_queue import SendQueue, Spaced
 from hostlink.link_guard import LinkGuard
 from hostlink.wire import FaultCode, State
 
@@ -111,7 +111,7 @@ class LinkSink(ABC):
                 daemon=True,
             )
             for what, step, finish in (
-                ("writer", self._write_or_reopen, self._close_current),
+                ("writer", self._write_or_reopen, lambda: self._close_medium(self._medium)),
                 ("reader", self._read, None),
                 ("watch", self._watch, None),
             )
@@ -178,28 +178,20 @@ class LinkSink(ABC):
                 self._queue.put_control(item)
                 self._changed.notify_all()
 
-    def post_block(self, items: Sequence[Any], spacing_s: float) -> None:
-        """Send items of an answer when no sample waits, in place of those of the last call that still wait.
+    def post_spaced(self, kind: Spaced, items: Sequence[Any], spacing_s: float) -> bool:
+        """Send items when no sample waits, in place of those of the last call that still wait.
 
-        spacing_s  as for `send_detail`
-        """
-        with self._changed:
-            if self._medium is not None:
-                self._queue.put_spaced("block", items, spacing_s)
-                self._changed.notify_all()
-
-    def send_detail(self, items: Sequence[Any], spacing_s: float) -> bool:
-        """Send items of the lowest priority, when nothing else waits; False: skipped and counted.
-
+        kind       "block": of an answer; "detail": if nothing else waits
         spacing_s  least time between two of the items: a sample cannot overtake what lies in the driver's
                    queue, so there must never be more than one
+        Returns    False: detail was skipped, and counted
         """
         with self._changed:
-            free = self._medium is not None and not self._queue.waiting
+            free = self._medium is not None and (kind == "block" or not self._queue.waiting)
             if free:
-                self._queue.put_spaced("detail", items, spacing_s)
+                self._queue.put_spaced(kind, items, spacing_s)
                 self._changed.notify_all()
-        if not free:
+        if not free and kind == "detail":
             self._count("detail_skipped")
         return free
 
@@ -339,9 +331,6 @@ class LinkSink(ABC):
             self._medium, self._refused_s = medium, None
             self._changed.notify_all()
         self._fault_event.set()
-
-    def _close_current(self) -> None:
-        self._close_medium(self._medium)
 
     def _close_medium(self, medium: Medium | None) -> None:
         if medium is not None:

@@ -110,7 +110,7 @@ class Node:
             return False
         segments = pack_detail(sample, rows, self._detail_counter)
         items = [sink.encode_detail(segment) for segment in segments]
-        if not sink.send_detail(items, sink.frame_s(len(segments[0])) / PARAMS.spaced_rel):
+        if not sink.post_spaced("detail", items, sink.frame_s(len(segments[0])) / PARAMS.spaced_rel):
             return False
         self._detail_counter += len(segments)
         return True

@@ -53,7 +53,7 @@ class SdoServer:
         self,
         objects: ObjectServer,
         send: Callable[[bytes], None],
-        send_block: Callable[[Sequence[bytes]], None],
+        send_block: Callable[[Sequence[bytes]], object],
         clock_s: Callable[[], float] = time.monotonic,
     ) -> None:
         self._objects, self._clock_s = objects, clock_s

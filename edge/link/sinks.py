@@ -37,9 +37,6 @@ class Sink(Protocol):
     name: str
 
     @property
-    def up(self) -> bool: ...
-
-    @property
     def counters(self) -> SinkCounters: ...
 
     def send(self, state: State) -> bool:
@@ -68,8 +65,6 @@ class MemorySink:
         self.name = name
         self.states: deque[State] = deque(maxlen=keep)
         self._sent = 0
-
-    up = True
 
     @property
     def counters(self) -> SinkCounters:

@@ -251,7 +251,7 @@ def test_answers_overtake_samples_and_detail_waits(channel: str, slow: tuple[Fla
     flaky, sink = slow
 
     def detail_taken() -> bool:
-        return sink.send_detail([sink.encode_detail(bytes(64))], 0.0)
+        return sink.post_spaced("detail", [sink.encode_detail(bytes(64))], 0.0)
 
     with can.Bus(interface="virtual", channel=channel) as host:
         flaky.hang(True)
