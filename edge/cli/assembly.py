@@ -2,7 +2,7 @@
 
 import logging
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -37,11 +37,10 @@ from hostlink.wire import FEATURE_BITS, State
 log = logging.getLogger("edge")
 
 
-def open_configured(table: SourceTable, spec: str | None = None) -> FrameSource:
-    """The source of a configuration, or `spec` with its settings. Raises SourceError."""
+def open_configured(table: SourceTable) -> FrameSource:
+    """The source of a configuration. Raises SourceError."""
     settings = asdict(table)
-    configured = settings.pop("spec")
-    return open_source(spec or configured, **settings)
+    return open_source(settings.pop("spec"), **settings)
 
 
 def load_calibration(path: str | Path | None) -> Calibration | None:
@@ -67,13 +66,7 @@ def expect_sensor(source: FrameSource, config: Config) -> KnownSensor | None:
     return sensor
 
 
-def make_loop(
-    stack: ExitStack,
-    source: FrameSource,
-    config: Config,
-    sink_specs: Sequence[str] = (),
-    calibration_path: Path | None = None,
-) -> Loop:
+def make_loop(stack: ExitStack, source: FrameSource, config: Config, calibration_path: Path | None) -> Loop:
     """The loop with everything that the options request; the stack closes it all."""
     sensor = expect_sensor(source, config)
     state_dir = _state_directory(config)
@@ -116,7 +109,7 @@ def make_loop(
     monitor.storage += [loop.session.trouble, settings.trouble]
     if state_dir is not None:
         monitor.storage.append(lambda: free_space_problem(state_dir))
-    for spec in sink_specs or config.link.sinks:
+    for spec in config.link.sinks:
         _add_sink(stack, loop, spec, device, settings, config.sensor.node_id)
     call_on_signals(loop.stop)
     return loop

@@ -65,13 +65,11 @@ def inspect(
     polarity = Polarity.FOUND if named is None else named.polarity
     pictures = {} if overlay is None else _pictures(images, overlay, overwrite)
     found: list[dict[str, Any]] = []
-    failed = False
     for path in images:
         entry: dict[str, Any] = {"image": str(path), "n_pins": 0, "xy_px": []}
         try:
             image, found_rest, about = _rest_of(path, rest, calibration, polarity)
         except EdgeError as error:
-            failed = True
             message = str(error) if str(path) in str(error) else f"{path}: {error}"
             print_error(message)
             entry["error"] = message
@@ -87,7 +85,7 @@ def inspect(
         found.append(entry)
     if as_json:
         click.echo(json.dumps(found))
-    if failed:
+    if any("error" in entry for entry in found):
         raise SystemExit(2)
 
 

@@ -1,6 +1,6 @@
 """Common options of the commands, and their values."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from functools import wraps
 from pathlib import Path
@@ -100,9 +100,9 @@ class LoopOptions:
     view_token_file: Path | None
     recordings: Path | None
 
-    def load_config(self) -> Config:
+    def load_config(self, source_spec: str | None = None) -> Config:
         """Raises ConfigError."""
-        return with_sensor(load_config(self.config_path), self.sensor_name)
+        return configured(self.config_path, self.sensor_name, self.sink_specs, source_spec)
 
     def check_record(self, *inputs: str | Path) -> None:
         """Raises OutputError: there is a file already, or it is one that is read."""
@@ -128,10 +128,17 @@ class LoopOptions:
         return self.recordings or (Path(state) / "recordings" if state else Path("."))
 
 
-def with_sensor(config: Config, name: str | None) -> Config:
-    """The configuration, of this sensor if one is named. Raises ConfigError: it is not known."""
-    if name is not None:
-        config = replace(config, sensor=replace(config.sensor, model=name))
+def configured(
+    path: Path | None, sensor_name: str | None, sink_specs: Sequence[str], source_spec: str | None
+) -> Config:
+    """The configuration, with what options name instead. Raises ConfigError: the sensor is not known, too."""
+    config = load_config(path)
+    if sensor_name is not None:
+        config = replace(config, sensor=replace(config.sensor, model=sensor_name))
+    if sink_specs:
+        config = replace(config, link=replace(config.link, sinks=tuple(sink_specs)))
+    if source_spec:
+        config = replace(config, source=replace(config.source, spec=source_spec))
     if config.sensor.model:
         load_sensor(config.sensor.model)
     return config

@@ -61,7 +61,7 @@ def replay(
             if not isinstance(speed, str):  # of the rest frame no image may be missed
                 source = Paced(source, speed=speed, loop=again, rest_n=config.tare.frames_n)
             stack.callback(source.close)
-            loop = make_loop(stack, source, config, options.sink_specs, options.calibration_path)
+            loop = make_loop(stack, source, config, options.calibration_path)
             _use_rest(loop, recording, rest, quiet)
         start_worker(stack, loop, options, listen, config)
         summary = Summary(source)

@@ -66,10 +66,6 @@ class Node:
         self._start()
 
     @property
-    def up(self) -> bool:
-        return self.sink.up
-
-    @property
     def counters(self) -> SinkCounters:
         return self.sink.counters
 

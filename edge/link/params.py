@@ -13,7 +13,7 @@ class LinkParams:
     # --- a medium that fails
     retry_s: float = RUNTIME.announced_s
     stall_s: float = RUNTIME.stall_s  # nothing leaves for this long: the link counts as down
-    check_s: float = RUNTIME.check_s  # between looks whether it has stalled, while it may
+    check_s: float = RUNTIME.check_s  # between looks at the link and at the device, which cost the loop time
     write_s: float = 0.2  # a medium that accepts nothing for this long is full
     close_s: float = RUNTIME.close_s  # for the queue, and again for the threads
 
@@ -23,7 +23,6 @@ class LinkParams:
 
     # --- answers
     spaced_rel: float = 0.3  # share of the link's time for detail, and for block transfers, at most
-    described_s: float = RUNTIME.check_s  # a description is made anew after this: it costs the loop some time
     idle_s: float = RUNTIME.patience_s  # a client that is silent for so long is gone, and its transfer
 
     # --- reading

@@ -7,8 +7,6 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from edge.link import sdo_server
-from edge.link.commands import CanCommands
 from edge.link.medium import CanFrame
 from edge.link.nmt import NmtState
 from edge.link.node import Node
@@ -120,26 +118,3 @@ def test_serial(on_serial: tuple[Node, Finger, Wire], chunks: list[bytes]) -> No
     node.sink._split(b"\0" + start)
     assert node.state is NmtState.OPERATIONAL
     assert len(node.sink._buffer) <= FRAME_MAX
-
-
-def test_an_endless_upload_is_refused(
-    on_can: tuple[Node, Finger, Wire], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Segments that never end must not fill the board's memory."""
-    monkeypatch.setattr(sdo_server, "DOWNLOAD_MAX", 700)
-    node, finger, wire = on_can
-    row = next(row for row in OBJECTS if row.name == "calibration")
-    start = bytes((0x20,)) + row.index.to_bytes(2, "little") + bytes((row.sub,)) + bytes(4)
-    wire.items.clear()
-    node.sink.on_message(CanFrame(REQUEST, start))  # type: ignore[misc]
-    commands = node._commands
-    assert isinstance(commands, CanCommands)
-    longest = 0
-    for k in range(1000):
-        data = bytes(((k % 2) << 4,)) + b"{segmen"
-        node.sink.on_message(CanFrame(REQUEST, data))  # type: ignore[misc]
-        longest = max(longest, len(commands.sdo._transfer.data) if commands.sdo._transfer else 0)
-    assert longest <= 707
-    assert node.drain(SOON_S)
-    assert any(m.data[0] == 0x80 for m in wire.items)
-    assert finger.calibration == b""
