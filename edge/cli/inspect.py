@@ -10,7 +10,7 @@ import click
 
 from edge.calibration import Calibration
 from edge.cli.assembly import load_calibration
-from edge.cli.options import calibration_option, overwrite_option, rest_option, sensor_option
+from edge.cli.options import FOLDER, PATH, calibration_option, overwrite_option, rest_option, sensor_option
 from edge.errors import EdgeError, InputError, SourceError
 from edge.pins import take_rest
 from edge.rest.choice import rest_of_source
@@ -25,7 +25,7 @@ from hostlink.output_file import check_output, writing
 
 
 @click.command()
-@click.argument("images", nargs=-1, required=True, metavar="IMAGE...", type=click.Path(path_type=Path))
+@click.argument("images", nargs=-1, required=True, metavar="IMAGE...", type=PATH)
 @click.option(
     "--json",
     "as_json",
@@ -33,11 +33,7 @@ from hostlink.output_file import check_output, writing
     help='Print [{"image":..., "n_pins":..., "dark":..., "sensor":..., "mm_per_px":..., '
     '"touched":..., "xy_px":...}]; with --rest "rest":... and "untouched":... too.',
 )
-@click.option(
-    "--overlay",
-    type=click.Path(path_type=Path, file_okay=False),
-    help="Folder for pictures with the pins marked.",
-)
+@click.option("--overlay", type=FOLDER, help="Folder for pictures with the pins marked.")
 @sensor_option
 @rest_option
 @calibration_option

@@ -9,7 +9,7 @@ import click
 import cv2
 import numpy as np
 
-from edge.cli.options import overwrite_option
+from edge.cli.options import PATH, overwrite_option
 from edge.errors import InputError
 from edge.sources import read_image
 from edge.sources.lens_file import text_of
@@ -32,8 +32,8 @@ def _corners_of_board(context: click.Context, option: click.Parameter, text: str
 
 
 @click.command()
-@click.argument("images", nargs=-1, required=True, metavar="IMAGE...", type=click.Path(path_type=Path))
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="File to write (.toml).")
+@click.argument("images", nargs=-1, required=True, metavar="IMAGE...", type=PATH)
+@click.option("-o", "--output", required=True, type=PATH, help="File to write (.toml).")
 @click.option(
     "--board",
     callback=_corners_of_board,

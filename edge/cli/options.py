@@ -18,10 +18,11 @@ from hostlink.web import Listen, WebError, find_token, parse_listen
 from hostlink.web.listen import TOKEN_VARIABLE
 
 Command = Callable[..., None]
+PATH = click.Path(path_type=Path)
+FILE = click.Path(path_type=Path, dir_okay=False)
+FOLDER = click.Path(path_type=Path, file_okay=False)
 
-config_option = click.option(
-    "-c", "--config", "config_path", type=click.Path(path_type=Path), help="TOML file; see deploy/."
-)
+config_option = click.option("-c", "--config", "config_path", type=PATH, help="TOML file; see deploy/.")
 source_option = click.option(
     "--source",
     "source_spec",
@@ -34,9 +35,7 @@ sink_option = click.option(
     help="Where samples go; may be given more than once. can:can0, can:can0?fd=0, virtual:NAME, "
     "udp:239.0.0.1, serial:/dev/ttyACM0?baud=921600, slcan:/dev/ttyACM0, memory:",
 )
-calibration_option = click.option(
-    "--calibration", "calibration_path", type=click.Path(path_type=Path), help="Calibration file."
-)
+calibration_option = click.option("--calibration", "calibration_path", type=PATH, help="Calibration file.")
 sensor_option = click.option(
     "--sensor",
     "sensor_name",
@@ -50,12 +49,7 @@ _LOOP_OPTIONS = (
     sink_option,
     calibration_option,
     sensor_option,
-    click.option(
-        "--record",
-        "record_path",
-        type=click.Path(path_type=Path),
-        help="Write images and values to this .mcap file.",
-    ),
+    click.option("--record", "record_path", type=PATH, help="Write images and values to this .mcap file."),
     overwrite_option,
     click.option(
         "--view", "view_here", is_flag=True, help="Serve a live page at 127.0.0.1:8765, or at --view-at."
@@ -71,14 +65,10 @@ _LOOP_OPTIONS = (
         help="Let the page tare and record, with this token of 8 characters or more; auto makes one. All "
         f"users of the machine see a command line: {TOKEN_VARIABLE} in the environment or a file is safer.",
     ),
-    click.option(
-        "--view-token-file",
-        type=click.Path(path_type=Path, dir_okay=False),
-        help="The token is the first line of this file.",
-    ),
+    click.option("--view-token-file", type=FILE, help="The token is the first line of this file."),
     click.option(
         "--recordings",
-        type=click.Path(path_type=Path, file_okay=False),
+        type=FOLDER,
         help="Folder for what the page's record button makes. Default: in the state folder, else here.",
     ),
 )

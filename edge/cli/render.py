@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from edge.calibration import Calibration
 from edge.cells import cell_polygons
 from edge.cli.assembly import load_calibration, rest_given
-from edge.cli.options import calibration_option, overwrite_option, rest_option
+from edge.cli.options import PATH, calibration_option, overwrite_option, rest_option
 from edge.cli.progress import counting
 from edge.cli.summary import damage_of, json_line
 from edge.errors import NoPins, SourceError
@@ -41,7 +41,7 @@ DRAWN = frozenset(Feature) - {Feature.SURFACE}
 
 @click.command()
 @click.argument("recording")
-@click.option("-o", "--out", required=True, type=click.Path(path_type=Path), help=".mp4, .webm, .mkv or .avi")
+@click.option("-o", "--out", required=True, type=PATH, help=".mp4, .webm, .mkv or .avi")
 @calibration_option
 @click.option(
     "--palette",

@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 from scipy.spatial.distance import pdist
 
-from edge.cli.options import overwrite_option
+from edge.cli.options import PATH, overwrite_option
 from edge.errors import InputError, NoPins
 from edge.pins import take_rest
 from edge.rest.sensor_match import layout_of
@@ -19,8 +19,8 @@ from hostlink.output_file import check_output, writing
 
 
 @click.command()
-@click.argument("image", type=click.Path(path_type=Path))
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="File to write (.toml).")
+@click.argument("image", type=PATH)
+@click.option("-o", "--output", required=True, type=PATH, help="File to write (.toml).")
 @click.option(
     "--across-mm",
     type=FiniteFloat(0.1, 1000),
