@@ -86,12 +86,10 @@ class SettingsFile:
             path.parent.mkdir(parents=True, exist_ok=True)
             with writing(path, overwrite=True, through_link=False) as unfinished:
                 unfinished.write_bytes(msgspec.json.format(msgspec.json.encode(asdict(values))) + b"\n")
-        except OutputError as error:
-            self._failed = (str(error), time.monotonic())
-            raise
-        except OSError as error:
-            self._failed = (f"{path}: cannot be written: {error.strerror}", time.monotonic())
-            raise OutputError(self._failed[0]) from None
+        except (OutputError, OSError) as error:
+            why = f"{path}: cannot be written: {error.strerror}" if isinstance(error, OSError) else str(error)
+            self._failed = (why, time.monotonic())
+            raise OutputError(why) from None
         self._failed = None
 
 
