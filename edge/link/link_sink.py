@@ -316,7 +316,8 @@ class LinkSink(ABC):
             return self._queue.take(time.monotonic())
 
     def _reopen(self) -> None:
-        failed, self._failed = self._failed, None
+        with self._changed:
+            failed, self._failed = self._failed, None
         self._close_medium(failed)
         # SocketCAN opens on an interface that is down, and fails at once: do not retry without a pause.
         self._pause(self._tried_s + self._params.retry_s - time.monotonic())
