@@ -87,9 +87,9 @@ def _use_rest(loop: Loop, recording: str, how: str | None, quiet: bool) -> None:
     with closing(open_source(recording)) as source:
         source.polarity, source.lens = loop.source.polarity, loop.source.lens
         if how is None:
-            given = rest_if_touched(source, loop.calibration)
+            given = rest_if_touched(source, loop.measurement.calibration)
         else:
-            given = rest_of_source(source, how, loop.calibration)
+            given = rest_of_source(source, how, loop.measurement.calibration)
     if given is not None:
         loop.measurement.use_rest(given.rest, given.frame)
         if not quiet:

@@ -34,12 +34,10 @@ from typing import Any, Self, TypeVar
 from edge.calibration import Calibration
 from edge.faults.detector import FaultDetector
 from edge.faults.registry import FaultRegistry
-from edge.frame import Pipeline
 from edge.link.sample import to_state
 from edge.link.sinks import Sink
 from edge.params import PARAMS as RUNTIME
 from edge.recording.session import RecordingSession
-from edge.rest.request import TareRequest
 from edge.runtime.board_monitor import BoardMonitor
 from edge.runtime.measurement import LoopConfig, Measurement
 from edge.runtime.statistics import LoopStatistics, StatisticsCollector
@@ -127,23 +125,6 @@ class Loop:
         self._commands.append((command, future))
         return future
 
-    def request_tare(
-        self,
-        force: bool = False,
-        calibration: Calibration | None = None,
-        store: Callable[[], None] | None = None,
-    ) -> TareRequest:
-        """Have a new rest frame taken from the next images; `done` of the returned request gets the outcome.
-
-        The present rest frame and calibration stay in use until the new ones are accepted.
-
-        force        take it although it shows a touch
-        calibration  to be used from this rest frame on
-        store        called when the rest frame is good, before it is used. Raises OSError
-        Raises       RequestRefused
-        """
-        return self.measurement.tare.ask(force, calibration, store)
-
     def stop(self) -> None:
         """End the loop after the current frame. May be called from a signal handler; closes nothing."""
         self._stop.set()
@@ -162,33 +143,6 @@ class Loop:
             drift_px=m.drift.offset_px if m.drift else 0.0,
             faults={code.name: n for code, n in self.faults.appeared.items()},
         )
-
-    # ---- what is measured: passed on to `Measurement` --------------------------------------
-
-    @property
-    def calibration(self) -> Calibration | None:
-        """The calibration in use."""
-        return self.measurement.calibration
-
-    @property
-    def pipeline(self) -> Pipeline | None:
-        """The computing stages; None: there is no rest frame yet."""
-        return self.measurement.pipeline
-
-    @property
-    def last(self) -> Result | None:
-        """The last result; None: there was none yet."""
-        return self.measurement.last
-
-    @property
-    def in_contact(self) -> bool:
-        """Whether the last frame showed a touch; a tare now would be wrong."""
-        return self.measurement.in_contact
-
-    @property
-    def tares_n(self) -> int:
-        """Rest frames taken since the start."""
-        return self.measurement.tares_n
 
     # ---- the loop -----------------------------------------------------------------------------------
 
@@ -257,7 +211,7 @@ class Loop:
     def _check_frame_time(self) -> None:
         """Called from the board's thread: whether the current frame takes long."""
         # A recording waits for its search; and the first frame after a tare has to search.
-        if not self.measurement.tare.busy and self.last is not None and self.source.live:
+        if not self.measurement.tare.busy and self.measurement.last is not None and self.source.live:
             self._detector.slow(self._frame_begun_ns)
 
     def step(self, frame: Frame) -> State:

@@ -122,7 +122,7 @@ class WorkerClient:
     # ---- the loop's thread --------------------------------------------------------------------------
 
     def _start_recording(self) -> None:
-        calibration = self._loop.calibration
+        calibration = self._loop.measurement.calibration
         if calibration is not None:
             self._put(Attach("calibration.json", np.frombuffer(calibration.encoded, np.uint8)))
         self.recording.begin()
@@ -226,10 +226,10 @@ class WorkerClient:
 
     def _tare(self, force: bool) -> str:
         """Have a new rest frame taken; "" or why the previous one stays in use."""
-        if self._loop.in_contact and not force:
+        if self._loop.measurement.in_contact and not force:
             return "something touches the tip; let go, or force the tare"
         try:
-            outcome = self._loop.request_tare(force).done.result(PARAMS.command_s)
+            outcome = self._loop.measurement.tare.ask(force).done.result(PARAMS.command_s)
         except RequestRefused as error:
             return str(error)
         except TimeoutError:

@@ -52,7 +52,7 @@ class ViewFeed:
             return
         loop = self._loop
         frame, (result, state) = loop.frame, self._latest or (None, None)
-        rest = loop.pipeline.rest if loop.pipeline else None
+        rest = loop.measurement.pipeline.rest if loop.measurement.pipeline else None
         frame_shown, result_shown, rest_shown = self._shown
         is_idle = frame is frame_shown and result is result_shown and not self._rows
         if is_idle and now_s < self._sent_s + PARAMS.report_s:
@@ -70,8 +70,8 @@ class ViewFeed:
             {
                 "faults": [[_MEANING[code], message] for code, message in loop.faults.active.items()],
                 "taring": loop.measurement.tare.busy,
-                "tares_n": loop.tares_n,
-                "calibrated": loop.calibration is not None,
+                "tares_n": loop.measurement.tares_n,
+                "calibrated": loop.measurement.calibration is not None,
                 "dropped_n": loop.source.dropped_n,
             },
         )

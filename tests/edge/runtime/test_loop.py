@@ -217,7 +217,7 @@ def test_no_calibration_is_a_fault_until_there_is_one(frames: list[Frame], calib
     finger = Finger(frames, None)
     assert Status.UNCALIBRATED in finger.show(7).status
     assert finger.faults == {FaultCode.CALIBRATION_MISSING}
-    request = finger.loop.request_tare(calibration=calibration)
+    request = finger.loop.measurement.tare.ask(calibration=calibration)
     state = finger.show(*range(8), 0)
     assert request.done.result(0).state is RestFrameState.ACCEPTED
     assert not finger.faults
