@@ -4,12 +4,11 @@ import time
 from collections import deque
 from collections.abc import Callable
 from math import nan
-from typing import Any
 
 from edge.runtime.loop import Loop
 from edge.types import Features, Frame, Rest, Result
 from edge.view.scene import CHARTED
-from edge.worker.messages import Event, RecordingReport, Show, Take
+from edge.worker.messages import RecordingReport, Show
 from edge.worker.params import PARAMS
 from hostlink.web.limits import WebLimits
 from hostlink.wire import FAULTS, State
@@ -24,7 +23,7 @@ class ViewFeed:
     watched  whether anybody watches
     """
 
-    def __init__(self, loop: Loop, put: Callable[[Any], bool]) -> None:
+    def __init__(self, loop: Loop, put: Callable[..., bool]) -> None:
         self._loop = loop
         self._put = put
         self.watched = False
@@ -79,7 +78,7 @@ class ViewFeed:
         period_s = 1.0 / WebLimits().rate_hz
         self._due_s = max(self._due_s, now_s - period_s) + period_s
         self._sent_s = now_s
-        if self._put(show):
+        if self._put("show", show):
             self._shown = (frame, result, rest)
             self._rows.clear()
 
@@ -112,31 +111,22 @@ class RecordingFeed:
     report  the worker's last report on the recording
     """
 
-    def __init__(self, put: Callable[[Any], bool]) -> None:
+    def __init__(self, put: Callable[..., bool]) -> None:
         self._put = put
         self.begin()
 
     def begin(self) -> None:
         self.report = RecordingReport()
         self.failure: str | None = None  # the worker itself has failed
-        self.lost_n = 0  # turns that were lost before the worker
-        self._lost_reported_n = 0
+        self.lost_n = 0  # turns that the worker was too slow for, and has not been told of
 
     def take(self, frame: Frame, result: Result | None, state: State) -> None:
-        lost_n = self.unreported_n
-        if not self._put(Take(frame, result, state, lost_n)):
-            self.lost_n += 1
-            return
-        self._lost_reported_n += lost_n
+        sent = self._put("take", frame, result, state, self.lost_n)
+        self.lost_n = 0 if sent else self.lost_n + 1
 
     def event(self, level: str, text: str) -> None:
         """Record a line of the log; from any thread."""
-        self._put(Event(level, text))
-
-    @property
-    def unreported_n(self) -> int:
-        """Turns that were lost before the worker, and not reported to it yet."""
-        return self.lost_n - self._lost_reported_n
+        self._put("event", level, text)
 
     @property
     def fault(self) -> str | None:
@@ -145,4 +135,4 @@ class RecordingFeed:
     @property
     def dropped_n(self) -> int:
         """Messages that the disk or the worker was too slow for."""
-        return self.report.dropped_n + self.unreported_n
+        return self.report.dropped_n + self.lost_n

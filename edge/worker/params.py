@@ -17,9 +17,6 @@ class WorkerParams:
     # --- shared memory
     memory_bytes: int = 24 << 20  # for messages under way
 
-    # --- what viewers ask for
-    command_s: float = 10.0  # until the loop has done what it was asked, above all a tare
-
     # --- what goes to and from it
     report_s: float = RUNTIME.announced_s  # between reports of what is no new result
     recent_s: float = 0.5  # time that the charts' rows in a packet tell of
