@@ -157,7 +157,8 @@ def _render(
     progress: bool,
 ) -> Made:
     mm_per_px = (calibration.mm_per_px if calibration else None) or 0.0
-    view = View.of(rest.xy_img, rest.pattern.pitch_px, style.height, mm_per_px)
+    palette = PALETTES[style.palette]
+    view = View.of(rest.xy_img, rest.pattern.pitch_px, style.height, mm_per_px, palette)
     pipeline = Pipeline(rest, calibration, DRAWN)
     rate_hz = style.rate_hz or source.rate_hz or 30.0
     unidentified_n = 0
@@ -171,10 +172,7 @@ def _render(
                 result = pipeline.process(frame)
                 unidentified_n += result.features is None
                 polygons = cell_polygons(result.cells) if result.cells is not None else []
-                palette, text = PALETTES[style.palette], caption(result)
-                yield picture(
-                    view, frame, result.tracks, polygons, result.features, palette=palette, caption=text
-                )
+                yield picture(view, frame, result.tracks, polygons, result.features, caption(result))
                 shown.advance(task)
 
         frames_n = write_video(pictures(), out, rate_hz)
