@@ -7,6 +7,7 @@ place in the file, what would be right; the reader of the file puts the file's n
 
 import json
 import re
+import struct
 import tomllib
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -20,7 +21,8 @@ from hostlink.wire import detail
 FILE_BYTES = input_file.UPLOAD_BYTES  # 1000 pins with every model take a quarter of it
 
 IMAGE_SIDE_PX = 8192  # width or height
-IMAGE_PIXELS = 1 << 24  # 4096 x 4096, more than any camera that fits behind a fingertip
+#: With four levels of 16 bits a pixel, the widest format, they fill the largest file that is read.
+IMAGE_PIXELS = input_file.BYTES_MAX // struct.calcsize("4H")
 TICK_HZ = 1_000_000  # of the time in a sample, in microseconds: 32 bits, then it wraps
 RATE_MAX_HZ = float(TICK_HZ)  # images a second; more would share their times
 RATE_MIN_HZ = TICK_HZ / 2**32  # of a camera or of samples, where 0 has a meaning of its own

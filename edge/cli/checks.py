@@ -15,20 +15,18 @@ from edge.calibration.file import Curve
 from edge.cli.machine import Machine
 from edge.config import Config
 from edge.errors import CalibrationError, NoPins, SinkError
-from edge.faults.image_quality import ONE_LEVEL, level_of
-from edge.faults.image_quality import PARAMS as IMAGE
-from edge.faults.pin_visibility import PARAMS as SEEN
+from edge.faults.image_quality import HALF_REL, ONE_LEVEL, level_of
+from edge.faults.pin_visibility import SEEN_REL
 from edge.link.sinks import open_sink
 from edge.params import ASTRAY_REL
 from edge.pins import take_rest
 from edge.rest.sensor_match import mm_per_px, recognise
 from edge.rest.symmetry import symmetry_of
 from edge.rest.tip_match import in_order_of
-from edge.runtime.board_monitor import PARAMS as BOARD
-from edge.runtime.board_monitor import STORED_BYTES
+from edge.runtime.board_monitor import HOT_DEGC, STORED_BYTES
 from edge.sensors import KnownSensor, known_sensors, missing_pins
 from edge.sources.live import PARAMS as LIVE
-from edge.types import AdjustableSource, Frame, FrameSource, Lens, LiveSource, Polarity, Rest
+from edge.types import Frame, FrameSource, Lens, LiveSource, Polarity, Rest
 from hostlink.wire.address import Address, AddressError, parse_address
 
 LEVELS = ("ok", "warn", "fail")
@@ -77,9 +75,9 @@ def camera(source: FrameSource, frames: Sequence[Frame], config: Config) -> Iter
         return
     width, height = source.size_px
     yield Line("camera", "ok", f"{source.name}, {width}x{height}")
-    if isinstance(source, AdjustableSource) and source.refused:
+    if refused := getattr(source, "refused", ()):
         advice = "set what the camera has: v4l2-ctl --list-ctrls"
-        yield Line("camera", "warn", "; ".join(source.refused), advice)
+        yield Line("camera", "warn", "; ".join(refused), advice)
     if source.live and len(frames) > 1:
         steps_s = np.diff([f.capture_ns for f in frames]) / 1e9
         steps_n = np.diff([f.sequence for f in frames])
@@ -98,7 +96,7 @@ def _brightness(frames: Sequence[Frame]) -> Line:
     finding = f"mean level {level:.1%} of full scale, {full:.1%} of the image at full scale"
     if level < ONE_LEVEL:
         return Line("light", "fail", finding, "dark: is the LED lit? raise [source] exposure_us or gain")
-    if full > 1.0 - IMAGE.half_rel:
+    if full > 1.0 - HALF_REL:
         return Line("light", "fail", finding, "overexposed: lower [source] exposure_us, keep stray light out")
     if level**2 * (1 << frames[0].bits) < 1.0:  # by ratios, nearer to one level than to white
         return Line("light", "warn", finding, "dim: raise [source] exposure_us, then gain")
@@ -128,7 +126,7 @@ def pins(
     return [
         Line("pins", "ok", finding),
         judged(
-            "focus", softness > IMAGE.half_rel, blur,
+            "focus", softness > HALF_REL, blur,
             "turn the lens until `python -m edge inspect` finds the sharpest pins",
         ),
         judged(
@@ -180,7 +178,7 @@ def calibration(path: Path | None, rest: Rest | None) -> Iterator[Line]:
         known_n, serial = len(loaded.rest), loaded.content.sensor.serial
         share = len(rest) / known_n
         if share < 1.0 - ASTRAY_REL:
-            level = "fail" if share < SEEN.seen_rel else "warn"
+            level = "fail" if share < SEEN_REL else "warn"
             finding = f"{len(rest)} of the calibration's {known_n} pins are seen"
             advice = "clean lens and skin, light it evenly; is the skin torn?"
             yield Line("pins", level, finding, advice)
@@ -286,7 +284,7 @@ def processor(machine: Machine) -> Iterator[Line]:
     yield judged("processor", bool(slow), finding, advice)
     degc = machine.temperature_degc()
     if not math.isnan(degc):
-        yield judged("temperature", degc >= BOARD.hot_degc, f"{degc:.0f} degC", "cool the board")
+        yield judged("temperature", degc >= HOT_DEGC, f"{degc:.0f} degC", "cool the board")
 
 
 def clock(machine: Machine) -> Line:

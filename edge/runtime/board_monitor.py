@@ -8,7 +8,6 @@ import shutil
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from math import isnan, nan
 from pathlib import Path
 
@@ -22,15 +21,6 @@ from hostlink.wire import FaultCode
 HOT_DEGC = 80.0
 
 
-@dataclass(frozen=True, slots=True)
-class BoardParams:
-    """Parameters by name; evidence in docs/tuning.md."""
-
-    period_s: float = RUNTIME.check_s  # between checks
-    hot_degc: float = HOT_DEGC  # the board is too hot
-
-
-PARAMS = BoardParams()
 #: A calibration and the settings are written beside the old ones before they replace them.
 STORED_BYTES = FILE_BYTES + FILE_BYTES  # calibration and settings
 
@@ -70,6 +60,8 @@ class BoardMonitor:
 
     thermometer  gives degC, or NaN
     storage      each gives "" or why something cannot be written: a folder, a recorder, settings
+    hot_degc     from here on the board is too hot
+    period_s     between checks
     checks       called each time; each reports on its own
     """
 
@@ -78,16 +70,15 @@ class BoardMonitor:
         registry: FaultRegistry,
         thermometer: Callable[[], float] | None = None,
         storage: Sequence[Callable[[], str]] = (),
-        params: BoardParams = PARAMS,
+        hot_degc: float = HOT_DEGC,
+        period_s: float = RUNTIME.check_s,
     ) -> None:
         self._registry = registry
         self._thermometer = thermometer or Thermometer()
         self.storage = list(storage)
         self.checks: list[Callable[[], None]] = []
-        self._params = params
-        self._temperature = Check(
-            FaultCode.OVER_TEMPERATURE, "degc", "{degc:.0f} degC", params.hot_degc, "degC"
-        )
+        self._period_s = period_s
+        self._temperature = Check(FaultCode.OVER_TEMPERATURE, "degc", "{degc:.0f} degC", hot_degc, "degC")
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="board monitor", daemon=True)
         self.temperature_degc = nan
@@ -108,8 +99,8 @@ class BoardMonitor:
     def close(self) -> None:
         self._closing.set()
         if self._thread.is_alive():
-            self._thread.join(self._params.period_s + 0.5)
+            self._thread.join(RUNTIME.close_s)
 
     def _run(self) -> None:
-        while not self._closing.wait(self._params.period_s):
+        while not self._closing.wait(self._period_s):
             self.check()

@@ -4,8 +4,6 @@ Everything here runs in the loop's thread except `_job`. The rest frame and the 
 together, and only after the new ones have been tried.
 """
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,10 +14,10 @@ from edge.calibration import Calibration
 from edge.drift import PARAMS as DRIFT
 from edge.drift import Drift, DriftParams
 from edge.errors import CalibrationError, EdgeError, SourceError
-from edge.faults.detector import NO_CALIBRATION, FaultDetector, FaultParams
-from edge.faults.detector import PARAMS as FAULTS
+from edge.faults.detector import NO_CALIBRATION, FaultDetector
 from edge.faults.registry import FaultRegistry
 from edge.frame import Pipeline
+from edge.params import PARAMS as RUNTIME
 from edge.rest.request import Prepared, TareRequest, TareState
 from edge.rest.tare import PARAMS, RestFrame, TareParams, TareRefused, take_rest_frame
 from edge.runtime.process import give_back_memory
@@ -45,14 +43,14 @@ class LoopConfig:
     several  whether contacts of one frame are fitted together
     tare    how the rest frame is taken and checked
     drift   how slow drift is learnt
-    limits  beyond which a fault is raised
+    load_pitches  motion of a pin beyond which it counts as overloaded
     """
 
     demand: frozenset[Feature] = frozenset(Feature) - {Feature.SURFACE}
     several: bool = True
     tare: TareParams = PARAMS
     drift: DriftParams = DRIFT
-    limits: FaultParams = FAULTS
+    load_pitches: float = RUNTIME.load_pitches
 
 
 class Measurement:
@@ -117,11 +115,6 @@ class Measurement:
         if self.pipeline is not None:
             self.pipeline.demand = self.demand | self._shown
 
-    def forget_drift(self) -> None:
-        """Measure from the rest frame as it was taken, until drift is learnt again."""
-        if self.drift is not None:
-            self.drift.forget()
-
     # ---- frames -------------------------------------------------------------------------------------
 
     def measure(self, frame: Frame) -> Result | None:
@@ -151,7 +144,7 @@ class Measurement:
         self._counters.counts.failed_n += 1
         self._detector.failed(str(error))
         if self.tare.frames is not None:
-            self.tare.restart()
+            self.tare.frames = []
         if self.pipeline is not None:
             self.pipeline.forget()
 
@@ -163,7 +156,7 @@ class Measurement:
         if self.tare.busy or self.tare.request is not None:
             self._tare(frame)
         if self.pipeline is None:
-            self._detector.judge(frame, None)
+            self._detector.judge_image(frame)
             return None
         if self._detector.after_gap:
             self.pipeline.forget()
@@ -182,15 +175,26 @@ class Measurement:
 
     def _tare(self, frame: Frame) -> None:
         """Collect this image for a requested rest frame, and use one that is ready."""
-        tare = self.tare
-        frames = tare.collect(frame, usable=not self._detector.frozen)
+        frames = self.tare.collect(frame, usable=not self._detector.frozen)
         if frames is not None:
-            request = tare.request or TareRequest(0)
-            tare.start(lambda: self._job(frames, request))
-        if not tare.checked:
-            return
+            self._check_rest(frames)
+        if self.tare.checked:
+            self._end_tare()
+
+    def _check_rest(self, frames: Sequence[Frame]) -> None:
+        request = self.tare.request or TareRequest(0)
+
+        def job() -> Prepared:
+            try:
+                return self._prepare(frames, request)
+            finally:
+                give_back_memory()
+
+        self.tare.start(job)
+
+    def _end_tare(self) -> None:
         try:
-            prepared = tare.result()
+            prepared = self.tare.result()
         except TareRefused as error:
             self._refuse_tare(error)
         except (OSError, OutputError) as error:
@@ -202,13 +206,6 @@ class Measurement:
             self._refuse_tare(TareRefused(RestFrameReason.OTHER, str(error)))
         else:
             self._accept_tare(prepared)
-
-    def _job(self, frames: Sequence[Frame], request: TareRequest) -> Prepared:
-        """`_prepare`, and what it has taken meanwhile is given back."""
-        try:
-            return self._prepare(frames, request)
-        finally:
-            give_back_memory()
 
     def _prepare(self, frames: Sequence[Frame], request: TareRequest) -> Prepared:
         """Take and check the rest frame, make its stages, and store the calibration that comes with it.
@@ -280,7 +277,7 @@ class Measurement:
             self._faults.report(FaultCode.CALIBRATION_FOREIGN, True, str(error))  # until one is accepted
         self.tare.finish(RestFrameState.REFUSED, error.reason, str(error))
         if self.pipeline is None:
-            self.tare.restart()
+            self.tare.frames = []
 
     def no_images(self) -> None:
         """The camera has given none for long: refuse a requested rest frame."""
@@ -292,8 +289,5 @@ class Measurement:
         """A recording shorter than the tare: use all its images. Raises SourceError, CalibrationError."""
         frames = self.tare.frames
         if self.pipeline is None and frames is not None and not self._source.live:
-            self.tare.start(lambda: self._prepare(frames, TareRequest(0)))
-            try:
-                self._accept_tare(self.tare.result())
-            except TareRefused as error:
-                self._refuse_tare(error)
+            self._check_rest(frames)
+            self._end_tare()
