@@ -207,9 +207,8 @@ def picture(
     canvas[:height, :width] = draw_touch(view, polygons, tracks, features)
     canvas[:height, width + gap :] = draw_camera(view, frame.image, frame.bits, tracks)
     _legend(canvas[height:, :width], view)
-    words = (*_about(frame, tracks, features), caption)
     size = 0.17 * foot
-    for line, text in enumerate(words):
+    for line, text in enumerate((*_about(frame, tracks, features), caption)):
         at = (width + gap + 0.02 * width, height + (0.30 + 0.29 * line) * foot)
         _text(canvas, at, text, size, view.palette.ink)
     return canvas
