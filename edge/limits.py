@@ -165,7 +165,7 @@ _LIMITS = {"from": "ge", "from above": "gt", "to": "le", "to below": "lt"}
 _COMPARED = {">=": "at least", ">": "more than", "<=": "at most", "<": "less than", None: "exactly"}
 _PATH = re.compile(r" - at `\$\.?(?P<path>.*)`$", re.DOTALL)
 _LENGTH = re.compile(r"Expected `(?P<kind>\w+)` of length (?P<op>[<>]=?)? ?(?P<n>\d+)")
-_RANGE = re.compile(r"Expected `\w+` (?P<op>[<>]=?) (?P<limit>\S+)")
+_RANGE = re.compile(r"Expected `\w+` [<>]=? ")
 _KIND = re.compile(r"Expected `(?P<wanted>[^`]*)`, got `(?P<found>[^`]*)`")
 _FIELD = re.compile(r"Object (?P<what>missing required|contains unknown) field `(?P<name>.*)`", re.DOTALL)
 _VALUE = re.compile(r"Invalid (?:enum )?value (?P<value>.*)", re.DOTALL)
@@ -185,14 +185,13 @@ def explain(message: str, kind: Any, content: Any = None) -> str:
     kinds = [inspect.type_info(kind)]
     for step in steps:
         kinds = [below for one in kinds for below in _below(one, step)]
-    wanted = {_wanted(one) for one in kinds}
-    if len(wanted) == 1 and (wrong := _KIND.match(message) or _RANGE.match(message)):
+    if wrong := _KIND.match(message) or _RANGE.match(message):
         is_found = f", is {_named(wrong['found'])}" if "found" in wrong.groupdict() else ""
         if content is not None and "..." not in steps:
             for step in steps:
                 content = content[int(step) if isinstance(content, list) else step]
             is_found = f", is {_shown(content)}"
-        what = f"must be {wanted.pop()}{is_found}"
+        what = f"must be {' or '.join(dict.fromkeys(map(_wanted, kinds)))}{is_found}"
     elif what.startswith("unknown") and len(kinds) == 1 and (known := _known(kinds[0])):
         what += f"; known: {', '.join(known)}"
     return f"{place}: {what}" if place else what
@@ -251,10 +250,6 @@ def _what(message: str) -> str:
     if m := _LENGTH.match(message):
         unit = "character" if m["kind"] == "str" else "item"
         return f"must have {_COMPARED[m['op']]} {m['n']} {unit}{'s' * (m['n'] != '1')}"
-    if m := _RANGE.match(message):
-        return f"must be {_COMPARED[m['op']]} {float(m['limit']):g}"
-    if m := _KIND.match(message):
-        return f"must be {_named(m['wanted'])}, is {_named(m['found'])}"
     if m := _FIELD.match(message):
         if m["what"] == "missing required":
             return f"lacks {m['name']}"

@@ -37,7 +37,8 @@ def sample_levels(image: Image, step: int, top: int) -> tuple[int, int, int]:
         raise ValueError(f"a step of {step}: 1 or more is wanted")
     if image.itemsize == 1:
         return _sum_bytes(image, step, top)
-    return _sum_levels(np.array(image[::step, ::step], np.int32, order="C"), top)
+    samples = image[::step, ::step]
+    return int(samples.sum()), int(np.count_nonzero(samples >= top)), samples.size
 
 
 @cython.cfunc
@@ -57,17 +58,6 @@ def _sum_bytes(
             total += level
             full += level >= top
     return total, full, rows * columns
-
-
-@cython.cfunc
-def _sum_levels(samples: cython.int[:, ::1], top: cython.long) -> tuple[int, int, int]:
-    total: cython.longlong = 0
-    full: cython.Py_ssize_t = 0
-    for y in range(samples.shape[0]):
-        for x in range(samples.shape[1]):
-            total += samples[y, x]
-            full += samples[y, x] >= top
-    return total, full, samples.shape[0] * samples.shape[1]
 
 
 @cython.cclass

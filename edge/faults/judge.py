@@ -59,13 +59,13 @@ class Check:
     code: FaultCode
     measure: str  # name of the answer or the number, a field of `Facts`
     reason: str  # for the log; a format of the fields of `Facts`
-    raise_at: float = 1.0
+    raise_at: float = 1
     unit: str = ""  # of the number and of the limit
     below: bool = False  # the fault is below the limit
 
     def limit(self, holds: bool) -> float:
         """What the number has to reach for the fault to appear, or to go on."""
-        away = PARAMS.hysteresis_rel * self.raise_at if holds else 0.0
+        away = PARAMS.hysteresis_rel * self.raise_at if holds else 0
         return self.raise_at + (away if self.below else -away)
 
 

@@ -44,16 +44,8 @@ class TareRequest:
     done: Future[TareOutcome] = field(default_factory=Future)  # gets the outcome
 
 
-@dataclass(frozen=True, slots=True)
-class Prepared:
-    """Result of a job: a rest frame, and the stages that measure against it.
-
-    frame  the last image that it was made from
-    """
-
-    rest_frame: RestFrame
-    pipeline: Pipeline
-    frame: Frame
+#: Result of a job: a rest frame, the stages that measure against it, the last image that it was made from.
+Prepared = tuple[RestFrame, Pipeline, Frame]
 
 
 class TareState:

@@ -113,7 +113,8 @@ def take_rest_frame(
         check(_changed(reference, rest))
     else:
         check(_begins(rest, first, last))
-        check(_lopsided(rest))
+        if (symmetry := symmetry_of(rest)).in_contact:
+            check(TareRefused(Reason.TOUCHED, f"something touches the tip ({symmetry.message})", LET_GO))
     if not problems:
         return RestFrame(rest)
     return RestFrame(rest, problems[0].reason, "; ".join(problem.problem for problem in problems))
@@ -154,14 +155,6 @@ def _begins(rest: Rest, first: Pins, last: Pins) -> TareRefused | None:
     sigma = np.where(seen, last.sigma_px, np.nan)
     if _touch_sigmas(before, Tracks.of(xy, sigma, seen)):
         return TareRefused(Reason.UNSTEADY, "a touch began or ended while the rest frame was taken", LET_GO)
-    return None
-
-
-def _lopsided(rest: Rest) -> TareRefused | None:
-    """Whether the cells are as no untouched tip's are."""
-    symmetry = symmetry_of(rest)
-    if symmetry.in_contact:
-        return TareRefused(Reason.TOUCHED, f"something touches the tip ({symmetry.message})", LET_GO)
     return None
 
 

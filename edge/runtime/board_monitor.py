@@ -11,7 +11,6 @@ from contextlib import suppress
 from math import isnan, nan
 from pathlib import Path
 
-from edge.faults.judge import Check
 from edge.faults.registry import FaultRegistry
 from edge.limits import FILE_BYTES
 from edge.params import PARAMS as RUNTIME
@@ -78,7 +77,7 @@ class BoardMonitor:
         self.storage = list(storage)
         self.checks: list[Callable[[], None]] = []
         self._period_s = period_s
-        self._temperature = Check(FaultCode.OVER_TEMPERATURE, "degc", "{degc:.0f} degC", hot_degc, "degC")
+        self._hot_degc = hot_degc
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="board monitor", daemon=True)
         self.temperature_degc = nan
@@ -89,8 +88,9 @@ class BoardMonitor:
 
     def check(self) -> None:
         self.temperature_degc = self._thermometer()
-        hot = self.temperature_degc >= self._temperature.limit(self._registry.holds(self._temperature.code))
-        self._registry.report(self._temperature.code, hot, f"{self.temperature_degc:.0f} degC")
+        away = RUNTIME.hysteresis_rel if self._registry.holds(FaultCode.OVER_TEMPERATURE) else 0.0
+        hot = self.temperature_degc >= (1.0 - away) * self._hot_degc
+        self._registry.report(FaultCode.OVER_TEMPERATURE, hot, f"{self.temperature_degc:.0f} degC")
         problems = "; ".join(filter(None, (problem() for problem in self.storage)))
         self._registry.report(FaultCode.DISK_FULL, bool(problems), problems)
         for check in self.checks:

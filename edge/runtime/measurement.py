@@ -37,20 +37,13 @@ class _SizeChanged(EdgeError):
 
 @dataclass(frozen=True, slots=True)
 class LoopConfig:
-    """What is computed, and limits; `edge.config` is the user's side of it.
+    """What is computed, and limits; `edge.config` is the user's side of it."""
 
-    demand  features that are computed
-    several  whether contacts of one frame are fitted together
-    tare    how the rest frame is taken and checked
-    drift   how slow drift is learnt
-    load_pitches  motion of a pin beyond which it counts as overloaded
-    """
-
-    demand: frozenset[Feature] = frozenset(Feature) - {Feature.SURFACE}
-    several: bool = True
+    demand: frozenset[Feature] = frozenset(Feature) - {Feature.SURFACE}  # features that are computed
+    several: bool = True  # whether contacts of one frame are fitted together
     tare: TareParams = PARAMS
     drift: DriftParams = DRIFT
-    load_pitches: float = RUNTIME.load_pitches
+    load_pitches: float = RUNTIME.load_pitches  # motion of a pin beyond which it counts as overloaded
 
 
 class Measurement:
@@ -101,17 +94,12 @@ class Measurement:
 
     # ---- settings -----------------------------------------------------------------------------------
 
-    def set_demand(self, demand: frozenset[Feature]) -> None:
-        """Compute these features from the next frame on."""
-        self.demand = demand
-        self._set_demand()
-
-    def set_shown(self, features: frozenset[Feature]) -> None:
-        """Compute these features too, for viewers."""
-        self._shown = features
-        self._set_demand()
-
-    def _set_demand(self) -> None:
+    def set_demand(
+        self, demand: frozenset[Feature] | None = None, shown: frozenset[Feature] | None = None
+    ) -> None:
+        """Compute these features from the next frame on, and those that viewers see; None: as before."""
+        self.demand = self.demand if demand is None else demand
+        self._shown = self._shown if shown is None else shown
         if self.pipeline is not None:
             self.pipeline.demand = self.demand | self._shown
 
@@ -169,7 +157,7 @@ class Measurement:
         """Measure against this rest frame, taken from `frame`, instead of one from the first images."""
         self.tare.frames = None
         pipeline = Pipeline(rest, self.calibration, several=self._config.several)
-        self._accept_tare(Prepared(RestFrame(rest), pipeline, frame))
+        self._accept_tare(RestFrame(rest), pipeline, frame)
 
     # ---- tare ---------------------------------------------------------------------------------------
 
@@ -205,7 +193,7 @@ class Measurement:
             log.exception("a rest frame could not be taken")
             self._refuse_tare(TareRefused(RestFrameReason.OTHER, str(error)))
         else:
-            self._accept_tare(prepared)
+            self._accept_tare(*prepared)
 
     def _prepare(self, frames: Sequence[Frame], request: TareRequest) -> Prepared:
         """Take and check the rest frame, make its stages, and store the calibration that comes with it.
@@ -225,7 +213,7 @@ class Measurement:
             pipeline.prepare(self.demand)
         if request.store is not None:
             request.store()
-        return Prepared(rest_frame, pipeline, frames[-1])
+        return rest_frame, pipeline, frames[-1]
 
     def _take_rest_frame(
         self, frames: Sequence[Frame], calibration: Calibration | None, force: bool = False
@@ -249,15 +237,14 @@ class Measurement:
             return calibration, rest_frame
         raise error
 
-    def _accept_tare(self, prepared: Prepared) -> None:
+    def _accept_tare(self, found: RestFrame, pipeline: Pipeline, frame: Frame) -> None:
         """Use this rest frame and its calibration from now on."""
-        found, self.pipeline = prepared.rest_frame, prepared.pipeline
-        self.calibration = self.pipeline.calibration
-        self._set_demand()
-        self.pipeline.drift = Drift(found.rest, self._config.drift)
+        self.pipeline, self.calibration = pipeline, pipeline.calibration
+        self.set_demand()
+        pipeline.drift = Drift(found.rest, self._config.drift)
         self._shape = found.rest.pattern.size_px[::-1]
         self.tares_n += 1
-        self._detector.learn(found.rest, prepared.frame, self.calibration is not None)
+        self._detector.learn(found.rest, frame, self.calibration is not None)
         if found.reason is RestFrameReason.NONE:
             self._reference = found.rest
             state = RestFrameState.ACCEPTED

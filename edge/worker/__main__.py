@@ -11,8 +11,7 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import asdict
+from collections.abc import Mapping
 from datetime import datetime
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -22,17 +21,15 @@ from edge.runtime.process import limit_resources
 
 limit_resources()
 
-from edge.errors import EdgeError  # noqa: E402  (after the number of library threads is set)
+from edge.errors import EdgeError, InputError  # noqa: E402  (after the number of library threads is set)
 from edge.recording.topics import TOPICS  # noqa: E402
 from edge.recording.writer import Recorder  # noqa: E402
 from edge.runtime.process import run_and_exit  # noqa: E402
-from edge.types import Frame, Result  # noqa: E402
-from edge.worker.messages import RecordingReport, WorkerConfig  # noqa: E402
+from edge.worker.messages import WorkerConfig  # noqa: E402
 from edge.worker.params import PARAMS  # noqa: E402
 from edge.worker.shared_memory import Inbox  # noqa: E402
 from hostlink.interrupt import ENDING  # noqa: E402
-from hostlink.web import CommandRefused  # noqa: E402
-from hostlink.wire import State  # noqa: E402
+from hostlink.web import CommandRefused, WebError  # noqa: E402
 
 log = logging.getLogger("edge.worker")
 
@@ -53,7 +50,7 @@ class Worker:
         self._taring = threading.Lock()
         self._switching = threading.Lock()  # one worker thread at a time starts or stops a recording
         self._drained = threading.Event()
-        self._reported = RecordingReport()
+        self._reported: tuple[int, str | None] = (0, None)
         self._due_s = 0.0
         if config.record is not None:
             self._recording = self._recorder(config.record, config.overwrite)
@@ -65,52 +62,33 @@ class Worker:
             self._page = LivePage(config.listen, source, self._serial, commands, self._on_wants)
 
     def start(self) -> None:
-        """Serve the page, and tell the loop at which port. Raises EdgeError."""
+        """Serve the page, and tell the loop at which port. Raises WebError."""
         with self._sending:  # what viewers want comes after it
             if self._page is not None:
-                self._page.start()
+                self._page.server.start()
             self._control.send(self._page.server.port if self._page is not None else 0)
 
     def run(self, inbox: Inbox) -> None:
         """Run until the loop's process closes the channel, or dies."""
-        table: dict[str, Callable[..., None]] = {
-            "take": self._take,
-            "event": self._event,
-            "attach": self._attach,
-            "stopped": self._drained.set,
-        }
-        if self._page is not None:
-            table["show"] = self._page.show
         while (message := inbox.get()) is not None:
             name, *arguments = message
-            table[name](*arguments)
+            if name == "stopped":
+                self._drained.set()
+            elif name == "show":
+                self._page.show(*arguments)
+            elif self._recording is not None:
+                getattr(self._recording, name)(*arguments)
             now_s = time.monotonic()
             if now_s >= self._due_s:
                 self._due_s = now_s + PARAMS.report_s
                 self._report()
         if self._page is not None:
-            self._page.close()
+            self._page.server.close()
         self._drained.set()
         with self._switching:
             if self._recording is not None:
                 self._recording.close()
                 self._report()
-
-    # ---- from the loop ------------------------------------------------------------------------------
-
-    def _take(self, frame: Frame, result: Result | None, state: State, lost_n: int) -> None:
-        """Record one turn of the loop; `lost_n` turns before it were lost: the memory was full."""
-        if self._recording is not None:
-            self._recording.count_lost(lost_n)
-            self._recording.take(frame, result, state)
-
-    def _event(self, level: str, text: str) -> None:
-        if self._recording is not None:
-            self._recording.event(level, text)
-
-    def _attach(self, name: str, data: bytes) -> None:
-        if self._recording is not None:
-            self._recording.attach(name, bytes(data))
 
     # ---- to the loop --------------------------------------------------------------------------------
 
@@ -125,11 +103,14 @@ class Worker:
         """Report the state of the recording, if it has changed."""
         recording, shown = self._recording, None
         if recording is not None:
-            report = RecordingReport(_frames_n(recording), recording.dropped_n, recording.fault)
-            shown = {"file": recording.path.name, **asdict(report)}
-            if report != self._reported:
-                self._reported = report
-                self._send("recorded", report)
+            dropped_n, fault = now = recording.dropped_n, recording.fault
+            frames_n = _frames_n(recording)
+            shown = {
+                "file": recording.path.name, "frames_n": frames_n, "dropped_n": dropped_n, "fault": fault
+            }  # fmt: skip
+            if now != self._reported:
+                self._reported = now
+                self._send("recorded", dropped_n, fault)
         if self._page is not None:
             self._page.recording = shown
 
@@ -219,8 +200,8 @@ def main() -> None:
         try:
             worker = Worker(connection, *about)
             worker.start()
-        except EdgeError as error:
-            connection.send(error)
+        except (EdgeError, WebError) as error:
+            connection.send(error if isinstance(error, EdgeError) else InputError(str(error)))
         else:
             worker.run(inbox)
 

@@ -21,7 +21,7 @@ from edge.errors import InputError, RequestRefused
 from edge.runtime.loop import Loop
 from edge.types import Feature
 from edge.worker.feeds import RecordingFeed, ViewFeed
-from edge.worker.messages import RecordingReport, WorkerConfig
+from edge.worker.messages import WorkerConfig
 from edge.worker.params import PARAMS
 from edge.worker.shared_memory import Outbox
 from hostlink.web import Listen
@@ -163,7 +163,7 @@ class WorkerClient:
         table: dict[str, Callable[..., None]] = {
             "want": self._on_wants,
             "record": self._on_record,
-            "recorded": self._on_report,
+            "recorded": self.recording.on_report,
             "tare": tare,
         }
         with control:
@@ -171,9 +171,6 @@ class WorkerClient:
                 table[name](*arguments)
         if not self._closing:
             self._on_worker_exit()
-
-    def _on_report(self, report: RecordingReport) -> None:
-        self.recording.report = report
 
     def _on_record(self, wanted: bool) -> None:
         self._loop.post(self._start_recording if wanted else self._stop_recording)
@@ -189,7 +186,7 @@ class WorkerClient:
 
         def change() -> None:
             self.view.set_watched(wants is not None)
-            self._loop.measurement.set_shown(shown)
+            self._loop.measurement.set_demand(shown=shown)
 
         self._loop.post(change)
 
@@ -208,7 +205,7 @@ class WorkerClient:
         assert self.process is not None
         code = self.process.wait()
         log.error("the process for viewers and recordings ended (%s)", code)
-        self.recording.failure = f"its process ended ({code})"
+        self.recording.fault = f"its process ended ({code})"
         self._on_wants(None)
         self._close_channel()
         if self._listen is None or time.monotonic() - self._started_s < PARAMS.lived_s or self._closing:

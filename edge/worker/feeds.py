@@ -8,7 +8,7 @@ from math import nan
 from edge.runtime.loop import Loop
 from edge.types import Features, Frame, Rest, Result
 from edge.view.scene import CHARTED
-from edge.worker.messages import RecordingReport, Show
+from edge.worker.messages import Show
 from edge.worker.params import PARAMS
 from hostlink.web.limits import WebLimits
 from hostlink.wire import FAULTS, State
@@ -108,7 +108,8 @@ class RecordingFeed:
     """Sends each turn of the loop to the recorder, and keeps its state.
 
     put     sends a message to the worker; False: the memory is full
-    report  the worker's last report on the recording
+    fault   why nothing is recorded any more
+    lost_n  turns that the worker was too slow for, and has not been told of
     """
 
     def __init__(self, put: Callable[..., bool]) -> None:
@@ -116,23 +117,22 @@ class RecordingFeed:
         self.begin()
 
     def begin(self) -> None:
-        self.report = RecordingReport()
-        self.failure: str | None = None  # the worker itself has failed
-        self.lost_n = 0  # turns that the worker was too slow for, and has not been told of
+        self.lost_n = self._dropped_n = 0
+        self.fault: str | None = None
 
     def take(self, frame: Frame, result: Result | None, state: State) -> None:
-        sent = self._put("take", frame, result, state, self.lost_n)
-        self.lost_n = 0 if sent else self.lost_n + 1
+        if self.lost_n and self._put("count_lost", self.lost_n):
+            self.lost_n = 0
+        self.lost_n += not self._put("take", frame, result, state)
 
     def event(self, level: str, text: str) -> None:
         """Record a line of the log; from any thread."""
         self._put("event", level, text)
 
-    @property
-    def fault(self) -> str | None:
-        return self.failure or self.report.fault
+    def on_report(self, dropped_n: int, fault: str | None) -> None:
+        self._dropped_n, self.fault = dropped_n, fault
 
     @property
     def dropped_n(self) -> int:
         """Messages that the disk or the worker was too slow for."""
-        return self.report.dropped_n + self.lost_n
+        return self._dropped_n + self.lost_n

@@ -1,7 +1,7 @@
 """What the two processes tell each other, beside pins and images as the loop knows them.
 
-A message is a tuple: the name of what the receiver does, then its arguments. `Worker` and `WorkerClient` each
-have a table of these names.
+A message is a tuple: the name of what the receiver does, then its arguments. To the worker: "show",
+"stopped", and what a `Recorder` does by the same name. To the loop: what `WorkerClient` has in a table.
 """
 
 from collections.abc import Mapping
@@ -41,12 +41,3 @@ class Show:
     state: State | None
     rest: Rest | None  # the rest frame; None: as before
     about: dict[str, Any]  # data that do not come from a frame
-
-
-@dataclass(frozen=True, slots=True)
-class RecordingReport:
-    """The recording: images written, messages lost, why it ended."""
-
-    frames_n: int = 0
-    dropped_n: int = 0
-    fault: str | None = None

@@ -23,7 +23,7 @@ from mcap.reader import make_reader
 from edge.recording.reader import RecordingSource, read_messages
 from edge.sources import open_source
 from edge.worker.client import WorkerClient
-from edge.worker.messages import RecordingReport, WorkerConfig
+from edge.worker.messages import WorkerConfig
 from edge.worker.params import WorkerParams
 from edge.worker.shared_memory import Inbox, Outbox
 from hostlink.interrupt import ENDING
@@ -213,7 +213,7 @@ def test_a_tare_that_a_viewer_waits_for_keeps_nobody_else_waiting(data_dir: Path
     thread = threading.Thread(target=client._receive_loop, args=(ours,))
     thread.start()
     theirs.send(("tare", False))
-    theirs.send(("recorded", RecordingReport(fault="no space left")))
+    theirs.send(("recorded", 0, "no space left"))
     until(lambda: client.recording.fault == "no space left", "the report")
     until(lambda: finger.loop.measurement.tare.request is not None, "the request")
     assert not theirs.poll()
