@@ -5,8 +5,6 @@ Only the standard library is imported here: the program reads it before it limit
 
 from dataclasses import dataclass
 
-__all__ = ["ASTRAY_REL", "PARAMS", "RuntimeParams"]
-
 #: Share of the pins that may be missing, or beyond a limit, for reasons of their own.
 ASTRAY_REL = 0.05
 

@@ -51,21 +51,22 @@ class Facts:
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One row: the fault appears when the number reaches `raise_at`, and clears when it is away from it by
-    the share of `raise_at` that all checks have in common. An answer is 1 or 0, for yes or no. Rows of the
-    same fault are alternatives: it holds while one of them does. NaN reaches no limit.
+    """One row: the fault holds while the answer is yes; or it appears when the number reaches `raise_at`, and
+    clears when it is away from it by the share of `raise_at` that all checks have in common. Rows of the same
+    fault are alternatives: it holds while one of them does. NaN reaches no limit.
     """
 
     code: FaultCode
     measure: str  # name of the answer or the number, a field of `Facts`
     reason: str  # for the log; a format of the fields of `Facts`
-    raise_at: float = 1
+    raise_at: float | None = None  # None: an answer, yes or no
     unit: str = ""  # of the number and of the limit
     below: bool = False  # the fault is below the limit
 
     def limit(self, holds: bool) -> float:
         """What the number has to reach for the fault to appear, or to go on."""
-        away = PARAMS.hysteresis_rel * self.raise_at if holds else 0
+        assert self.raise_at is not None
+        away = PARAMS.hysteresis_rel * self.raise_at if holds else 0.0
         return self.raise_at + (away if self.below else -away)
 
 
@@ -74,7 +75,9 @@ class Judge:
 
     def __init__(self, checks: Sequence[Check], registry: FaultRegistry) -> None:
         self._registry = registry
-        self._checks = sorted(checks, key=lambda check: not check.below)
+        rows = sorted(checks, key=lambda check: not check.below)
+        self._limited = [check for check in rows if check.raise_at is not None]
+        self._checks = [*self._limited, *(check for check in rows if check.raise_at is None)]
         self._below_n = sum(check.below for check in checks)
         self._measured = attrgetter(*[check.measure for check in self._checks])
         self._codes = list(dict.fromkeys(check.code for check in checks))
@@ -105,10 +108,10 @@ class Judge:
     def _compare(self, facts: Facts) -> list[bool]:
         changes_n, (limits_n, limits) = self._registry.changes_n, self._limits
         if changes_n != limits_n:
-            limits = [check.limit(self._registry.holds(check.code)) for check in self._checks]
+            limits = [check.limit(self._registry.holds(check.code)) for check in self._limited]
             self._limits = changes_n, limits
-        values, n = self._measured(facts), self._below_n
-        return [*map(le, values[:n], limits), *map(ge, values[n:], limits[n:])]
+        values, n, m = self._measured(facts), self._below_n, len(limits)
+        return [*map(le, values[:n], limits), *map(ge, values[n:m], limits[n:]), *values[m:]]
 
     def _first(self, reached: Sequence[bool]) -> dict[FaultCode, Check]:
         """Each fault whose limit is reached, with the first row that says so."""

@@ -26,8 +26,6 @@ from edge.types import Feature, Frame, FrameSource, Rest, Result
 from hostlink.output_file import OutputError
 from hostlink.wire import FaultCode, RestFrameReason, RestFrameState
 
-__all__ = ["LoopConfig", "Measurement"]
-
 log = logging.getLogger(__name__)
 
 

@@ -125,7 +125,7 @@ class Worker:
         try:
             self._send("tare", bool(fields.get("force")))
             refused = self._control.recv()  # nothing else comes this way
-        except EOFError:
+        except (EOFError, OSError):
             refused = "the program ends"
         finally:
             self._taring.release()

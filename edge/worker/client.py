@@ -218,7 +218,7 @@ class WorkerClient:
 
 def _messages(control: Connection) -> Iterator[Any]:
     """What the worker sends, until its end."""
-    with suppress(EOFError, ConnectionResetError):
+    with suppress(EOFError, OSError):
         while True:
             yield control.recv()
 
