@@ -1,8 +1,8 @@
 """Messages with large arrays from one process to another, without ever waiting.
 
-A message is pickled, its arrays out of band (protocol 5). The arrays are copied once, into a ring of memory
-that the two processes share; a packet on a socket holds the rest. How far the reader is stands before the
-ring.
+A message is pickled, its arrays out of band (protocol 5). Both are copied once, into a ring of memory that
+the two processes share; a packet on a socket, which holds few bytes, says where. How far the reader is
+stands before the ring.
 
 The memory has no name (memfd): nothing is left behind when a process dies. Pickle is safe here: the socket
 pair is inherited, no other process can write to it.
@@ -20,7 +20,7 @@ ALIGN = 64  # a cache line
 class Outbox:
     """The sending end.
 
-    size_bytes  of the memory for arrays
+    size_bytes  of the memory
     Raises      OSError: no memory, or a limit on the size of files, which holds for shared memory, too
     """
 
@@ -41,7 +41,7 @@ class Outbox:
         """Send, from one thread at a time; False: the memory is full, or the other side has closed."""
         arrays: list[pickle.PickleBuffer] = []
         text = pickle.dumps(message, protocol=5, buffer_callback=arrays.append)
-        parts = [array.raw() for array in arrays]
+        parts = [memoryview(text), *(array.raw() for array in arrays)]
         need, size = sum(_aligned(part.nbytes) for part in parts), len(self._ring)
         begin = self._written_n
         if begin % size + need > size:  # what a message has does not wrap
@@ -54,8 +54,8 @@ class Outbox:
             self._ring[at : at + part.nbytes] = part
             at += _aligned(part.nbytes)
         try:
-            self._socket.send(pickle.dumps((text, begin, [part.nbytes for part in parts])))
-        except OSError:  # full, larger than a packet can be, or closed at the other end
+            self._socket.send(pickle.dumps((begin, [part.nbytes for part in parts])))
+        except OSError:  # full, or closed at the other end
             return False
         self._written_n = begin + need
         return True
@@ -83,13 +83,13 @@ class Inbox:
         packet = self._socket.recv(self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF))
         if not packet:
             return None
-        text, begin, lengths = pickle.loads(packet)
-        at, arrays = begin % len(self._ring), []
+        begin, lengths = pickle.loads(packet)
+        at, parts = begin % len(self._ring), []
         for length in lengths:
-            arrays.append(bytearray(self._ring[at : at + length]))
+            parts.append(bytearray(self._ring[at : at + length]))
             at += _aligned(length)
         self._read_n[0] = begin + sum(map(_aligned, lengths))
-        return pickle.loads(text, buffers=arrays)
+        return pickle.loads(parts[0], buffers=parts[1:])
 
 
 def _mapped(fd: int) -> tuple[memoryview, memoryview]:
