@@ -9,7 +9,7 @@ AT_MOST = {
     "calibration": 4,
     "cells": 2,
     "cli": 1,
-    "edge": 6,
+    "edge": 5,
     "faults": 4,
     "features": 21,
     "geometry": 7,
@@ -17,12 +17,11 @@ AT_MOST = {
     "pins": 27,
     "recording": 2,
     "rest": 3,
-    "runtime": 1,
-    "shared": 13,
+    "shared": 11,
     "sources": 7,
     "tracking": 22,
     "view": 5,
-    "worker": 5,
+    "worker": 4,
 }
 WORDS_MAX = 3000
 

@@ -97,7 +97,7 @@ class Meter:
         return SinkCounters(sent=self.n)
 
     def send(self, state: State) -> bool:
-        if self._loop.last is None:  # no rest frame yet
+        if self._loop.measurement.last is None:  # no rest frame yet
             self.cpu_s, self.since_s = time.process_time(), time.monotonic()
             self.first_s = self.first_s or self.since_s
             self.tare_dropped_n = self._loop.source.dropped_n
@@ -214,7 +214,7 @@ def main(options: dict[str, Any]) -> dict[str, Any]:
     shown = Images(images, options["rest_n"], rate_hz, n)
     source = Paced(shown, rate_hz)
     loop = Loop(source, [], Calibration.load(options["calibration"]))
-    shown.tared = lambda: loop.last is not None
+    shown.tared = lambda: loop.measurement.last is not None
     node, listener = on_a_bus(loop, options.get("node", 1))
     meter = Meter(n, loop)
     loop.sinks += [node, meter]

@@ -445,7 +445,6 @@ class Soak:
     def check_page(self, attack: HostileViewers) -> None:
         """After the attack: one honest viewer, and the cost of the hostile ones."""
         self.outcome.counts.update({f"attacks on the page: {name}": n for name, n in attack.counts.items()})
-        self.outcome.counts["viewers cut off"] = self.page.page.cut_off_n
         self.outcome.counts["page's process, MB at most"] = round(self.page_mb)
         if self.page_mb > PAGE_MB:
             self.outcome.fail(f"the page's process grew to {self.page_mb:.0f} MB")

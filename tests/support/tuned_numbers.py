@@ -91,9 +91,6 @@ NOT_TUNED: dict[str, frozenset[str]] = {
         "edge/pins/templates.py:LANES", "edge/pins/templates.py:BLOCK",
         "edge/worker/shared_memory.py:ALIGN",
     }),
-    "names of glibc's settings": frozenset({
-        "edge/runtime/process.py:_MMAP_THRESHOLD", "edge/runtime/process.py:_TRIM_THRESHOLD",
-    }),
     "figures of a maker": frozenset({"edge/runtime/board_monitor.py:HOT_DEGC"}),
     "colours": frozenset({
         "edge/view/palette.py:PAPER", "edge/view/palette.py:SAFE", "edge/view/panels.py:_CROSS",
