@@ -124,6 +124,7 @@ class Mesh:
     stacked: cython.uchar[::1]  # whether it is on the stack
     stack: cython.int[::1]  # half-edges to check
     parts: cython.double[:, ::1]  # of each triangle, as `measure` writes them
+    attached: cython.bint
     # Of `attach`.
     rest: cython.const[cython.double][:, ::1]
     rim: cython.const[cython.int][::1]
@@ -152,7 +153,7 @@ class Mesh:
         self.n_triangles = self.n_stack = self.n_shared = 0
         self.flips = self.builds = self.changes = 0
         self.marked, self.reached = -1, False
-        self.has_bounds = False
+        self.has_bounds = self.attached = False
         self.x, self.y = np.zeros((2, n_all))
         self.area = np.zeros(n_all)
         self.bound = np.zeros(n_pins)
@@ -204,18 +205,17 @@ class Mesh:
         Raises  ValueError: sizes that do not fit, a rim pin that does not exist
         """
         n, r, around = self.n_points, len(rim), self.n_points - self.n_pins
-        fit, terms, weight = motion
-        sizes = (rest.shape, fit.shape, terms.shape, weight.shape, points.shape)
-        wanted = ((n, 2), (3, r), (r + around, 3), (around, r), (n, 2))
+        fit, terms, weight = (np.ascontiguousarray(part, np.float64) for part in motion)
+        sizes = (rest.shape, fit.shape, terms.shape, weight.shape, points.shape, areas.shape)
+        wanted = ((n, 2), (3, r), (r + around, 3), (around, r), (n, 2), (self.n_pins,))
         if sizes != wanted or not (r and rim.min() >= 0 and rim.max() < self.n_pins):
-            raise ValueError(
-                f"{wanted} are wanted, not {sizes}, and 1 or more pins of 0 to {self.n_pins - 1}"
-            )
-        self.rest, self.rim, self.fit, self.terms = rest, rim, fit, terms
-        rows = np.tile(np.arange(r, dtype=np.int32), (around, 1))
-        self.start, self.near, self.weight = weighted_rows(rows, weight)
-        self.residual = np.zeros(2 * r)
+            raise ValueError(f"{wanted} and 1 or more of {self.n_pins} pins are wanted, not {sizes}")
         self.points, self.areas = points, areas
+        rows = weighted_rows(np.tile(np.arange(r, dtype=np.int32), (around, 1)), weight)
+        self.rest, self.rim = np.array(rest, np.float64), np.array(rim, np.int32)
+        self.fit, self.terms, self.residual = fit, terms, np.zeros(2 * r)
+        self.start, self.near, self.weight = rows
+        self.attached = True
 
     def follow(self, xy: cython.const[cython.double][:, ::1]) -> cython.Py_ssize_t:
         """Write the points of a frame, and their areas: boundary and fence move with the rim. As `update`.
@@ -223,8 +223,8 @@ class Mesh:
         xy  (n_pins, 2) float64
         """
         n: cython.Py_ssize_t = self.n_pins
-        if xy.shape[0] != n or xy.shape[1] != 2:
-            raise ValueError(f"xy ({n}, 2) is wanted")
+        if not self.attached or xy.shape[0] != n or xy.shape[1] != 2:
+            raise ValueError(f"xy ({n}, 2) is wanted, after `attach`")
         points: cython.double[:, ::1] = self.points
         rest: cython.const[cython.double][:, ::1] = self.rest
         rim: cython.const[cython.int][::1] = self.rim
