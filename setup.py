@@ -27,12 +27,8 @@ SMALL = ["-O2", *FAST[1:]]
 EXACT = ["-O3", "-ffp-contract=off"]
 #: Kernel -> flags of the C compiler.
 KERNELS = {
-    "edge.calibration.polynomial": FAST,
-    "edge.calibration.gaussian_process": FAST,
-    "edge.calibration.model": SMALL,
+    "edge.calibration.evaluation": FAST,
     "edge.cells.mesh": EXACT,
-    "edge.cells.points": EXACT,
-    "edge.cells.predicates": EXACT,
     "edge.features.contact_detector": FAST,
     "edge.features.contact_field": FAST,
     "edge.features.several.contact_fit": FAST,

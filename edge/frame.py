@@ -158,7 +158,7 @@ class Pipeline:
         if self._plan.grip and not features.in_contact:
             self._grip.forget()
         elif self._plan.grip:
-            area_mm2 = calibration.area_mm2(features, reading.values)
+            area_mm2 = calibration.area_mm2(features.contacts, reading.values)
             reading.values.update(self._grip.update(reading.values, reading.sigmas, area_mm2))
         return reading
 

@@ -31,8 +31,8 @@ from calib.extract import DEMAND, Measured, gather
 from calib.fit import ModelKind, Search, fit
 from calib.targets import Targets
 from edge.calibration import Calibration
+from edge.calibration.evaluation import contact_inputs, frame_inputs
 from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS
-from edge.calibration.model import contact_inputs, frame_inputs
 from edge.frame import Pipeline
 from edge.rest.tare import tare
 from edge.types import Array, Feature, Frame, Rest, Result, Tracks
