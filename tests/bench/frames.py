@@ -1,7 +1,6 @@
 """Frames for measurements: simulated, rendered once, the same for all methods compared."""
 
 import math
-from itertools import cycle, islice
 from pathlib import Path
 
 import msgspec
@@ -34,11 +33,6 @@ def scene(
     camera = Camera(tip=tip, size_px=size_px, pins_radius_px=radius_px)
     simulator = Simulator(camera, seed=1, rate_hz=240.0)
     return [simulator.frame(contacts) for contacts in play(SCENES[name])]
-
-
-def back_and_forth(frames: list[Frame], n: int) -> list[Frame]:
-    """The frames forwards and backwards, without a jump, until there are n."""
-    return list(islice(cycle(frames + frames[-2:0:-1]), n))
 
 
 def there_and_back(name: str) -> tuple[np.ndarray, int]:

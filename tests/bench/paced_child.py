@@ -1,4 +1,4 @@
-"""The process that `paced` and `speed` measure: the running loop, and as little else as possible.
+"""The process that `paced` measures: the running loop, and as little else as possible.
 
     python -m tests.bench.paced_child '{"frames": "frames.npy", "seconds": 60, ...}'
 
