@@ -1,4 +1,4 @@
-"""A program that is killed keeps what a host was told is stored; what is being written is whole or absent."""
+"""A killed program keeps what it has acknowledged; what is being written is whole or absent."""
 
 import json
 import socket
