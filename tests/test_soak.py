@@ -20,8 +20,6 @@ def test_the_promises_hold() -> None:
     assert not broken
     assert set(outcome.rows) == {*CAMERA, *LINK, *BOARD}
     assert outcome.counts["samples judged"] > 5 * SECONDS
-    assert sum(n for name, n in outcome.counts.items() if name.startswith("attacks on the page")) > 5
-    assert outcome.counts["pictures of an honest viewer"] == 2
     assert 0 < outcome.counts["samples flagged"] < outcome.counts["samples judged"]
 
 

@@ -11,8 +11,6 @@ Promises
   forbids their use; and the host decodes what was sent
 - the link delivers within 1 s after its fault
 - memory does not grow with the samples: its slope over the last two thirds is below `SLOPE_BYTES` a sample
-- hostile viewers of the live page, all the time, cost its process a bounded memory, and an honest one still
-  gets its pictures
 
 Not promised: a frozen image can be recognised only after 45 ms.
 
@@ -20,7 +18,6 @@ A second process measures how long this machine's own load delays processes: so 
 and the table has the worst delays with and without it.
 """
 
-import asyncio
 import math
 import subprocess
 import sys
@@ -32,7 +29,6 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 
-import aiohttp
 import click
 import cv2
 import numpy as np
@@ -52,10 +48,8 @@ from edge.runtime.device import LoopDevice
 from edge.runtime.loop import Loop
 from edge.sources import Paced, open_source
 from edge.types import Feature, Result
-from edge.worker import WorkerClient, WorkerConfig
 from hostlink import connect
 from hostlink.client import Sample
-from hostlink.web import parse_listen
 from hostlink.wire import FaultCode, State, Status
 from hostlink.wire.address import parse_address
 from tests.bench.output import ROOT, show, writes_results
@@ -73,7 +67,6 @@ from tests.support.fault_injection import (
     faulty_medium,
     schedule,
 )
-from tests.support.hostile_viewer import HostileViewers, look
 
 CALIBRATION = ROOT / "tests" / "data" / "rings331_ball.json"
 SCENE = "sim:tour?width=320&height=320&paced=0"
@@ -85,7 +78,6 @@ BACK_S = 1.0
 SLOPE_BYTES = 40.0  # a sample; a tuple of two numbers in a list takes 112
 MEMORY_LEAST_N = 20  # values, one a second
 NOISE_MB = 4.0  # by which the first minutes differ; 160 bytes a sample exceed it within a quarter of an hour
-PAGE_MB = 300.0  # of the page's process: 130 MB, and up to 16 viewers with two packets each
 WRONG_MM = 0.4  # of displacement and shear, against the undisturbed run; its own noise is 0.05 mm
 UNUSABLE = (
     Status.CAMERA_FAULT | Status.IMAGE_FAULT | Status.PINS_LOST | Status.TRACKER_LOST | Status.TARE_FAULT
@@ -247,8 +239,6 @@ class Soak:
 
         self.sent: dict[int, State] = {}
         self.error: BaseException | None = None
-        self.page = WorkerClient(self.loop, WorkerConfig(parse_listen("127.0.0.1:0")))
-        self.page_mb = 0.0
         self.thread = threading.Thread(target=self.run, name="loop")
 
     def clock(self) -> float:
@@ -404,35 +394,12 @@ class Soak:
     # ---- the run ----------------------------------------------------------------------------------
 
     def start(self, patience_s: float = 60.0) -> None:
-        self.page.start()
         self.thread.start()
         end = time.monotonic() + patience_s
         while self.started_s is None and time.monotonic() < end:
             self.thread.join(0.05)
         if self.started_s is None:
             raise RuntimeError(f"the loop does not start: {self.error or self.registry.active}")
-
-    def look(self) -> None:
-        """Memory of the page's process."""
-        assert self.page.process is not None
-        if self.page.process.poll() is not None:
-            self.outcome.fail("the page's process has ended")
-            return
-        self.page_mb = max(self.page_mb, memory_mb(self.page.process.pid))
-
-    def check_page(self, attack: HostileViewers) -> None:
-        """After the attack: one honest viewer, and the cost of the hostile ones."""
-        self.outcome.counts.update({f"attacks on the page: {name}": n for name, n in attack.counts.items()})
-        self.outcome.counts["viewers cut off"] = self.page.page.cut_off_n
-        self.outcome.counts["page's process, MB at most"] = round(self.page_mb)
-        if self.page_mb > PAGE_MB:
-            self.outcome.fail(f"the page's process grew to {self.page_mb:.0f} MB")
-        try:
-            seen_n = asyncio.run(asyncio.wait_for(look(f"http://127.0.0.1:{self.page.port}/live", 2), 10.0))
-        except (OSError, TimeoutError, aiohttp.ClientError) as error:
-            self.outcome.fail(f"an honest viewer is not served: {error!r}")
-        else:
-            self.outcome.counts["pictures of an honest viewer"] = seen_n
 
     def finish(self) -> None:
         self.loop.stop()
@@ -448,7 +415,6 @@ class Soak:
 
     def close(self) -> None:
         self.loop.stop()
-        self.page.close()
         self.host.close()
         self.node.close()
         self.source.close()
@@ -465,12 +431,9 @@ def soak(seconds: float, seed: int = 1, rate_hz: float = 60.0, brisk: bool = Fal
     run = Soak(outcome, rate_hz, brisk)
     try:
         run.start()
-        with HostileViewers(run.page.port, seed) as attack:
-            while run.clock() < seconds and run.thread.is_alive():
-                run.thread.join(1.0)
-                outcome.memory_mb.append(round(memory_mb(), 1))
-                run.look()
-        run.check_page(attack)
+        while run.clock() < seconds and run.thread.is_alive():
+            run.thread.join(1.0)
+            outcome.memory_mb.append(round(memory_mb(), 1))
         run.finish()
     finally:
         run.close()
