@@ -282,19 +282,6 @@ def test_late_samples_are_counted() -> None:
     assert decoder.statistics[1].late_n == 1
 
 
-def test_fingers_do_not_disturb_each_other() -> None:
-    decoder = CanDecoder()
-    for i in range(200):
-        for node in (1, 2, 3, 4, 5):
-            if (i + node) % 10:
-                for tpdo, part in wire.pack_parts(State(sample=i), i):
-                    decoder.receive(IDS.tpdo(tpdo, node), part)
-    for statistics in decoder.statistics.values():
-        assert statistics.received_n == 180
-        assert statistics.lost_n in (18, 19, 20)
-        assert statistics.corrupt_n == 0
-
-
 def disturbed(
     rng: Random, ledger: Ledger, pack: Callable[[State, int], bytes], spoil: Callable[[bytes, bytes], bytes]
 ) -> Iterator[bytes]:
