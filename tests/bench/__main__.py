@@ -13,11 +13,9 @@ from hostlink.cli_exit import run_command
 from hostlink.command_group import CommandGroup, CommandRow
 
 COMMANDS = {
-    "accuracy": "Time of a frame against its error, for every kind of model.",
     "contacts": "Contacts on a second, independent simulator, against their bounds.",
     "hazards": "Rendered hazards through the whole chain: identities, place, depth.",
-    "identity": "Pin identity after a jump, on real and simulated frames.",
-    "confidence": "How honest the confidence of identities is.",
+    "identity": "Pin identity after a jump and its confidence, on real and simulated frames.",
     "paced": "The running program at 240 frames/s: latency, memory, losses.",
     "real": "Errors on the published recordings, five splits and a learning curve.",
     "sensors": "A picture of what is made of each real sensor.",

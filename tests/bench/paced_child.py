@@ -1,4 +1,4 @@
-"""The process that `paced` and `speed` measure: the running loop, and as little else as possible.
+"""The process that `paced` measures: the running loop, and as little else as possible.
 
     python -m tests.bench.paced_child '{"frames": "frames.npy", "seconds": 60, ...}'
 
@@ -192,7 +192,7 @@ def beside(loop: Loop, viewers_n: int, record: str, seconds: float) -> Iterator[
     worker = WorkerClient(loop, WorkerConfig(parse_listen("127.0.0.1:0"), Path(record) if record else None))
     worker.start()
     look = [
-        "tests.support.hostile_viewer",
+        "tests.support.viewers",
         f"http://127.0.0.1:{worker.port}/live",
         str(viewers_n),
         str(seconds),
