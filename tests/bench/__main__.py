@@ -13,6 +13,7 @@ from hostlink.cli_exit import run_command
 from hostlink.command_group import CommandGroup, CommandRow
 
 COMMANDS = {
+    "accuracy": "Time of a frame against its error, for every kind of model.",
     "contacts": "Contacts on a second, independent simulator, against their bounds.",
     "hazards": "Rendered hazards through the whole chain: identities, place, depth.",
     "identity": "Pin identity after a jump and its confidence, on real and simulated frames.",
