@@ -37,7 +37,6 @@ KERNELS = {
     "edge.features.contact_field": FAST,
     "edge.features.several.contact_fit": FAST,
     "edge.features.contacts": FAST,
-    "edge.features.modes": FAST,
     "edge.features.extract": SMALL,
     "edge.features.pin_motion": FAST,
     "edge.features.vibration": FAST,

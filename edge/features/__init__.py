@@ -1,7 +1,6 @@
 """Touch features from pin positions, cell areas and the rest frame.
 
-    plan                  what a demand needs
-    extract               the order of the steps, in one call a frame
+    extract               what a demand needs; the order of the steps, in one call a frame
     contact_detector      is the tip in contact? if not, nothing further is computed
     pin_motion            motion since rest, pins in the contact, torsion, noise of a pin; areas, volume
     slip, vibration       of the pins in the contact
@@ -16,9 +15,8 @@
 The modules of this package are one stage and may import each other.
 """
 
-from edge.features.extract import FeatureExtractor
+from edge.features.extract import FeatureExtractor, FeaturePlan
 from edge.features.modes import MODE_NAMES
-from edge.features.plan import FeaturePlan
 from edge.features.several import Fits
 
 __all__ = ["MODE_NAMES", "FeatureExtractor", "FeaturePlan", "Fits"]
