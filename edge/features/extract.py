@@ -39,7 +39,7 @@ from edge.types import Array, Cells, Complex, ContactRegion, Feature, Features, 
 if cython.compiled:
     from cython.cimports.edge.features.contact_detector import ContactDetector
     from cython.cimports.edge.features.contacts import ContactFinder
-    from cython.cimports.edge.features.pin_motion import AreaChange, PinMotion
+    from cython.cimports.edge.features.pin_motion import AreaChange, ModeProduct, PinMotion
     from cython.cimports.edge.features.slip import Slip
     from cython.cimports.edge.features.vibration import Vibration
     from cython.cimports.libc.math import NAN, sqrt
@@ -49,7 +49,7 @@ else:
 
     from edge.features.contact_detector import ContactDetector
     from edge.features.contacts import ContactFinder
-    from edge.features.pin_motion import AreaChange, PinMotion
+    from edge.features.pin_motion import AreaChange, ModeProduct, PinMotion
     from edge.features.slip import Slip
     from edge.features.vibration import Vibration
 
@@ -119,13 +119,13 @@ class FeatureExtractor:
     _area_change: AreaChange
     _detector: ContactDetector
     _modes: Modes
+    _mode_product: ModeProduct
     _slip: Slip
     _vibration: Vibration
     _rest_xy: cython.const[cython.double][:, ::1]
     _filled_px: cython.double[:, ::1]  # motion since rest, with lost pins predicted
     _change: cython.double[::1]
     _filled_change: cython.double[::1]
-    _filled_array: Array  # the same memory
     # Each frame's features have a copy of these.
     _motion_array: Array
     _change_array: Array
@@ -149,10 +149,10 @@ class FeatureExtractor:
         self._area_change = AreaChange(rest.xy_img, rest.pattern.pitch_px, rest_area_px2)
         self._detector = ContactDetector(rest, params)
         self._modes, self._vibration = Modes(rest), Vibration(rest.xy_img, params)
+        self._mode_product = ModeProduct(self._modes.of_all)
         self._slip = Slip(rest, self._motion, params)
         self._rest_xy = np.ascontiguousarray(rest.xy_img)
-        self._filled_px = self._filled_array = np.empty((n, 2))
-        self._filled_change = np.empty(n)
+        self._filled_px, self._filled_change = np.empty((n, 2)), np.empty(n)
         self._change = self._change_array = np.empty(n)
         self._motion_array, self._mean_array = np.asarray(self._motion.motion), np.asarray(self._motion.mean)
         self._largest_noise = largest_noise(n)
@@ -261,9 +261,9 @@ class FeatureExtractor:
     def _modes_of(self, seen: Mask | None, is_filled: cython.bint) -> Complex:
         """Of all pins, if lost ones are predicted or none is lost (None); else of the seen ones."""
         if is_filled:
-            return self._modes.fit(self._filled_array)
+            return self._mode_product.fit(self._filled_px)
         if seen is None:
-            return self._modes.fit(self._motion_array)
+            return self._mode_product.fit(self._motion.motion)
         if len(seen) != self._n:
             raise ValueError(f"seen ({self._n},) is wanted")
         return self._modes.fit(self._motion_array, seen)

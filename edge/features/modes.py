@@ -29,6 +29,8 @@ from edge.types import Array, Complex, Mask, Rest
 DEGREE = 5
 #: Powers (a, b) of z and conj(z).
 MODE_POWERS = tuple((a, degree - a) for degree in range(DEGREE + 1) for a in range(degree, -1, -1))
+#: Where (b, a) stands.
+MODE_MIRROR = tuple(MODE_POWERS.index((b, a)) for a, b in MODE_POWERS)
 MODE_NAMES = tuple(f"c{a}{b}" for a, b in MODE_POWERS)
 #: A term of which less than this share is independent of the lower ones cannot be resolved: by the layout, it
 #: is none; by the pins that are left, it stays bounded.
@@ -58,30 +60,29 @@ def mode_basis(rest: Rest) -> Complex:
 
 
 class Modes:
-    """Fits the modes of one tip by least squares."""
+    """Fits the modes of one tip by least squares.
+
+    of_all  (21, n) coefficients from the motion of all pins, which `ModeProduct` takes
+    """
 
     def __init__(self, rest: Rest) -> None:
         self._basis = mode_basis(rest)
         n, k = self._basis.shape
         unresolved = np.where(self._basis.any(axis=0), 0.0, n)
         self._ridge = np.diag(unresolved) + INDEPENDENT_REL * n * np.eye(k)
-        self._of_all = self._solution(self._basis)
+        self.of_all = self._solution(self._basis)
 
-    def fit(self, motion: Array, seen: Mask | None = None) -> Complex:
+    def fit(self, motion: Array, seen: Mask) -> Complex:
         """Least-squares coefficients over the seen pins.
 
         motion   (n, 2) float64 px, finite where seen
-        seen     (n,) bool; None: all are
+        seen     (n,) bool
         Returns  (21,) complex128 px, terms `MODE_NAMES`
         """
-        d, solution = motion.view(np.complex128).ravel(), self._of_all
-        if seen is not None:
-            d, solution = d[seen], self._solution(self._basis[seen])
-        fitted: Complex = np.matmul(solution, d)
-        return fitted
+        coefficients: Complex = np.matmul(self._solution(self._basis[seen]), motion[seen] @ [1.0, 1j])
+        return coefficients
 
     def _solution(self, basis: Complex) -> Complex:
         """(21, m) coefficients from the motion of the pins with these rows of the basis."""
-        adjoint = basis.conj().T
-        solution: Complex = np.linalg.solve(adjoint @ basis + self._ridge, adjoint)
-        return solution
+        gram = basis.conj().T @ basis + self._ridge
+        return np.conj(basis @ np.linalg.inv(gram)).T

@@ -45,7 +45,7 @@ NOT_TUNED: dict[str, frozenset[str]] = {
         "edge/features/several/contact_fit.py:_OWN", "edge/features/several/contact_fit.py:_COMMON",
         "edge/features/several/contact_fit.py:_EVEN",
         "edge/features/contacts.py:_UNKNOWN", "edge/features/regions.py:_NOISE",
-        "edge/tracking/match.py:UNMATCHED",
+        "edge/features/pin_motion.py:ROW", "edge/tracking/match.py:UNMATCHED",
         "edge/tracking/match.py:SEED", "edge/tracking/outliers.py:UNKNOWN",
         "edge/tracking/outliers.py:UNSUPPORTED",
     }),
