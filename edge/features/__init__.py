@@ -3,7 +3,7 @@
     extract               what a demand needs; the order of the steps, in one call a frame
     contact_detector      is the tip in contact? if not, nothing further is computed
     pin_motion            motion since rest, pins in the contact, torsion, noise of a pin; areas, volume
-    slip, vibration       of the pins in the contact
+    pin_dynamics          slip and vibration of the pins in the contact, from frame to frame
     modes                 the motion as polynomial coefficients that turn with the tip
     surface               the grid over the tip, and the constant matrices onto it (`quantized_operator`)
     contact_field         a frame's fields on that grid; their volume

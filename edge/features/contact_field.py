@@ -1,3 +1,4 @@
+# cython: infer_types=True
 """One frame's contact field, where it may hold a contact: heights through the area changes, divergence of
 the motion, and their blend.
 
@@ -88,9 +89,6 @@ class QuantizedOperator:
         """A row times the vector, in whole steps, which fits 32 bits."""
         weights: cython.short[::1] = self._weights
         vector: cython.short[::1] = self._vector
-        r: cython.Py_ssize_t
-        i: cython.Py_ssize_t
-        ahead: cython.Py_ssize_t
         total: cython.int = 0
         for r in range(self._start[row], self._start[row + 1]):
             ahead = self._ahead[r]
@@ -190,7 +188,6 @@ class ContactField:
         """
         if xy.shape[0] != self._n or xy.shape[1] != 2:
             raise ValueError(f"xy ({self._n}, 2) is wanted")
-        p: cython.Py_ssize_t
         active: cython.int[::1] = self.active
         height_row: cython.float[::1] = self._height_row
         divergence_row: cython.float[::1] = self._divergence_row
@@ -215,7 +212,6 @@ class ContactField:
         which    (n or more,) int32, of the k points
         """
         # The rows make, of motion (u, v), du/dx + dv/dy; with (v, -u) they make dv/dx - du/dy.
-        i: cython.Py_ssize_t
         u: cython.float
         motion: cython.float[::1] = self._detrended
         result: cython.float[::1] = self._divergence_row
@@ -253,9 +249,7 @@ class ContactField:
         is_active: cython.uchar[::1] = self._is_active
         active: cython.int[::1] = self.active
         near: cython.int[::1] = self._near
-        i: cython.Py_ssize_t
-        p: cython.Py_ssize_t
-        n_active: cython.Py_ssize_t = 0
+        n_active = 0
         most: cython.float = 0.0
         level: cython.float = _NOTHING
         for i in range(self.n_active):
@@ -286,12 +280,7 @@ class ContactField:
         detrended: cython.float[::1] = self._detrended
         column: cython.Py_ssize_t[::1] = self._column_both
         # Sums, then coefficients, in x and y.
-        x0: cython.double = 0.0
-        xx: cython.double = 0.0
-        xy_: cython.double = 0.0
-        y0: cython.double = 0.0
-        yx: cython.double = 0.0
-        yy: cython.double = 0.0
+        x0 = xx = xy_ = y0 = yx = yy = 0.0
         for i in range(self._n):
             x = rest[i, 0] - rest[0, 0]
             y = rest[i, 1] - rest[0, 1]

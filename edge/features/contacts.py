@@ -1,3 +1,4 @@
+# cython: infer_types=True
 """Contacts of a frame, from the contact field to their places.
 
     contact field --peaks--> above the noise --prominence--> contacts, each a region
@@ -111,11 +112,11 @@ class ContactFinder:
             return ()
         if regions.merge(self._field_noise, 0.0) > 1:  # noise joins contacts, it parts none
             self._look_closer(seen, sigma_px)
-        n: cython.Py_ssize_t = regions.n_contacts
+        n = regions.n_contacts
         if n != self._n_before:  # with other regions it is another scene
             self.forget()
         self._n_before = n
-        direction: cython.double = NAN
+        direction = NAN
         if n == 2:
             direction = self.fitted.join(self._xy_array, seen, wanted=fits <= n)
         elif n == 1 and regions.elongation[0] >= self._min_oriented_elongation:
@@ -138,7 +139,7 @@ class ContactFinder:
         mask: cython.const[cython.uchar][::1] = seen
         if mask.shape[0] != self._rest.shape[0]:
             raise ValueError(f"seen ({self._rest.shape[0]},) is wanted")
-        noise_px: cython.double = hypot(self._pin_noise.sigma_px(self._xy, mask), sigma_px)
+        noise_px = hypot(self._pin_noise.sigma_px(self._xy, mask), sigma_px)
         if self.regions.merge(self._field_noise, noise_px) > 1:
             self.drop_guesses(mask)
 
@@ -146,7 +147,7 @@ class ContactFinder:
         self, i: cython.Py_ssize_t, direction: float, moments: bool, fitted: list[FittedContact]
     ) -> ContactRegion:
         """Contact i, whose direction is known from a fit, or NaN."""
-        elongation: cython.double = self.regions.elongation[i]
+        elongation = self.regions.elongation[i]
         if isnan(direction) and elongation >= self._min_oriented_elongation:
             direction = self.regions.direction[i]
         return ContactRegion(
@@ -164,8 +165,8 @@ class ContactFinder:
 
     def drop_guesses(self, seen: Mask) -> None:
         """Drop from `regions` the contacts with few seen pins around, (n,) bool, unless no other is left."""
-        n_contacts: cython.Py_ssize_t = self.regions.n_contacts
-        n_known: cython.Py_ssize_t = 0
+        n_contacts = self.regions.n_contacts
+        n_known = 0
         for i in range(n_contacts):
             share = self.visible_share(seen, self.regions.middle[i, 0], self.regions.middle[i, 1])
             self._kept[i] = 2.0 * share >= 1.0
@@ -175,9 +176,8 @@ class ContactFinder:
 
     def visible_share(self, seen: Mask, x: float, y: float) -> float:
         """Share of the pins round a place at rest, px, that are seen, (n,) bool; 0 where there is none."""
-        n: cython.Py_ssize_t = 0
-        n_seen: cython.Py_ssize_t = 0
-        radius: cython.double = self._visibility_radius_px
+        n = n_seen = 0
+        radius = self._visibility_radius_px
         for i in range(self._rest.shape[0]):
             dx = self._rest[i, 0] - x
             dy = self._rest[i, 1] - y
@@ -188,7 +188,7 @@ class ContactFinder:
 
     def find_places(self) -> None:
         """`place` of each contact: the mean of the pins nearest to its middle, weighted by area change."""
-        n_contacts: cython.Py_ssize_t = self.regions.n_contacts
+        n_contacts = self.regions.n_contacts
         for i in range(n_contacts):
             self._find_place(i, n_contacts)
 
@@ -199,9 +199,9 @@ class ContactFinder:
 
     def _find_near(self, i: cython.Py_ssize_t) -> int:
         """The active points round contact i and their weights; how many."""
-        n: cython.Py_ssize_t = 0
-        n_contacts: cython.Py_ssize_t = self.regions.n_contacts
-        radius: cython.double = self._radius_px(i)
+        n = 0
+        n_contacts = self.regions.n_contacts
+        radius = self._radius_px(i)
         points: cython.double[:, ::1] = self.field.points
         for k in range(self.field.n_active):
             p = self.field.active[k]
@@ -218,11 +218,7 @@ class ContactFinder:
         return n
 
     def _find_moments(self, i: cython.Py_ssize_t, n: cython.Py_ssize_t) -> None:
-        total: cython.double = 0.0
-        divergence_x: cython.double = 0.0
-        divergence_y: cython.double = 0.0
-        curl_x: cython.double = 0.0
-        curl_y: cython.double = 0.0
+        total = divergence_x = divergence_y = curl_x = curl_y = 0.0
         points: cython.double[:, ::1] = self.field.points
         self.field.find_curl(self._near, n)
         for k in range(n):
@@ -235,7 +231,7 @@ class ContactFinder:
             divergence_y += divergence * dy
             curl_x -= turning * dy
             curl_y += turning * dx
-        scale: cython.double = 1.0 / total if total > 0.0 else 0.0
+        scale = 1.0 / total if total > 0.0 else 0.0
         self.divergence_moment[i, 0] = scale * divergence_x
         self.divergence_moment[i, 1] = scale * divergence_y
         self.curl_moment[i, 0] = scale * curl_x
@@ -248,11 +244,9 @@ class ContactFinder:
     def _find_place(self, i: cython.Py_ssize_t, n_contacts: cython.Py_ssize_t) -> None:
         xy: cython.const[cython.double][:, ::1] = self._xy
         area_change: cython.float[::1] = self.field.area_change
-        total: cython.double = 0.0
-        x: cython.double = 0.0
-        y: cython.double = 0.0
-        radius: cython.double = self._radius_px(i)
-        limit: cython.double = radius * radius
+        total = x = y = 0.0
+        radius = self._radius_px(i)
+        limit = radius * radius
         for p in range(xy.shape[0]):
             dx = xy[p, 0] - self.regions.middle[i, 0]
             dy = xy[p, 1] - self.regions.middle[i, 1]

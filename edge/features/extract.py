@@ -1,3 +1,4 @@
+# cython: infer_types=True
 """Features of one frame: the demand decides what is computed.
 
     tracks, cells --> motion, area change --> contact detector --no contact--> zeros
@@ -39,9 +40,8 @@ from edge.types import Array, Cells, Complex, ContactRegion, Feature, Features, 
 if cython.compiled:
     from cython.cimports.edge.features.contact_detector import ContactDetector
     from cython.cimports.edge.features.contacts import ContactFinder
+    from cython.cimports.edge.features.pin_dynamics import Slip, Vibration
     from cython.cimports.edge.features.pin_motion import AreaChange, ModeProduct, PinMotion
-    from cython.cimports.edge.features.slip import Slip
-    from cython.cimports.edge.features.vibration import Vibration
     from cython.cimports.libc.math import NAN, sqrt
 else:
     from math import nan as NAN  # noqa: N812
@@ -49,9 +49,8 @@ else:
 
     from edge.features.contact_detector import ContactDetector
     from edge.features.contacts import ContactFinder
+    from edge.features.pin_dynamics import Slip, Vibration
     from edge.features.pin_motion import AreaChange, ModeProduct, PinMotion
-    from edge.features.slip import Slip
-    from edge.features.vibration import Vibration
 
 __all__ = ["FeatureExtractor", "FeaturePlan"]
 
@@ -205,9 +204,9 @@ class FeatureExtractor:
         if plan is not self._plan:
             self._plan = plan
             self.forget_contacts()
-        n_seen: cython.Py_ssize_t = self._motion.since_rest(tracks.xy_img, tracks.sigma_px)
-        now_px: cython.double = self._motion.sigma_px
-        sigma_px: cython.double = sqrt(now_px * now_px + self._rest_variance)
+        n_seen = self._motion.since_rest(tracks.xy_img, tracks.sigma_px)
+        now_px = self._motion.sigma_px
+        sigma_px = sqrt(now_px * now_px + self._rest_variance)
         is_filled: cython.bint = n_seen < self._n and cells is not None and self._fill(cells.xy_img, n_seen)
         change: cython.double[::1] = self._change_since_rest(cells, is_filled)
         in_contact: cython.bint = contact_holds
@@ -218,7 +217,7 @@ class FeatureExtractor:
             modes_px = self._modes_of(None if n_seen == self._n else tracks.seen, is_filled)
         of_areas, of_pins = _NO_AREAS, _NO_PINS
         if in_contact:
-            noise: cython.double = self._detector.cell_noise(sigma_px)
+            noise = self._detector.cell_noise(sigma_px)
             if cells is not None and (plan.volume or plan.surface or plan.contacts):
                 of_areas = self._of_areas(change, tracks.seen, sigma_px, noise)
             if plan.torsion or plan.slip or plan.vibration:
@@ -272,10 +271,8 @@ class FeatureExtractor:
     @cython.exceptval(-1)
     def _fill(self, xy: cython.const[cython.double][:, ::1], n_seen: cython.Py_ssize_t) -> cython.int:
         """Put lost pins where they are predicted; whether their motion is, too: most are seen."""
-        i: cython.Py_ssize_t
-        n: cython.Py_ssize_t = self._n
-        x: cython.double = 0.0
-        y: cython.double = 0.0
+        n = self._n
+        x = y = 0.0
         if xy.shape[0] != n or xy.shape[1] != 2:
             raise ValueError(f"xy_img of cells ({n}, 2) is wanted")
         for i in range(n):
@@ -331,7 +328,7 @@ class FeatureExtractor:
         """Those of a frame in contact."""
         torsion = slip = probability = rms = to_hz = None
         motion: PinMotion = self._motion
-        least: cython.double = max(self._contact_sigma * noise, self._min_area_change)
+        least = max(self._contact_sigma * noise, self._min_area_change)
         motion.find_contact(self._change, least)
         if self._plan.torsion:
             torsion = motion.torsion()

@@ -1,3 +1,4 @@
+# cython: infer_types=True
 """Motion of the pins, and area changes of their cells: mean motion, the pins in the contact, torsion, what a
 rigid load does not explain; volume.
 
@@ -94,13 +95,11 @@ class PinMotion:
         sigma_px  (n,) float64; of the seen pins finite
         Raises    ValueError: sizes that do not fit
         """
-        n: cython.Py_ssize_t = self._n
+        n = self._n
         if xy.shape[0] != n or xy.shape[1] != 2 or sigma_px.shape[0] != n:
             raise ValueError(f"xy ({n}, 2) and sigma_px ({n},) are wanted")
-        n_seen: cython.Py_ssize_t = 0
-        x: cython.double = 0.0
-        y: cython.double = 0.0
-        sigma: cython.double = 0.0
+        n_seen = 0
+        x = y = sigma = 0.0
         kept: cython.double[:, ::1] = self.xy
         out: cython.double[:, ::1] = self.motion
         rest: cython.const[cython.double][:, ::1] = self._rest
@@ -129,12 +128,7 @@ class PinMotion:
                      when nothing is compressed
         """
         n_pins: cython.Py_ssize_t = 0
-        total: cython.double = 0.0
-        x: cython.double = 0.0
-        y: cython.double = 0.0
-        xx: cython.double = 0.0
-        xy: cython.double = 0.0
-        yy: cython.double = 0.0
+        total = x = y = xx = xy = yy = 0.0
         disc: cython.double[:, ::1] = self._disc
         for i in range(self._n):
             c = area_change[i]
@@ -153,7 +147,7 @@ class PinMotion:
             xx = xx / total - x * x
             xy = xy / total - x * y
             yy = yy / total - y * y
-        det: cython.double = xx * yy - xy * xy
+        det = xx * yy - xy * xy
         pins: cython.int[::1] = self.pins
         is_ellipse: cython.bint = total > 0.0 and det > _FLAT
         for i in range(self._n):
@@ -174,10 +168,8 @@ class PinMotion:
         """
         rows: cython.int[::1] = self.pins
         motion: cython.double[:, ::1] = self.motion
-        i: cython.Py_ssize_t
-        used: cython.Py_ssize_t = 0
-        x: cython.double = 0.0
-        y: cython.double = 0.0
+        used = 0
+        x = y = 0.0
         for p in range(self.n_pins):
             i = rows[p]
             if not isnan(motion[i, 0]):
@@ -188,8 +180,7 @@ class PinMotion:
             return NAN
         x /= used
         y /= used
-        re: cython.double = 0.0
-        im: cython.double = 0.0
+        re = im = 0.0
         for p in range(self.n_pins):  # conj(before) after; a common shift of `after` cancels
             i = rows[p]
             if not isnan(motion[i, 0]):
@@ -208,8 +199,7 @@ class PinMotion:
         least_rel    share of the sum of the changes' sizes that the size of their sum exceeds then
         """
         rows: cython.int[::1] = self.pins
-        total: cython.double = 0.0
-        size: cython.double = 0.0
+        total = size = 0.0
         for p in range(self.n_pins):
             change = now[rows[p]] - before[rows[p]]
             if not isnan(change):
@@ -226,11 +216,8 @@ class PinMotion:
         rows: cython.int[::1] = self.pins
         now: cython.double[:, ::1] = self.motion
         disc: cython.double[:, ::1] = self._disc
-        i: cython.Py_ssize_t
-        used: cython.Py_ssize_t = 0
-        dx: cython.double
-        dy: cython.double
-        left: cython.double = 0.0
+        used = 0
+        left = 0.0
         self._g[:, :] = 0.0
         for p in range(self.n_pins):
             i = rows[p]
@@ -271,9 +258,6 @@ class PinMotion:
     def _solve_plane(self) -> None:
         """Gauss-Jordan on `_g`: its right sides become the coefficients of 1, x, y for each component."""
         g: cython.double[:, ::1] = self._g
-        r: cython.Py_ssize_t
-        c: cython.Py_ssize_t
-        row: cython.Py_ssize_t
         g[1, 0], g[2, 0], g[2, 1] = g[0, 1], g[0, 2], g[1, 2]
         for r in range(3):
             pivot = g[r, r]
@@ -289,8 +273,8 @@ class PinMotion:
 @cython.final
 @cython.cclass
 class ModeProduct:
-    """The modes of all n pins' motion: a product with `Modes.of_all` in single precision, which adds an error of
-    1e-7 of the motion.
+    """The modes of all n pins' motion: a product with `Modes.of_all` in single precision, whose error is 1e-7
+    of the motion.
 
     Mode (b, a) is the conjugate of mode (a, b): real sums, of the latter's real and imaginary part, give the
     coefficients of both.
@@ -309,8 +293,6 @@ class ModeProduct:
         of_x: cython.float[24] = [0.0] * 24  # these stay in registers until all pins are in: ROW numbers each
         of_y: cython.float[24] = [0.0] * 24
         rows: cython.const[cython.float][:, ::1] = self._rows
-        j: cython.Py_ssize_t
-        m: cython.Py_ssize_t
         for i in range(rows.shape[0]):
             x = cython.cast(cython.float, motion[i, 0])
             y = cython.cast(cython.float, motion[i, 1])
@@ -373,7 +355,7 @@ class AreaChange:
 
     def volume(self, threshold: float) -> float:
         """Integral of the compressed part of `values`, px2; changes below the threshold are noise."""
-        total: cython.double = 0.0
+        total = 0.0
         for i in range(self._n):
             ramp = self.values[i] - threshold
             if ramp > 0.0:
@@ -382,11 +364,7 @@ class AreaChange:
 
     def _between(self, xy: Array, i: cython.Py_ssize_t) -> float:
         """Area change at pin i by the motion of its ring: the determinant of the gradient, less 1."""
-        j: cython.Py_ssize_t
-        xx: cython.double = 0.0
-        xy_: cython.double = 0.0
-        yx: cython.double = 0.0
-        yy: cython.double = 0.0
+        xx = xy_ = yx = yy = 0.0
         for k in range(self._ring.shape[1]):
             j = self._ring[i, k]
             x = xy[j, 0] - self._rest[j, 0]
@@ -420,9 +398,8 @@ class PinNoise:
         seen     (n,) bool
         Returns  px, one sigma; 0 where no pin is seen
         """
-        n: cython.Py_ssize_t = self._rest.shape[0]
-        i: cython.Py_ssize_t
-        n_sizes: cython.Py_ssize_t = 0
+        n = self._rest.shape[0]
+        n_sizes = 0
         motion: cython.float[::1] = self._motion
         residual: cython.float[::1] = self._residual
         sizes: cython.double[::1] = self._sizes

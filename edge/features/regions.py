@@ -1,3 +1,4 @@
+# cython: infer_types=True
 """Peaks of a field on a grid, which of them make one contact, and the region that belongs to each contact.
 
     field --regional maxima--> peaks above the noise, highest first --prominence--> contacts
@@ -114,7 +115,6 @@ class PeakFinder:
         noise    (k,) float32
         Returns  number of peaks, PEAKS_MAX at most
         """
-        p: cython.Py_ssize_t
         place: cython.int[::1] = self.place
         grid: cython.float[::1] = self.grid
         self.mark[:] = _UNKNOWN
@@ -152,10 +152,8 @@ class PeakFinder:
         """Mark what is connected with peak j at or above a level; soon: until a search from a peak before it
         is met that was not below this level. Whether one was.
         """
-        d: cython.Py_ssize_t
-        i: cython.Py_ssize_t = 0
-        n: cython.Py_ssize_t = 1
-        other: cython.Py_ssize_t
+        i = 0
+        n = 1
         reached: cython.schar = _REACHED + cython.cast(cython.schar, j)
         # The border is -inf: no search reaches it.
         level: cython.float = _LOWEST if given < _LOWEST else given
@@ -184,7 +182,7 @@ class PeakFinder:
 
     def _insert(self, p: cython.Py_ssize_t, h: cython.float) -> cython.void:
         """Insert point p into the list of peaks; of equal heights the first comes first."""
-        i: cython.Py_ssize_t = self.n_peaks
+        i = self.n_peaks
         if i < _PEAKS_MAX:
             self.n_peaks += 1
         elif h > self.height[_PEAKS_MAX - 1]:
@@ -202,7 +200,6 @@ class PeakFinder:
 
     def _is_maximum(self, here: cython.Py_ssize_t) -> cython.bint:
         """Whether a place is a regional maximum; it, or the plateau it is on, is marked _TOP or _SLOPE."""
-        d: cython.Py_ssize_t
         h: cython.float = self.grid[here]
         equal: cython.bint = False
         if self.mark[here] != _UNKNOWN:
@@ -221,9 +218,8 @@ class PeakFinder:
     def _mark_plateau(self, start: cython.Py_ssize_t) -> cython.void:
         """All connected points of one height are _TOP if nothing round them is higher, else _SLOPE."""
         h: cython.float = self.grid[start]
-        i: cython.Py_ssize_t = 0
-        d: cython.Py_ssize_t
-        n: cython.Py_ssize_t = 1
+        i = 0
+        n = 1
         verdict: cython.schar = _TOP
         self._stack[0] = cython.cast(cython.int, start)
         self.mark[start] = _PLATEAU
@@ -377,9 +373,8 @@ class Regions:
 
     def nearest_point(self, x: cython.double, y: cython.double) -> int:
         """Place in the padded grid of the point nearest to a place, px, of those with a height; -1: none."""
-        at: cython.Py_ssize_t
-        nearest: cython.Py_ssize_t = -1
-        least: cython.double = np.inf
+        nearest = -1
+        least = np.inf
         for p in range(self._place.shape[0]):
             at = self._place[p]
             dx = self.x0 + self.step_px * self._column[at] - x
@@ -391,7 +386,6 @@ class Regions:
 
     def sort(self) -> None:
         """Put the contacts in the order of their highest peaks again, and measure their regions."""
-        j: cython.Py_ssize_t
         for i in range(1, self.n_contacts):
             j = i
             while j > 0 and self._height[self._highest(j)] > self._height[self._highest(j - 1)]:
@@ -411,11 +405,9 @@ class Regions:
         """Height of contact i's highest peak, interpolated between the grid's points by a parabola along each
         axis.
         """
-        at: cython.Py_ssize_t = self._at[self._highest(i)]
-        k: cython.Py_ssize_t
-        step: cython.Py_ssize_t
-        top: cython.double = cython.cast(cython.double, self._grid[at])
-        height: cython.double = top
+        at = self._at[self._highest(i)]
+        top = cython.cast(cython.double, self._grid[at])
+        height = top
         for k in range(2):
             step = self._peaks.width if k == 0 else 1
             low = cython.cast(cython.double, self._grid[at - step])
@@ -429,7 +421,7 @@ class Regions:
 
     def ridge(self, i: cython.Py_ssize_t) -> Array:
         """(m, 2) float64 px, all peaks of contact i."""
-        n: cython.Py_ssize_t = 0
+        n = 0
         for j in range(self._n_peaks):
             if self._contact[j] == i:
                 self._ridge[n, 0] = self.x0 + self.step_px * self._column[self._at[j]]
@@ -440,14 +432,14 @@ class Regions:
 
     def _highest(self, i: cython.Py_ssize_t) -> int:
         """Which peak is the highest of contact i."""
-        j: cython.Py_ssize_t = 0
+        j = 0
         while self._contact[j] != i:
             j += 1
         return j
 
     def _drop_peaks(self, dropped: cython.int) -> None:
         """Remove the peaks that are marked so instead of with a contact."""
-        left: cython.Py_ssize_t = 0
+        left = 0
         for j in range(self._n_peaks):
             if self._contact[j] != dropped:
                 self._at[left] = self._at[j]
@@ -464,10 +456,6 @@ class Regions:
 
     def _collect(self) -> None:
         """Sums over each region's active points, weighted by the height above its edge."""
-        p: cython.Py_ssize_t
-        at: cython.Py_ssize_t
-        x: cython.double
-        y: cython.double
         lowest: cython.float = (
             np.inf if self.n_contacts == 0 else self._shallow_rel * self._height[self._highest(0)]
         )
@@ -498,7 +486,7 @@ class Regions:
 
     def _nearest(self, at: cython.Py_ssize_t) -> int:
         """Which peak is nearest to a place; of equals the first, and the first where there is one contact."""
-        nearest: cython.Py_ssize_t = 0
+        nearest = 0
         least: cython.int = 2147483647
         dx: cython.int
         dy: cython.int
@@ -514,15 +502,15 @@ class Regions:
 
     def _find_shape(self, i: cython.Py_ssize_t) -> None:
         """Middle and axes of a region from its sums."""
-        w: cython.double = self._sums[i, 0]
-        x: cython.double = self._sums[i, 1] / w
-        y: cython.double = self._sums[i, 2] / w
+        w = self._sums[i, 0]
+        x = self._sums[i, 1] / w
+        y = self._sums[i, 2] / w
         # 1/12: a grid point represents a square of one step.
-        xx: cython.double = self._sums[i, 3] / w - x * x + 1.0 / 12.0
-        xy: cython.double = self._sums[i, 4] / w - x * y
-        yy: cython.double = self._sums[i, 5] / w - y * y + 1.0 / 12.0
-        mean: cython.double = 0.5 * (xx + yy)
-        half: cython.double = hypot(0.5 * (xx - yy), xy)
+        xx = self._sums[i, 3] / w - x * x + 1.0 / 12.0
+        xy = self._sums[i, 4] / w - x * y
+        yy = self._sums[i, 5] / w - y * y + 1.0 / 12.0
+        mean = 0.5 * (xx + yy)
+        half = hypot(0.5 * (xx - yy), xy)
         self.middle[i, 0] = self.x0 + self.step_px * x
         self.middle[i, 1] = self.y0 + self.step_px * y
         # A uniform ellipse's semi-axis is two standard deviations.

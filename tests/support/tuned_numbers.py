@@ -64,7 +64,7 @@ NOT_TUNED: dict[str, frozenset[str]] = {
         "edge/rest/sensor_match.py:CLEAR", "edge/pins/templates.py:FAR_PX",
         "edge/calibration/grip.py:_RADIUS", "edge/pins/centroids.py:_SLANT",
         "edge/cells/mesh.py:N_GUARD",
-        "edge/features/slip.py:_SHARES",
+        "edge/features/pin_dynamics.py:_SHARES",
         "edge/view/palette.py:_TO_CONES", "edge/view/palette.py:_TO_LAB",
     }),
     "rounding and the width of a number": frozenset({
