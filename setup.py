@@ -39,7 +39,6 @@ KERNELS = {
     "edge.features.contacts": FAST,
     "edge.features.extract": SMALL,
     "edge.features.pin_motion": FAST,
-    "edge.features.regions": FAST,
     "edge.features.pin_dynamics": FAST,
     "edge.geometry.neighbours": FAST,
     "edge.geometry.select": FAST,

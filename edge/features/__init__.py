@@ -6,9 +6,8 @@
     pin_dynamics          slip and vibration of the pins in the contact, from frame to frame
     modes                 the motion as polynomial coefficients that turn with the tip
     surface               the grid over the tip, and the constant matrices onto it (`quantized_operator`)
-    contact_field         a frame's fields on that grid; their volume
-    contacts              from the field to the contacts, and where each is, by the pins round it:
-      regions             peaks, and which of them make one contact; its area and axes
+    contact_field         a frame's fields on that grid, and their peaks
+    contacts              which peaks make one contact; its area, axes, and place, by the pins round it
       several             what fits of a few contacts decide; can be left out
     params                every chosen number
 

@@ -15,6 +15,9 @@ RING_NOISE = 4.0 / (7.0 * 3.0**0.5)
 #: Noise of a median over that of a mean, of normal noise.
 MEDIAN_NOISE = (0.5 * pi) ** 0.5
 
+#: The size of the tables of contacts: as many as a sample can count.
+CONTACTS_MAX = 14
+
 
 def largest_noise(n: int) -> float:
     """What n values of normal noise hardly exceed, in standard deviations; so high that one among n passes a
