@@ -11,7 +11,7 @@ AT_MOST = {
     "cli": 1,
     "edge": 6,
     "faults": 4,
-    "features": 20,
+    "features": 19,
     "geometry": 7,
     "link": 5,
     "pins": 27,

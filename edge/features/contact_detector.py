@@ -139,7 +139,7 @@ class ContactDetector:
         if isnan(shift_x) or isnan(shift_y):
             return self._in_contact
         n = self._n
-        highest = 0.0
+        highest: cython.double = 0.0
         self._forget_medians()
         for i in range(n):
             known = self._ring_median(xy, i, shift_x, shift_y)
@@ -162,7 +162,7 @@ class ContactDetector:
         width = self._width
         self._peak_row = 0
         for i in range(self._n):
-            total = 0.0
+            total: cython.double = 0.0
             for k in range(width):
                 total += area_change[ring[i, k]]
             if isnan(total):
@@ -207,7 +207,10 @@ class ContactDetector:
 
     def _median_area_change(self, xy: Array, i: cython.Py_ssize_t) -> float:
         """Area change at pin i by the slope of the ring medians round it."""
-        xx = xy_ = yx = yy = 0.0
+        xx: cython.double = 0.0
+        xy_: cython.double = 0.0
+        yx: cython.double = 0.0
+        yy: cython.double = 0.0
         for k in range(self._width):
             j = self._ring[i, k]
             if isnan(self._middle[j, 0]):
@@ -261,12 +264,13 @@ class ContactDetector:
         """Move the learnt noise towards that of this untouched frame; `predicted` is the pins' own, in
         pitches.
         """
-        known = known_rings = 0
+        known: cython.Py_ssize_t = 0
+        known_rings: cython.Py_ssize_t = 0
         # In each frame as many rings as hold each cell about once, in turn. About zero rather than about the
         # median: drift is noise too.
         self._turn = (self._turn + 1) % self._width
         for i in range(self._turn, self._n, self._width):
-            total = 0.0
+            total: cython.double = 0.0
             for k in range(self._width):
                 total += area_change[self._ring[i, k]]
             if isfinite(area_change[i]):

@@ -40,7 +40,6 @@ cdef class ContactField:
     cdef float[::1] _detrended  # that is the motion less its plane, px
     cdef float[::1] _height_row  # results of their rows
     cdef float[::1] _divergence_row
-    cdef bint _is_whole  # the first is of all points, not of the active ones
     cdef int[::1] _near  # points near each pin, pin after pin
     cdef int[::1] _near_start  # (n + 1,)
     cdef unsigned char[::1] _is_active  # (k,)
@@ -53,7 +52,7 @@ cdef class ContactField:
     cpdef void set_area_change(self, const double[::1] change) except *
     cpdef void find(self, const double[:, ::1] xy) except *
     cpdef void find_curl(self, const int[::1] which, Py_ssize_t n) noexcept
-    cpdef void write_surface(self, const int[::1] at, double[::1] out) except *
+    cpdef object whole_surface(self)
     cdef void _find_active(self) noexcept
     cdef void _detrend(self, const double[:, ::1] xy) noexcept
 

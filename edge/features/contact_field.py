@@ -163,7 +163,6 @@ class ContactField:
         self._change_row, self._height_row = self._interpolator.values, self._interpolator.result
         self._detrended, self._divergence_row = self._divergences.values, self._divergences.result
         self.curl = self._divergences.result
-        self._is_whole = False
         self.heights, self.divergence = np.zeros(k, np.float32), np.zeros(k, np.float32)
         self.blend = np.zeros(k, np.float32)
         self.active, self.n_active = np.zeros(k, np.int32), 0
@@ -186,7 +185,6 @@ class ContactField:
         for i in range(self._n):
             single[i] = cython.cast(cython.float, change[i])
             row[column[i]] = single[i]
-        self._is_whole = False
 
     def find(self, xy: Array) -> None:
         """All fields of the frame whose area changes were set.
@@ -202,15 +200,13 @@ class ContactField:
         heights: cython.float[::1] = self.heights
         divergence: cython.float[::1] = self.divergence
         blend: cython.float[::1] = self.blend
-        is_whole: cython.bint = self._is_whole
         self._find_active()
         self._detrend(xy)
-        if not is_whole:
-            self._interpolator.apply_rows(active, self.n_active)
+        self._interpolator.apply_rows(active, self.n_active)
         self._divergences.apply_rows(active, self.n_active)
         for i in range(self.n_active):
             p = active[i]
-            heights[p] = height_row[p if is_whole else i]
+            heights[p] = height_row[i]
             divergence[p] = divergence_row[i] + self.plane_divergence
             blend[p] = self._divergence_rel * divergence[p] + self._heights_rel * heights[p]
 
@@ -235,22 +231,10 @@ class ContactField:
         for i in range(n):
             result[i] += self.plane_curl
 
-    def write_surface(self, at: Index, out: Array) -> None:
-        """The surface through the frame's area changes at all points, for a picture: each into `out` at its
-        place.
-
-        at, out  (k,) int32 and (any,) float64
-        Raises   ValueError: sizes that do not fit, a place beyond
-        """
-        row: cython.float[::1] = self._height_row
-        if at.shape[0] != row.shape[0]:
-            raise ValueError(f"at ({row.shape[0]},) is wanted")
+    def whole_surface(self) -> Heights:
+        """The surface through the frame's area changes at all points, (k,) float32; good until the next."""
         self._interpolator.apply()
-        self._is_whole = True
-        for i in range(row.shape[0]):
-            if not 0 <= at[i] < out.shape[0]:
-                raise ValueError(f"at: places of 0 to {out.shape[0] - 1} are wanted, not {at[i]}")
-            out[at[i]] = row[i]
+        return np.asarray(self._height_row)
 
     def _find_active(self) -> None:
         """`active`, and zero in all fields where it was before."""
@@ -288,7 +272,12 @@ class ContactField:
         detrended: cython.float[::1] = self._detrended
         column: cython.Py_ssize_t[::1] = self._column_both
         # Sums, then coefficients, in x and y.
-        x0 = xx = xy_ = y0 = yx = yy = 0.0
+        x0: cython.double = 0.0
+        xx: cython.double = 0.0
+        xy_: cython.double = 0.0
+        y0: cython.double = 0.0
+        yx: cython.double = 0.0
+        yy: cython.double = 0.0
         for i in range(self._n):
             x = rest[i, 0] - rest[0, 0]
             y = rest[i, 1] - rest[0, 1]

@@ -106,7 +106,8 @@ class Regions:
         depth: cython.float
         pins: cython.float = self._min_prominence_sigma * noise_px
         self._n_peaks = self._peaks.n_peaks
-        self._peaks.forget_searches()
+        if self._n_peaks > 1:
+            self._peaks.forget_searches()
         self.n_contacts = 0
         for j in range(self._n_peaks):
             self._at[j] = self._peaks.at[j]
@@ -339,7 +340,6 @@ class ContactFinder:
         self._n_before = 0
         self._visibility_radius_px = params.close_pitch * pitch_px
         self._place_radius_px = params.place_radius_pitch * pitch_px
-        self._place_radius_axis = params.place_radius_axis
         self._contact_sigma, self._min_area_change = params.contact_sigma, params.min_area_change
         self._min_oriented_elongation = params.min_oriented_elongation
 
@@ -431,7 +431,8 @@ class ContactFinder:
 
     def visible_share(self, seen: Mask, x: float, y: float) -> float:
         """Share of the pins round a place at rest, px, that are seen, (n,) bool; 0 where there is none."""
-        n = n_seen = 0
+        n: cython.Py_ssize_t = 0
+        n_seen: cython.Py_ssize_t = 0
         radius = self._visibility_radius_px
         for i in range(self._rest.shape[0]):
             dx = self._rest[i, 0] - x
@@ -473,7 +474,11 @@ class ContactFinder:
         return n
 
     def _find_moments(self, i: cython.Py_ssize_t, n: cython.Py_ssize_t) -> None:
-        total = divergence_x = divergence_y = curl_x = curl_y = 0.0
+        total: cython.double = 0.0
+        divergence_x: cython.double = 0.0
+        divergence_y: cython.double = 0.0
+        curl_x: cython.double = 0.0
+        curl_y: cython.double = 0.0
         points: cython.double[:, ::1] = self.field.points
         self.field.find_curl(self._near, n)
         for k in range(n):
@@ -493,13 +498,17 @@ class ContactFinder:
         self.curl_moment[i, 1] = scale * curl_y
 
     def _radius_px(self, i: cython.Py_ssize_t) -> float:
-        """Round the middle of contact i, of what belongs to it."""
-        return max(self._place_radius_axis * self.regions.semi_axis[i], self._place_radius_px)
+        """Round the middle of contact i, of what belongs to it. A region whose height falls to its edge as a
+        parabola does has a variance of a sixth of the edge's square, and a semi-axis of two sigmas.
+        """
+        return max(sqrt(6.0) / 2.0 * self.regions.semi_axis[i], self._place_radius_px)
 
     def _find_place(self, i: cython.Py_ssize_t, n_contacts: cython.Py_ssize_t) -> None:
         xy: cython.const[cython.double][:, ::1] = self._xy
         area_change: cython.float[::1] = self.field.area_change
-        total = x = y = 0.0
+        total: cython.double = 0.0
+        x: cython.double = 0.0
+        y: cython.double = 0.0
         radius = self._radius_px(i)
         limit = radius * radius
         for p in range(xy.shape[0]):

@@ -272,7 +272,8 @@ class FeatureExtractor:
     def _fill(self, xy: cython.const[cython.double][:, ::1], n_seen: cython.Py_ssize_t) -> cython.int:
         """Put lost pins where they are predicted; whether their motion is, too: most are seen."""
         n = self._n
-        x = y = 0.0
+        x: cython.double = 0.0
+        y: cython.double = 0.0
         if xy.shape[0] != n or xy.shape[1] != 2:
             raise ValueError(f"xy_img of cells ({n}, 2) is wanted")
         for i in range(n):

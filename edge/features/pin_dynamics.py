@@ -226,7 +226,8 @@ class Slip:
 
     def _mean_step(self, d: cython.Py_ssize_t, rows: Index, n: cython.Py_ssize_t) -> float:
         """Mean of the first n of these pins' step since the path began, in x or y; NaN: none is seen."""
-        total = used = 0.0
+        total: cython.double = 0.0
+        used: cython.double = 0.0
         for p in range(n):
             step = self._motion.motion[rows[p], d] - self._begin[rows[p], d]
             if not isnan(step):
@@ -247,19 +248,21 @@ class Slip:
             of_model = self._model_rel * q[p]
             weight[p] = 1.0 / (self._noise_q * self._noise_q + of_s * of_s + of_model * of_model)
         for k in range(_SHARES):
-            along = across = 0.0
+            along: cython.double = 0.0
+            across: cython.double = 0.0
             for p in range(n):
                 sticks = 1.0 - (k + 0.5) / _SHARES * (s[p] / s[n - 1])
                 curve[p] = 1.0 - sticks * sqrt(sticks)
                 along += curve[p] * q[p] * weight[p]
                 across += curve[p] * curve[p] * weight[p]
             factor = max(along, 0.0) / across
-            square = 0.0
+            square: cython.double = 0.0
             for p in range(n):
                 square += (q[p] - factor * curve[p]) ** 2 * weight[p]
             self._square[k] = square
             least = min(least, square)
-        total = most = 0.0
+        total: cython.double = 0.0
+        most: cython.double = 0.0
         for k in range(_SHARES):
             likelihood = exp(0.5 * (least - self._square[k]))
             if k + 0.5 > 0.5 * _SHARES:
@@ -310,7 +313,7 @@ class Vibration:
         if not 0.0 < 2.0 * step_s * self._from_hz < 1.0:
             self.forget()
         self._frame += 1
-        w = 0.0
+        w: cython.double = 0.0
         if step_s > 0.0:  # each filter's cut-off lies below that of both in a row
             w = sqrt(sqrt(2.0) - 1.0) * tan(M_PI * self._from_hz * step_s)
         pole = (1.0 - w) / (1.0 + w) if w != -1.0 else 0.0
@@ -337,7 +340,7 @@ class Vibration:
         frame: cython.longlong = self._frame
         gain = 0.5 * (1.0 + pole)
         held_n = 0
-        total = 0.0
+        total: cython.double = 0.0
         for k in range(n_pins):
             i = pins[k]
             if frame_of[i] != frame - 1 or isnan(motion[i, 0]):
@@ -357,7 +360,8 @@ class Vibration:
     def _join(self, motion: Array, pins: Index, n_pins: cython.Py_ssize_t, held_n: cython.Py_ssize_t) -> None:
         """Let the other pins begin where the held ones are on average."""
         for axis in range(2):
-            once = twice = 0.0
+            once: cython.double = 0.0
+            twice: cython.double = 0.0
             for k in range(n_pins if held_n else 0):
                 i = pins[k]
                 if self._frame_of[i] == self._frame:

@@ -99,7 +99,9 @@ class PinMotion:
         if xy.shape[0] != n or xy.shape[1] != 2 or sigma_px.shape[0] != n:
             raise ValueError(f"xy ({n}, 2) and sigma_px ({n},) are wanted")
         n_seen = 0
-        x = y = sigma = 0.0
+        x: cython.double = 0.0
+        y: cython.double = 0.0
+        sigma: cython.double = 0.0
         kept: cython.double[:, ::1] = self.xy
         out: cython.double[:, ::1] = self.motion
         rest: cython.const[cython.double][:, ::1] = self._rest
@@ -128,7 +130,12 @@ class PinMotion:
                      when nothing is compressed
         """
         n_pins: cython.Py_ssize_t = 0
-        total = x = y = xx = xy = yy = 0.0
+        total: cython.double = 0.0
+        x: cython.double = 0.0
+        y: cython.double = 0.0
+        xx: cython.double = 0.0
+        xy: cython.double = 0.0
+        yy: cython.double = 0.0
         disc: cython.double[:, ::1] = self._disc
         for i in range(self._n):
             c = area_change[i]
@@ -169,7 +176,8 @@ class PinMotion:
         rows: cython.int[::1] = self.pins
         motion: cython.double[:, ::1] = self.motion
         used = 0
-        x = y = 0.0
+        x: cython.double = 0.0
+        y: cython.double = 0.0
         for p in range(self.n_pins):
             i = rows[p]
             if not isnan(motion[i, 0]):
@@ -180,7 +188,8 @@ class PinMotion:
             return NAN
         x /= used
         y /= used
-        re = im = 0.0
+        re: cython.double = 0.0
+        im: cython.double = 0.0
         for p in range(self.n_pins):  # conj(before) after; a common shift of `after` cancels
             i = rows[p]
             if not isnan(motion[i, 0]):
@@ -199,7 +208,8 @@ class PinMotion:
         least_rel    share of the sum of the changes' sizes that the size of their sum exceeds then
         """
         rows: cython.int[::1] = self.pins
-        total = size = 0.0
+        total: cython.double = 0.0
+        size: cython.double = 0.0
         for p in range(self.n_pins):
             change = now[rows[p]] - before[rows[p]]
             if not isnan(change):
@@ -217,7 +227,9 @@ class PinMotion:
         now: cython.double[:, ::1] = self.motion
         disc: cython.double[:, ::1] = self._disc
         used = 0
-        left = 0.0
+        dx: cython.double
+        dy: cython.double
+        left: cython.double = 0.0
         self._g[:, :] = 0.0
         for p in range(self.n_pins):
             i = rows[p]
@@ -355,7 +367,7 @@ class AreaChange:
 
     def volume(self, threshold: float) -> float:
         """Integral of the compressed part of `values`, px2; changes below the threshold are noise."""
-        total = 0.0
+        total: cython.double = 0.0
         for i in range(self._n):
             ramp = self.values[i] - threshold
             if ramp > 0.0:
@@ -364,7 +376,10 @@ class AreaChange:
 
     def _between(self, xy: Array, i: cython.Py_ssize_t) -> float:
         """Area change at pin i by the motion of its ring: the determinant of the gradient, less 1."""
-        xx = xy_ = yx = yy = 0.0
+        xx: cython.double = 0.0
+        xy_: cython.double = 0.0
+        yx: cython.double = 0.0
+        yy: cython.double = 0.0
         for k in range(self._ring.shape[1]):
             j = self._ring[i, k]
             x = xy[j, 0] - self._rest[j, 0]

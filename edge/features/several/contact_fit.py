@@ -234,7 +234,7 @@ class ContactFit:
         Raises            ValueError: sizes that do not fit
         """
         self._check(xy, seen, places)
-        square = 0.0
+        square: cython.double = 0.0
         if places.shape[0] != self._near_n:
             return _NO_LIMIT
         for i in range(self._near_n):
@@ -460,7 +460,7 @@ class ContactFit:
         size = _OWN * self._m + _COMMON
         n = 2 * self.n_pins
         h: cython.double[:, ::1] = self._normal
-        cost = self._explain(self._now, True)
+        cost: cython.double = self._explain(self._now, True)
         if n % 4:
             self._rows[n : n + 2, : size + 1] = 0.0
             n += 2
@@ -494,7 +494,7 @@ class ContactFit:
     def _explain(self, parameters: cython.double[::1], derive: cython.bint) -> cython.double:
         """What contacts and affine motion leave of the pins' motion, and its rows; the squared error."""
         base = _OWN * self._m
-        cost = 0.0
+        cost: cython.double = 0.0
         rows: cython.double[:, ::1] = self._rows
         left: cython.double[:, ::1] = self._left
         for j in range(base + _COMMON):
@@ -663,7 +663,8 @@ class ContactFit:
         size = _OWN * self._m + _COMMON
         d: cython.double[:, ::1] = self._damped
         step: cython.double[::1] = self._step
-        promise = 0.0
+        total: cython.double
+        promise: cython.double = 0.0
         self._promise = _NO_LIMIT
         for i in range(size):
             for j in range(i + 1):
