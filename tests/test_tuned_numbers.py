@@ -11,7 +11,7 @@ AT_MOST = {
     "cli": 1,
     "edge": 5,
     "faults": 4,
-    "features": 21,
+    "features": 19,
     "geometry": 7,
     "link": 4,
     "pins": 27,
