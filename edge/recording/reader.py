@@ -134,7 +134,7 @@ class RecordingSource(FileSource):
         for frame in self._frames(faults, self.size_px):
             if self._closed:
                 return
-            yield frame
+            yield frame.within(self.region)
 
     @property
     def frames_n(self) -> int:

@@ -21,7 +21,7 @@ from edge.errors import SourceError
 from edge.limits import RATE_MAX_HZ
 from edge.sources.image_header import check_size, image_size
 from edge.sources.options import NoKeys, Options
-from edge.types import Clock, Frame, Image, Lens, Polarity
+from edge.types import Clock, Frame, Image, Lens, Polarity, Region
 from hostlink.input_file import read_bounded
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".webp")
@@ -117,6 +117,7 @@ class FileSource:
         self.dropped_n = 0
         self.polarity = Polarity.FOUND
         self.lens: Lens | None = None
+        self.region: Region | None = None
         self.faults: Counter[str] = Counter()
         self._closed = False
 
@@ -171,7 +172,8 @@ class FolderSource(FileSource):
                     f"{self.size_px[0]}x{self.size_px[1]}; keep one size in a folder"
                 )
             bits = 16 if image.dtype == np.uint16 else 8
-            yield Frame(image, round(n * 1e9 / self.rate_hz), n, Clock.RECORDED, bits)
+            frame = Frame(image, round(n * 1e9 / self.rate_hz), n, Clock.RECORDED, bits)
+            yield frame.within(self.region)
 
 
 class VideoSource(FileSource):
@@ -239,7 +241,7 @@ class VideoSource(FileSource):
                 capture_ns = own_ns if self._own_rate and own_ns > last_ns else round(at * 1e9 / self.rate_hz)
                 last_ns = capture_ns = max(capture_ns, last_ns + 1)
                 n += 1
-                yield Frame(to_grey(image), capture_ns, at, Clock.RECORDED)
+                yield Frame(to_grey(image), capture_ns, at, Clock.RECORDED).within(self.region)
         finally:
             capture.release()
 
