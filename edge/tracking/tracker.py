@@ -3,12 +3,10 @@
 Held: each pin is searched for where the last frames predict it (`predict`), and `follow` checks what was
 found there: a pin's motion since rest must be near that of its neighbours, and its residual must have changed
 little since the last frame. A pin with an anomalous brightness or centroid sigma is accepted only with a
-small residual: stray light biases the centroid, and a speck may lie where a dark pin was. A rejected pin
-counts as lost, not as moved: it moves with its neighbours until it is found again. Not held: `predict` is
+residual that is noise: stray light biases the centroid, and a speck may lie where a dark pin was. A rejected
+pin counts as lost, not as moved: it moves with its neighbours until it is found again. Not held: `predict` is
 None until `identify` finds the identities again with high confidence.
 """
-
-from __future__ import annotations
 
 from dataclasses import replace
 
@@ -91,10 +89,10 @@ class Tracker:
         """
         identity = self._identifier.identify(pins.xy_img, [self._follower.last_xy()])
         fallback, self._fallback = self._fallback, None
-        xy, sigma = self._seen(pins, identity, searched=fallback is None)
+        xy, sigma = self._seen(pins, identity)
         seen = np.isfinite(xy[:, 0])
-        predicted, _, _ = self._tip.affine.predict(xy - self._tip.rest_xy, seen)
-        now = np.where(seen[:, None], xy, self._tip.rest_xy + predicted)
+        predicted, _, _ = self._tip.affine.predict(xy - self._tip.lattice.rest_xy, seen)
+        now = np.where(seen[:, None], xy, self._tip.lattice.rest_xy + predicted)
         seen_n = int(np.count_nonzero(seen))
         confidence = identity.confidence
         # Most pins are to tell where the others are.
@@ -104,7 +102,7 @@ class Tracker:
             confidence = 0.0
         if confidence >= Tracks.LOW_CONFIDENCE:
             self._confidence = confidence
-            autocorrelation = self._follower.settle(now, now - self._tip.rest_xy - predicted, seen)
+            autocorrelation = self._follower.settle(now, now - self._tip.lattice.rest_xy - predicted, seen)
             self._hold()
             return Tracks(xy, sigma, seen, seen_n, confidence, autocorrelation)
         if fallback is not None:
@@ -117,21 +115,18 @@ class Tracker:
     def _hold(self) -> None:
         self.held, self._fresh, self._fallback = True, True, None
 
-    def _seen(self, pins: Pins, identity: Identity, searched: bool) -> tuple[Array, Array]:
-        """(n, 2) and (n,) px, place and sigma of each pin's blob; NaN where it has none, or an outlier.
-
-        searched  the result of the search is all that is known of the frame
-        """
+    def _seen(self, pins: Pins, identity: Identity) -> tuple[Array, Array]:
+        """(n, 2) and (n,) px, place and sigma of each pin's blob; NaN where it has none, or an outlier."""
         n = self._n
         seen = identity.blob >= 0
         xy, sigma = np.full((n, 2), np.nan), np.full(n, np.nan)
         xy[seen] = pins.xy_img[identity.blob[seen]]
         sigma[seen] = pins.sigma_px[identity.blob[seen]]
         if seen.any():
-            motion = xy - self._tip.rest_xy
+            motion = xy - self._tip.lattice.rest_xy
             predicted, _, _ = self._tip.affine.predict(motion, seen)
             blob = np.maximum(identity.blob, 0)
             of_pins = Pins(xy, sigma, pins.radius_px[blob], pins.brightness[blob])
-            seen = self._tip.photometric.accepted(of_pins, motion, motion - predicted, seen, searched)
+            seen = self._tip.photometric.accepted(of_pins, motion, motion - predicted, seen)
             xy[~seen], sigma[~seen] = np.nan, np.nan
         return xy, sigma
