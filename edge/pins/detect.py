@@ -221,6 +221,7 @@ def _at_scales(grey: Image, scales: Array, depth_min: float) -> Spots:
         spots = find_spots(grey, float(radius), depth_min)
         scale = spots.radius_px / radius
         fits = (scale > PARAMS.scale_range[0]) & (scale < PARAMS.scale_range[1])
+        fits &= spots.spread < PARAMS.gap_ray_spread_max
         parts.append(spots[fits])
         misfits.append((np.abs(np.log(scale)) + spots.spread + (1.0 - spots.share))[fits])
     return one_of_each(join(parts), np.concatenate(misfits))
@@ -249,7 +250,7 @@ def _common_radius(spots: Spots) -> float:
     """The radius of the spots that hold most light: mode over log radius, weighted with depth and radius."""
     log_r = np.log(spots.radius_px)
     weight = spots.depth * spots.radius_px
-    kernel = np.exp(-0.5 * ((log_r[:, None] - log_r[None, :]) / PARAMS.scatter_max[0]) ** 2)
+    kernel = np.exp(-0.5 * ((log_r[:, None] - log_r[None, :]) / 0.12) ** 2)
     return float(spots.radius_px[(kernel @ weight).argmax()])
 
 

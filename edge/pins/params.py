@@ -19,6 +19,7 @@ class PinParams:
     ray_step_radii: float = 0.25  # a ray is read in such steps, ...
     ray_steps_n: int = 10  # ... so many, from 0 on
     ray_spread_max: float = 0.6  # 20..80 percentile range of the distance of the half fall over its median
+    gap_ray_spread_max: float = 1.5  # the same for a spot that fills a gap of the pattern
     # --- against the neighbours: log ratios of size, depth and spacing
     scatter_min: tuple[float, float, float] = (0.08, 0.13, 0.13)  # bounds of the tip's own scatter
     scatter_max: tuple[float, float, float] = (0.11, 0.20, 0.20)
@@ -26,6 +27,7 @@ class PinParams:
     link_pitches_outside: float = 1.9  # to the nearest pin, of one outside or beyond the known edge
     gap_pitches_min: float = 0.8  # from a pin to the nearest; nearer than this, two spots may be one
     # --- pins that a border cuts
+    cut_area_range: tuple[float, float] = (0.12, 1.05)  # share of the disc that is left
     cut_facing_min: float = 0.4  # cosine between the arc's slope and straight outwards
     # --- rest frame
     rest_gap_radii: float = 0.5  # from a pin's centre to the image's border, pin radii

@@ -97,8 +97,10 @@ def _slivers(grey: Image, pins: Pins, hull: NDArray[np.float32], radius_px: floa
     for (x, y), r in zip(pins.xy_img[rim], pins.radius_px[rim], strict=True):
         cv2.circle(bright, (round(float(x)), round(float(y))), int(np.ceil(r + 1)), 0, -1)
     count, _, stats, middles = cv2.connectedComponentsWithStats(bright, connectivity=8)
-    cut = stats[1:count, cv2.CC_STAT_AREA] < np.pi * radius_px**2
-    return np.asarray(middles[1:count][cut], np.float64)
+    share = stats[1:count, cv2.CC_STAT_AREA] / (np.pi * radius_px**2)
+    return np.asarray(
+        middles[1:count][(share > PARAMS.cut_area_range[0]) & (share < PARAMS.cut_area_range[1])], np.float64
+    )
 
 
 def _fit_arc(

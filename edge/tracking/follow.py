@@ -376,7 +376,7 @@ class Follower:
         for i in range(self.n):
             motion[i, 0] = found[i, 0] - self.rest[i, 0]
             motion[i, 1] = found[i, 1] - self.rest[i, 1]
-        self.photometric.filter(brightness, sigma, motion, self.seen)
+        self.photometric.filter(brightness, sigma, motion, self.seen, False)
 
     @cython.cfunc
     @cython.exceptval(check=False)

@@ -7,8 +7,8 @@ known neighbours of a pin, weighted by a Gaussian of their distance, and evaluat
 motion does not enter.
 
 PhotometricFilter: stray light beside a pin biases its centroid, and a speck may lie where a dark pin was. A
-pin with a brightness or centroid sigma unlike its own at rest is therefore accepted only with a residual that
-is noise, or if light can move it by less than its neighbours' prediction is wrong: pins come close near a
+pin with a brightness or centroid sigma unlike its own at rest is therefore accepted only with a small
+residual, or if light can move it by less than its neighbours' prediction is wrong: pins come close near a
 contact, and each one's light falls into the other's window. The limits come from the frame itself: from the
 gain that all pins share and the scatter of the others, scaled by the pin's own ratio at rest (permanent glare
 is no anomaly).
@@ -24,15 +24,15 @@ import numpy as np
 from edge.geometry.lattice import Lattice
 from edge.geometry.neighbours import short_rows
 from edge.geometry.select import SIGMA_OF_MAD
-from edge.params import PARAMS as RUNTIME
 from edge.tracking.params import TrackingParams
 from edge.types import Array, Mask, Pins
 
 if cython.compiled:
     from cython.cimports.edge.geometry.select import select_kth
-    from cython.cimports.libc.math import fabs
+    from cython.cimports.libc.math import HUGE_VAL, fabs
 else:
     from math import fabs
+    from math import inf as HUGE_VAL  # noqa: N812
 
     from edge.geometry.select import select_kth
 
@@ -198,32 +198,38 @@ def _predict_all(
 class PhotometricFilter:
     """Rejects the outliers among the n pins of one tip.
 
-    at_rest  how bright each pin is at rest, and its sigma
-    Raises   ValueError: arrays of another number of pins
+    at_rest         how bright each pin is at rest, and its sigma
+    local_pitch_px  (n,) float64
+    Raises          ValueError: arrays of another number of pins
     """
 
-    def __init__(self, affine: LocalAffine, at_rest: Pins, params: TrackingParams) -> None:
+    def __init__(
+        self, affine: LocalAffine, at_rest: Pins, local_pitch_px: Array, params: TrackingParams
+    ) -> None:
         n = affine.n
-        if not at_rest.brightness.shape == at_rest.sigma_px.shape == at_rest.radius_px.shape == (n,):
-            raise ValueError(f"brightness, sigma_px and radius_px of {n} pins are wanted")
+        arrays = (at_rest.brightness, at_rest.sigma_px, at_rest.radius_px, local_pitch_px)
+        if any(np.shape(a) != (n,) for a in arrays):
+            raise ValueError(f"brightness, sigma_px, radius_px and local_pitch_px of {n} pins are wanted")
         self.n = n
         self.affine = affine
         self.ratio = params.outlier_ratio
+        self.brightness_change_min = params.brightness_change_min
         self.sigma_ratio_max = params.sigma_ratio_max
         self.support_min = params.support_min
-        self.most2 = np.square(RUNTIME.noise_sigma * at_rest.sigma_px)
+        self.most2 = np.square(params.outlier_residual_max * local_pitch_px)
         self.rest_brightness = np.array(at_rest.brightness, np.float64)
         self.radius = np.array(at_rest.radius_px, np.float64)
         self.rest_sigma_ratio = np.maximum(at_rest.sigma_px / np.median(at_rest.sigma_px), 1.0)
         self.off, self.values = np.empty(n), np.empty(n)
         self.suspect, self.trusted = np.empty(n, np.uint8), np.empty(n, np.uint8)
 
-    def accepted(self, pins: Pins, motion: Array, residual: Array, seen: Mask) -> Mask:
+    def accepted(self, pins: Pins, motion: Array, residual: Array, seen: Mask, searched: bool) -> Mask:
         """(n,) the seen pins that are no outliers.
 
         pins              of n; ignored where not seen
         motion, residual  (n, 2) px since rest, and off what the neighbours predict; likewise
         seen              (n,) bool
+        searched          the pins come from a search: a large sigma does not count
         Raises            ValueError: sizes that do not fit
         """
         n = self.n
@@ -237,6 +243,7 @@ class PhotometricFilter:
                 np.ascontiguousarray(pins.sigma_px, np.float64),
                 np.ascontiguousarray(motion, np.float64),
                 is_seen,
+                searched,
             )
         return is_seen.view(np.bool_)
 
@@ -245,7 +252,7 @@ class PhotometricFilter:
         residual: cython.const[cython.float][::1],
         seen: cython.const[cython.uchar][::1],
     ) -> cython.bint:
-        """The seen pins whose residual is more than noise: none may be an outlier. Whether there are any."""
+        """The seen pins whose residual is so large that they must not be outliers; whether there are any."""
         most2: cython.double[::1] = self.most2
         suspect: cython.uchar[::1] = self.suspect
         i: cython.Py_ssize_t
@@ -265,10 +272,11 @@ class PhotometricFilter:
         sigma: cython.const[cython.double][::1],
         motion: cython.const[cython.double][:, ::1],
         seen: cython.uchar[::1],
+        searched: cython.bint,
     ) -> cython.void:
         """`accepted` where `find_suspects` found any, for arrays of the right size; updates seen."""
         i: cython.Py_ssize_t
-        gain = self._find_trusted(brightness, sigma, seen)
+        gain = self._find_trusted(brightness, sigma, seen, HUGE_VAL if searched else self.sigma_ratio_max)
         for i in range(self.n):
             self.off[i] = UNKNOWN
         for i in range(self.n):
@@ -283,6 +291,7 @@ class PhotometricFilter:
         brightness: cython.const[cython.double][::1],
         sigma: cython.const[cython.double][::1],
         seen: cython.const[cython.uchar][::1],
+        sigma_ratio_max: cython.double,
     ) -> cython.double:
         """The seen pins, one at least, of normal brightness and sigma; returns the gain that all share."""
         off: cython.double[::1] = self.off
@@ -291,20 +300,25 @@ class PhotometricFilter:
         sigma_ratio: cython.double[::1] = self.rest_sigma_ratio
         trusted: cython.uchar[::1] = self.trusted
         i: cython.Py_ssize_t
+        sigmas: cython.double = self.ratio * _SIGMA_OF_MAD  # that count, in median absolute deviations
         m: cython.Py_ssize_t = 0
+        within: cython.Py_ssize_t = 0
         for i in range(self.n):
             off[i] = brightness[i] / at_rest[i]
             values[m] = off[i]
             m += seen[i]
         gain = select_kth(values, m, m // 2)
+        change_max = self.brightness_change_min * gain
         for i in range(m):
             values[i] = fabs(values[i] - gain)
-        change_max = self.ratio * _SIGMA_OF_MAD * select_kth(values, m, m // 2)
+            within += sigmas * values[i] <= change_max
+        if within <= m // 2:  # else the median is
+            change_max = sigmas * select_kth(values, m, m // 2)
         m = 0
         for i in range(self.n):
             values[m] = sigma[i]
             m += seen[i]
-        sigma_max = self.sigma_ratio_max * select_kth(values, m, m // 2)
+        sigma_max = sigma_ratio_max * select_kth(values, m, m // 2)
         for i in range(self.n):
             trusted[i] = (
                 seen[i] & (not fabs(off[i] - gain) > change_max) & (not sigma[i] > sigma_max * sigma_ratio[i])

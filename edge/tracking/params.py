@@ -21,7 +21,9 @@ class TrackingParams:
     # Multiples of the scatter of the others: robust sigmas of the frame's brightness, from the gain that
     # all pins share; what two thirds of the neighbours are off by
     outlier_ratio: float = 4.0
+    brightness_change_min: float = 0.03  # least change of brightness, as a share
     sigma_ratio_max: float = 2.0  # to the frame's median, times the pin's own ratio at rest
+    outlier_residual_max: float = 0.005  # of such a pin
     # --- whether the identities are held
     baseline_share_min: float = 0.65  # of the baseline: the share seen lately
     baseline_frames: float = 30.0  # time constant of the baseline, frames

@@ -43,7 +43,7 @@ class TrackedTip:
         out = rest.xy_img - rest.pattern.centre_img
         radial = out / np.maximum(np.hypot(*out.T), 1e-9)[:, None]
         tangential = np.stack([-radial[:, 1], radial[:, 0]], axis=1)
-        photometric = PhotometricFilter(affine, rest.pins, params)
+        photometric = PhotometricFilter(affine, rest.pins, lattice.local_pitch_px, params)
         return cls(params, rest, lattice, affine, photometric, radial, tangential)
 
     def __len__(self) -> int:

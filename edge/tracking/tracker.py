@@ -3,8 +3,8 @@
 Held: each pin is searched for where the last frames predict it (`predict`), and `follow` checks what was
 found there: a pin's motion since rest must be near that of its neighbours, and its residual must have changed
 little since the last frame. A pin with an anomalous brightness or centroid sigma is accepted only with a
-residual that is noise: stray light biases the centroid, and a speck may lie where a dark pin was. A rejected
-pin counts as lost, not as moved: it moves with its neighbours until it is found again. Not held: `predict` is
+small residual: stray light biases the centroid, and a speck may lie where a dark pin was. A rejected pin
+counts as lost, not as moved: it moves with its neighbours until it is found again. Not held: `predict` is
 None until `identify` finds the identities again with high confidence.
 """
 
@@ -89,7 +89,7 @@ class Tracker:
         """
         identity = self._identifier.identify(pins.xy_img, [self._follower.last_xy()])
         fallback, self._fallback = self._fallback, None
-        xy, sigma = self._seen(pins, identity)
+        xy, sigma = self._seen(pins, identity, searched=fallback is None)
         seen = np.isfinite(xy[:, 0])
         predicted, _, _ = self._tip.affine.predict(xy - self._tip.lattice.rest_xy, seen)
         now = np.where(seen[:, None], xy, self._tip.lattice.rest_xy + predicted)
@@ -115,8 +115,11 @@ class Tracker:
     def _hold(self) -> None:
         self.held, self._fresh, self._fallback = True, True, None
 
-    def _seen(self, pins: Pins, identity: Identity) -> tuple[Array, Array]:
-        """(n, 2) and (n,) px, place and sigma of each pin's blob; NaN where it has none, or an outlier."""
+    def _seen(self, pins: Pins, identity: Identity, searched: bool) -> tuple[Array, Array]:
+        """(n, 2) and (n,) px, place and sigma of each pin's blob; NaN where it has none, or an outlier.
+
+        searched  the result of the search is all that is known of the frame
+        """
         n = self._n
         seen = identity.blob >= 0
         xy, sigma = np.full((n, 2), np.nan), np.full(n, np.nan)
@@ -127,6 +130,6 @@ class Tracker:
             predicted, _, _ = self._tip.affine.predict(motion, seen)
             blob = np.maximum(identity.blob, 0)
             of_pins = Pins(xy, sigma, pins.radius_px[blob], pins.brightness[blob])
-            seen = self._tip.photometric.accepted(of_pins, motion, motion - predicted, seen)
+            seen = self._tip.photometric.accepted(of_pins, motion, motion - predicted, seen, searched)
             xy[~seen], sigma[~seen] = np.nan, np.nan
         return xy, sigma
