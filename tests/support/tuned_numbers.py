@@ -59,7 +59,7 @@ NOT_TUNED: dict[str, frozenset[str]] = {
         "edge/geometry/lattice.py:N_RING", "edge/geometry/lattice.py:N_TWO_RINGS",
         "edge/geometry/lattice.py:THIRD_RING", "edge/rest/sensor_match.py:_SYMMETRY",
         "edge/rest/sensor_match.py:CLEAR", "edge/pins/templates.py:FAR_PX",
-        "edge/calibration/grip.py:_RADIUS", "edge/pins/centroids.py:_SLANT",
+        "edge/calibration/grip.py:_RADIUS",
         "edge/cells/mesh.py:N_GUARD",
         "edge/features/slip_and_vibration.py:_SHARES",
         "edge/view/palette.py:_TO_CONES", "edge/view/palette.py:_TO_LAB",
