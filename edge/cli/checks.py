@@ -32,8 +32,6 @@ LEVELS = tuple(_COLOURS)
 FD_MTU = 72  # bytes; MTU of a Linux interface for CAN FD
 _WARNING_N = 96  # errors counted from which on a CAN controller warns (ISO 11898-1)
 _STAMP_NS = 1000  # unit of the time in a sample
-#: A warning above this residual of the calibration of displacement or shear.
-ROUGH_MM = 0.3
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,17 +144,21 @@ def calibration(path: Path | None, rest: Rest | None) -> Iterator[Line]:
 
 def _residual(loaded: Calibration) -> Line:
     sigmas: dict[str, float] = {}  # one-sigma error of each output
+    ranges: dict[str, tuple[float, float]] = {}  # of each output in the data
     for model in loaded.content.models:
         if isinstance(model, Curve):
             sigmas[model.output] = model.sigma
+            ranges[model.output] = model.knots[0][1], model.knots[-1][1]
         else:
             sigmas |= dict(zip(model.outputs, model.sigma, strict=True))
+            ranges |= dict(zip(model.outputs, model.valid, strict=True))
     shown = [
         f"{name} {sigma:.3g}" for name, sigma in sorted(sigmas.items()) if not name.startswith("contact_")
     ]
     lengths = ("displacement_mm", "shear_x_mm", "shear_y_mm")
-    rough = ", ".join(name for name in lengths if sigmas.get(name, 0.0) > ROUGH_MM)
-    advice = f"{rough} above {ROUGH_MM:g} mm: calibrate with more data"
+    limits = {name: ASTRAY_REL * abs(ranges[name][1] - ranges[name][0]) for name in lengths if name in sigmas}
+    rough = ", ".join(name for name, limit in limits.items() if sigmas[name] > limit)
+    advice = f"{rough} above {ASTRAY_REL:.0%} of the calibrated range: calibrate with more data"
     return judged("residual", f"one sigma: {', '.join(shown) or 'no models'}", (bool(rough), "warn", advice))
 
 

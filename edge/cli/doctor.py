@@ -93,7 +93,7 @@ def examine(
                 lines.append(Line("pins", "fail", str(error), "focus the lens, set [source] roi to the skin"))
             else:
                 lines += [*picture.pins(frames[-1], rest), checks.sensor(rest, sensor)]
-            lines.append(picture.light(frames, rest))
+            lines.append(picture.brightness(frames, rest))
     lines += checks.calibration(calibration_path, rest)
     for spec in config.link.sinks:
         lines += checks.link(spec, machine)

@@ -76,19 +76,19 @@ def inspect(
     for address in images:
         entry: dict[str, Any] = {"image": address, "n_pins": 0, "xy_px": []}
         try:
-            seen = _look(address, rest, calibration, named)
+            seen = _seen_of(address, rest, calibration, named)
         except EdgeError as error:
             message = str(error) if address in str(error) else f"{address}: {error}"
             print_error(message)
             entry["error"] = message
         else:
             entry |= seen.findings(sensors)
-            words = f"{address}: {_in_words(entry, sensors)}"
+            summary = f"{address}: {_in_words(entry, sensors)}"
             if address in pictures:
                 with writing(pictures[address], overwrite) as unfinished:
-                    seen.draw(unfinished, words)
+                    seen.draw(unfinished, summary)
             if not as_json:
-                click.echo(words)
+                click.echo(summary)
                 if "rest" in entry:
                     click.echo(f"{address}: rest frame: {entry['rest']}")
                 print_lines(seen.lines)
@@ -131,7 +131,10 @@ class _Seen:
     def draw(self, path: Path, title: str) -> None:
         rest = rest_as_seen(self.rest)
         rois = [key.partition("=")[2].split(",") for key in self.settings if key.startswith("roi=")]
-        text = [f"{line.level} {line.topic}: {line.message} {line.advice}" for line in self.lines]
+        text = [
+            f"{line.level} {line.topic}: {line.message}" + (f" -> {line.advice}" if line.advice else "")
+            for line in self.lines
+        ]
         save_pins_overlay(
             path,
             self.frame.image,
@@ -147,7 +150,9 @@ def _rounded(xy: Array) -> list[list[float]]:
     return [[round(float(x), 3), round(float(y), 3)] for x, y in xy]
 
 
-def _look(address: str, how: str | None, calibration: Calibration | None, named: KnownSensor | None) -> _Seen:
+def _seen_of(
+    address: str, how: str | None, calibration: Calibration | None, named: KnownSensor | None
+) -> _Seen:
     """Of a picture or camera its first images, of a recording the rest frame as `replay` takes it.
 
     Raises  SourceError, NoPins, CalibrationError
@@ -168,12 +173,12 @@ def _look(address: str, how: str | None, calibration: Calibration | None, named:
             try:
                 rest = take_rest([f.image for f in frames], source.polarity, source.lens)
             except NoPins as error:
-                line = picture.light(frames, None)
+                line = picture.brightness(frames, None)
                 raise NoPins(
                     f"{error}; light: {line.message}; {line.advice or 'give ?roi= or ?mask='}"
                 ) from None
         settings = picture.settings_tried(source, frame, rest)
-        lines = [*picture.pins(frame, rest), picture.light(frames, rest)]
+        lines = [*picture.pins(frame, rest), picture.brightness(frames, rest)]
         lines += [picture.better_settings(settings)] if settings else []
     return _Seen(frame, rest, lines, settings, about)
 

@@ -32,11 +32,10 @@ from edge.types import Array, Frame, FrameSource, Image, Index, Lens, LiveSource
 
 #: Of full scale: from here on a pixel may be clipped, as lenses, codecs and cameras leave a few levels.
 CLIPPED = 250 / 255
-_NONE = np.empty((0, 2))
 _AROUND = np.exp(1j * tau * np.arange(24) / 24)
 
 
-def light(frames: Sequence[Frame], rest: Rest | None) -> Line:
+def brightness(frames: Sequence[Frame], rest: Rest | None) -> Line:
     """Brightness of the images, and which share of the pins is clipped, where there are pins."""
     level, full = np.mean([level_of(f.image, f.bits) for f in frames], axis=0)
     near_one_level = level**2 * (1 << frames[0].bits) < 1.0  # by ratios, nearer to it than to white
@@ -87,7 +86,8 @@ def _levels(image: Image, rest: Rest, radii: Array) -> Array:
 
 def holes(rest: Rest) -> Array:
     """(k, 2) px, places where three neighbours agree that a pin is missing; none without a lattice."""
-    return np.concatenate([_holes(rest.xy_img[g]) for g in groups(rest) if len(g) >= PINS_MIN] or [_NONE])
+    found = [_holes(rest.xy_img[group]) for group in groups(rest) if len(group) >= PINS_MIN]
+    return np.concatenate([np.empty((0, 2)), *found])
 
 
 def _holes(xy: Array) -> Array:
@@ -98,21 +98,24 @@ def _holes(xy: Array) -> Array:
     step = np.hypot(*(xy[ring] - xy[:, None]).transpose(2, 0, 1))
     pitch = np.median(step[:, :3], axis=1)
     row, column = np.nonzero(step < LATTICE.longest_edge * pitch[:, None])
-    said, unit = 2 * xy[row] - xy[ring[row, column]], pitch[row]
-    inside = Delaunay(xy).find_simplex(said) >= 0
-    said, unit = said[inside], unit[inside]
-    if len(said) == 0:
-        return _NONE
-    free = cKDTree(xy).query(said)[0] > LATTICE.distance_min * unit
+    place, unit = 2 * xy[row] - xy[ring[row, column]], pitch[row]
+    inside = Delaunay(xy).find_simplex(place) >= 0
+    place, unit = place[inside], unit[inside]
+    if len(place) == 0:
+        return np.empty((0, 2))
+    free = cKDTree(xy).query(place)[0] > LATTICE.distance_min * unit
     if free.mean() > 1.0 - SHARED_MIN**2:  # too few places with a pin, or pins with a place: no lattice
-        return _NONE
-    said, unit = said[free], unit[free]
+        return np.empty((0, 2))
+    place, unit = place[free], unit[free]
     found: list[Array] = []
-    while len(said):
-        alike = np.hypot(*(said - said[0]).T) < LATTICE.distance_min * unit[0]
-        if np.count_nonzero(alike) >= 3:
-            found.append(np.median(said[alike], axis=0))
-        said, unit = said[~alike], unit[~alike]
+    while len(place):
+        alike = cKDTree(place).query_ball_point(place, LATTICE.distance_min * unit)
+        most = max(alike, key=len)
+        if len(most) < 3:
+            break
+        found.append(np.median(place[most], axis=0))
+        others = np.hypot(*(place - found[-1]).T) > unit
+        place, unit = place[others], unit[others]
     return np.array(found).reshape(-1, 2)
 
 

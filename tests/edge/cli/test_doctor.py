@@ -135,7 +135,8 @@ def test_everything_in_order_gives_ok(examined: Examined) -> None:
     assert bad(found) == {}
     assert set(found) == {
         "camera", "rate", "light", "pins", "focus", "margin", "calibration", "age", "residual", "link",
-        "errors", "processor", "temperature", "clock", "disk", "sensor", "touch", "holes", "motion", "contrast",
+        "errors", "processor", "temperature", "clock", "disk", "sensor", "touch", "holes", "motion",
+        "contrast",
     }  # fmt: skip
     assert found["link"].message == "can0 is up, 1 Mbit/s and 5"
 
