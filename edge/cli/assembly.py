@@ -73,7 +73,7 @@ def look_as(source: FrameSource, sensor: KnownSensor) -> None:
         source.polarity = sensor.polarity
     if source.region is None:
         camera = sensor.camera
-        source.region = region_of(source, camera.roi, camera.circle, camera.mask)
+        source.region = region_of(source, camera.roi or "", camera.circle or "", camera.mask or "")
 
 
 def make_loop(stack: ExitStack, source: FrameSource, config: Config, calibration_path: Path | None) -> Loop:

@@ -62,9 +62,9 @@ class SensorCamera(_Closed, frozen=True, kw_only=True):
 
     size_px: tuple[limits.ImageSide, limits.ImageSide] | None = None
     mm_per_px: Length | None = None
-    roi: str = ""
-    circle: str = ""
-    mask: str = ""
+    roi: str | None = None
+    circle: str | None = None
+    mask: str | None = None
 
 
 class KnownSensor(_Closed, frozen=True, kw_only=True):

@@ -76,7 +76,7 @@ def test_holes_are_counted_where_there_is_a_lattice() -> None:
 def test_separate_groups_of_pins_are_each_offered_as_a_region(tmp_path: Path) -> None:
     image = frame().image
     skin = np.full((320, 320), np.median(image), np.uint8)
-    two = replace(frame(), image=np.hstack([image, skin, image]))
+    two = replace(frame(), image=np.hstack([image, skin, image]).astype(np.uint8))
     rest = take_rest([two.image])
     assert [len(group) for group in picture.groups(rest)] == [127, 127]
     cv2.imwrite(str(tmp_path / "two.png"), two.image)
