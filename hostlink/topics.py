@@ -27,6 +27,7 @@ __all__ = [
     "DIAGNOSIS_S",
     "DIAGNOSTICS",
     "SAMPLE",
+    "SPACING_M",
     "Diagnosis",
     "Level",
     "contact_scene",
@@ -41,7 +42,7 @@ __all__ = [
 
 DIAGNOSIS_S = 1.0  # between two diagnoses: the rate of `diagnostic_updater`, which its viewers expect
 _DIGITS = 6  # finer than the smallest step of any field
-_SPACING_M = 0.03  # between two tips
+SPACING_M = 0.03  # between two tips whose places nobody has given
 _CONTACT_M = 0.002  # a contact is drawn so wide, and wider with its depth
 _LIFETIME_S = 0.5  # no contact is shown for a silent finger
 _MM = 1e-3
@@ -171,7 +172,7 @@ def tip_transforms(m: Any, names: Sequence[str], at_ns: int) -> Any:
                 timestamp=m.Timestamp(*divmod(at_ns, 1_000_000_000)),
                 parent_frame_id="hand",
                 child_frame_id=name,
-                translation=m.Vector3(x=i * _SPACING_M, y=0.0, z=0.0),
+                translation=m.Vector3(x=i * SPACING_M, y=0.0, z=0.0),
                 rotation=m.Quaternion(x=0.0, y=0.0, z=0.0, w=1.0),
             )
             for i, name in enumerate(names)
