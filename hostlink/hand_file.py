@@ -24,16 +24,16 @@ import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from math import isfinite, radians
+from math import cos, isfinite, radians, sin
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from hostlink.errors import UsageError
 from hostlink.input_file import UPLOAD_BYTES, read_bounded
-from hostlink.topics import SPACING_M, finger_name
+from hostlink.topics import SPACING_M, TipPlace, finger_name
 from hostlink.wire.canid import NODES_MAX
 
-__all__ = ["NAME_MAX", "HandFile", "Mount", "read_hand"]
+__all__ = ["NAME_MAX", "HandFile", "Mount", "frame_in", "read_hand"]
 
 NAME_MAX: Final = 20  # characters: with the name of a message behind it, fewer than DBC's 32
 _MM: Final = 1e-3
@@ -57,6 +57,30 @@ class Mount:
     turn_rad: Triple = (0.0, 0.0, 0.0)
     parent: str = ""
     calibration: str = ""
+
+    def frame(self, namespace: str = "") -> str:
+        """Name of its frame, with the namespace: tf2 wants no slash in front."""
+        return frame_in(namespace, self.name)
+
+    def parent_frame(self, namespace: str = "") -> str:
+        """The frame it is mounted on. One that the file names is the robot's own, and taken as it stands."""
+        return self.parent or frame_in(namespace, "hand")
+
+    def tip_place(self, namespace: str = "") -> TipPlace:
+        """The same as transforms have it."""
+        (cr, sr), (cp, sp), (cy, sy) = ((cos(angle / 2), sin(angle / 2)) for angle in self.turn_rad)
+        rotation = (
+            sr * cp * cy - cr * sp * sy,
+            cr * sp * cy + sr * cp * sy,
+            cr * cp * sy - sr * sp * cy,
+            cr * cp * cy + sr * sp * sy,
+        )
+        return TipPlace(self.frame(namespace), self.parent_frame(namespace), self.place_m, rotation)
+
+
+def frame_in(namespace: str, name: str) -> str:
+    """A frame of the hand's own."""
+    return f"{namespace}/{name}".strip("/")
 
 
 @dataclass(frozen=True)

@@ -10,23 +10,13 @@ from collections.abc import Sequence
 from typing import Any, Final
 from xml.etree import ElementTree
 
-from hostlink.hand_file import HandFile, Mount
+from hostlink.hand_file import HandFile, Mount, frame_in
 
-__all__ = ["frame_of", "parent_of", "rviz_config", "stands_alone", "urdf"]
+__all__ = ["rviz_config", "stands_alone", "urdf"]
 
 _TIP_RADIUS_M: Final = 0.01  # of the cylinder that stands for a tip
 _FORCE_SCALE: Final = 0.01  # m of arrow for a newton
 _TORQUE_SCALE: Final = 1.0  # m of arrow for a newton metre
-
-
-def frame_of(namespace: str, name: str) -> str:
-    """A frame of the hand's: tf2 wants no slash in front."""
-    return f"{namespace}/{name}".strip("/")
-
-
-def parent_of(namespace: str, mount: Mount) -> str:
-    """The frame it is mounted on. One that the file names is the robot's own, and taken as it stands."""
-    return mount.parent or frame_of(namespace, "hand")
 
 
 def stands_alone(mounts: Sequence[Mount]) -> bool:
@@ -34,20 +24,20 @@ def stands_alone(mounts: Sequence[Mount]) -> bool:
     return not any(mount.parent for mount in mounts)
 
 
-def urdf(hand: HandFile, namespace: str, mounts: Sequence[Mount]) -> str:
+def urdf(mounts: Sequence[Mount], namespace: str) -> str:
     """Tips as cylinders on fixed joints. Links that a file names as parents are the robot's own."""
-    root = ElementTree.Element("robot", name=hand.name or "hand")
+    root = ElementTree.Element("robot", name=namespace.strip("/") or "hand")
     if any(not mount.parent for mount in mounts):
-        ElementTree.SubElement(root, "link", name=frame_of(namespace, "hand"))
+        ElementTree.SubElement(root, "link", name=frame_in(namespace, "hand"))
     for mount in mounts:
-        child = frame_of(namespace, mount.name)
+        child = mount.frame(namespace)
         visual = ElementTree.SubElement(ElementTree.SubElement(root, "link", name=child), "visual")
         # z points out of the skin: the tip is behind it.
         ElementTree.SubElement(visual, "origin", xyz=f"0 0 {-_TIP_RADIUS_M / 2:g}")
         shape, size = ElementTree.SubElement(visual, "geometry"), f"{_TIP_RADIUS_M:g}"
         ElementTree.SubElement(shape, "cylinder", radius=size, length=size)
         joint = ElementTree.SubElement(root, "joint", name=f"{child}_mount", type="fixed")
-        ElementTree.SubElement(joint, "parent", link=parent_of(namespace, mount))
+        ElementTree.SubElement(joint, "parent", link=mount.parent_frame(namespace))
         ElementTree.SubElement(joint, "child", link=child)
         place, turn = (" ".join(f"{v:.9g}" for v in triple) for triple in (mount.place_m, mount.turn_rad))
         ElementTree.SubElement(joint, "origin", xyz=place, rpy=turn)
@@ -90,7 +80,7 @@ def rviz_config(hand: HandFile, namespace: str) -> str:
     ]
     for mount in hand.mounts:
         displays += _finger(namespace, mount.name)
-    fixed = {*(parent_of(namespace, mount) for mount in hand.mounts)}
+    fixed = {*(mount.parent_frame(namespace) for mount in hand.mounts)}
     orbit = {"Class": "rviz_default_plugins/Orbit", "Name": "Current View", "Distance": 0.3}
     config = {
         "Panels": [{"Class": "rviz_common/Displays", "Name": "Displays"}],

@@ -44,15 +44,15 @@ def write_text(text: str, output: Path | None, suffix: str, overwrite: bool) -> 
 @click.option("--overwrite", is_flag=True, help="Replace these files if they exist.")
 def hand(file: Path, urdf_path: Path | None, rviz_path: Path | None, overwrite: bool) -> None:
     """Check the hand in FILE and list its fingers; write its URDF, or a view for RViz."""
-    from hostlink.bridge.robot_model import parent_of, rviz_config, urdf
+    from hostlink.bridge.robot_model import rviz_config, urdf
 
     named = read_hand(file)
     for mount in named.mounts:
         place = ", ".join(f"{v * 1e3:g}" for v in mount.place_m)
         turn = ", ".join(f"{degrees(v):g}" for v in mount.turn_rad)
-        on = parent_of(named.namespace, mount)
+        on = mount.parent_frame(named.namespace)
         click.echo(f"{mount.name:<20} node {mount.node:<3} at {place} mm, turned by {turn} deg, on {on}")
     if urdf_path is not None:
-        write_text(urdf(named, named.namespace, named.mounts), urdf_path, ".urdf", overwrite)
+        write_text(urdf(named.mounts, named.namespace), urdf_path, ".urdf", overwrite)
     if rviz_path is not None:
         write_text(rviz_config(named, named.namespace), rviz_path, ".rviz", overwrite)

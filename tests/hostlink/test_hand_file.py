@@ -1,6 +1,7 @@
 """A hand's file: read, refused in one line, and made use of by name."""
 
 import json
+import re
 from math import pi
 from pathlib import Path
 from xml.etree import ElementTree
@@ -8,6 +9,7 @@ from xml.etree import ElementTree
 import pytest
 
 import hostlink
+from hostlink.commands.bridge import bridge
 from hostlink.commands.monitor import Board, line
 from hostlink.hand_file import HandFile, Mount, read_hand
 from hostlink.view import HandView
@@ -108,3 +110,21 @@ def test_fingers_are_called_by_their_names(file: Path) -> None:
         ]
         hello = HandView(hand, parse_listen("127.0.0.1:0")).server._hello
         assert (hello["hand"], hello["names"], hello["left"]) == ([3, 1], {3: "thumb", 1: "index"}, True)
+
+
+def test_the_documented_hand_is_one(tmp_path: Path) -> None:
+    text = (Path(hostlink.__file__).parents[1] / "docs" / "robot.md").read_text(encoding="utf-8")
+    path = tmp_path / "hand.toml"
+    path.write_text(text.split("```toml\n", 1)[1].split("```", 1)[0])
+    assert [mount.name for mount in read_hand(path).mounts] == ["thumb", "index"]
+
+
+def test_the_launch_file_gives_the_bridge_options_that_it_has() -> None:
+    folder = Path(hostlink.__file__).parent / "bridge" / "voronoi_touch_msgs"
+    launch = ElementTree.parse(folder / "launch" / "hand.launch.xml").getroot()
+    arguments = {arg.get("name") for arg in launch.iter("arg")}
+    commands = [str(one.get("cmd")) for one in launch.iter("executable")]
+    assert {*re.findall(r"\$\(var (\w+)\)", " ".join(commands))} <= arguments
+    (ours,) = [command.split() for command in commands if command.startswith("voronoi-touch-host")]
+    options = {option for one in bridge.params for option in one.opts}
+    assert (ours[1], {word for word in ours if word.startswith("--")} - options) == ("bridge", set())

@@ -10,7 +10,10 @@ from dataclasses import dataclass, field, make_dataclass
 from typing import Any
 
 import zenoh
+import zenoh.ext
 from pycdr2 import IdlStruct, types
+
+from tests.support.waiting import until
 
 #: As in the definitions of ROS 2; `TYPE[]` is a sequence.
 DEFINITIONS = """
@@ -28,8 +31,9 @@ DiagnosticArray: Header header, DiagnosticStatus[] status
 TriggerRequest: uint8 structure_needs_at_least_one_member
 TriggerResponse: bool success, string message
 TactileContact: float32 x_mm, float32 y_mm, float32 depth_mm
-TactileSample: Header header, float64 host_error_s, uint8 finger, uint32 lost_n, uint16 sample
-TactileSample: uint16 status, uint32 capture_time_us, float32 latency_us, float32 pins_tracked
+TactileSample: Header header, float64 host_error_s, uint8 finger, uint32 lost_n
+TactileSample: uint8 wrench_known, uint16 sample, uint16 status, uint32 capture_time_us
+TactileSample: float32 latency_us, float32 pins_tracked
 TactileSample: uint8 contact_n, float32 displacement_mm, float32 displacement_sigma_mm, float32 force_n
 TactileSample: float32 force_x_n, float32 force_y_n, float32 force_xy_sigma_n, float32 torque_z_nmm
 TactileSample: float32 torque_z_sigma_nmm, float32 friction, float32 slip_margin, float32 pressure_kpa
@@ -123,6 +127,24 @@ class Peer:
 
         self.session.declare_subscriber(key, take)
 
+    def subscribe_latched(self, key: str) -> Callable[[str], bytes]:
+        """What topics had published before, as transient local subscribers get it; waits for each."""
+        got: dict[str, bytes] = {}
+
+        def take(sample: Any) -> None:
+            got["/" + "/".join(str(sample.key_expr).split("/")[1:-2])] = bytes(sample.payload)
+
+        history = zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=1)
+        self._latched = zenoh.ext.declare_advanced_subscriber(
+            self.session, key, take, history=history, subscriber_detection=True
+        )
+
+        def of(topic: str) -> bytes:
+            until(lambda: topic in got, topic)
+            return got[topic]
+
+        return of
+
     def of(self, topic: str) -> list[Received]:
         with self._lock:
             return list(self.received.get(topic, ()))
@@ -130,15 +152,16 @@ class Peer:
     def tokens(self) -> list[str]:
         return [str(reply.ok.key_expr) for reply in self.session.liveliness().get("@ros2_lv/**")]
 
-    def call(self, key: str, number: int) -> tuple[Any, tuple[int, int, bytes]]:
+    def ask(self, key: str, request: bytes, number: int = 1) -> tuple[bytes, tuple[int, int, bytes]]:
+        """A service's response, and the attachment taken apart."""
         attachment = struct.pack("<qqB", number, time.time_ns(), 16) + b"\x07" * 16
-        replies = self.session.get(
-            key, payload=STRUCTS["TriggerRequest"](0).serialize(), attachment=attachment, timeout=30.0
-        )
-        for reply in replies:
-            payload, answer = bytes(reply.ok.payload), bytes(reply.ok.attachment)
-            return STRUCTS["TriggerResponse"].deserialize(payload), take_apart(answer)
+        for reply in self.session.get(key, payload=request, attachment=attachment, timeout=30.0):
+            return bytes(reply.ok.payload), take_apart(bytes(reply.ok.attachment))
         raise AssertionError(f"no answer at {key}")
+
+    def tare(self, key: str, number: int) -> tuple[Any, tuple[int, int, bytes]]:
+        payload, attachment = self.ask(key, STRUCTS["TriggerRequest"](0).serialize(), number)
+        return STRUCTS["TriggerResponse"].deserialize(payload), attachment
 
     def close(self) -> None:
         self.session.close()

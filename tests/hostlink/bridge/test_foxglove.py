@@ -18,7 +18,8 @@ from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from mcap.reader import make_reader
 
-from hostlink.bridge.foxglove import LAYOUT, PARAMETERS, FoxgloveOutlet
+from hostlink.bridge.foxglove import LAYOUT, FoxgloveOutlet
+from hostlink.bridge.values import PARAMETERS
 from hostlink.commands.plot import read_series
 from hostlink.topics import DIAGNOSTICS, values_of
 from hostlink.web import Listen

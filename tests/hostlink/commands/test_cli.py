@@ -147,7 +147,6 @@ def contents(folder: Path) -> dict[str, bytes]:
         ("bridge virtual:none --foxglove --seconds 1e300", "1e300 is out of range; give a number above 0"),
         ("bridge virtual:none --ros jazzy --record x.mcap", "--record"),
         ("bridge can:no-such-bus --ros jazzy --router tcp/127.0.0.1:9", "no-such-bus"),
-        ("bridge virtual:none --ros jazzy --view http://a", "--view: cameras are shown by --foxglove"),
         ("bridge virtual:none --foxglove --view http://a --view 1=http://b", "finger 1 is given twice"),
         ("bridge virtual:none --foxglove --listen 0.0.0.0:0 --allow-control", "no place for it"),
         ("bridge virtual:none --foxglove --origin http://localhost:8080", "--allow-control"),
@@ -164,9 +163,11 @@ def test_mistakes_are_one_line_and_write_nothing(files: Path, arguments: str, me
     [
         (["numpy", "pandas", "pyarrow", "pyarrow.parquet"], "decode hand.log --parquet out.parquet", "data"),
         (["foxglove"], "bridge virtual:none --foxglove", "foxglove"),
-        (["aiohttp"], "bridge virtual:none --foxglove --listen 127.0.0.1:0 --view http://a", "foxglove"),
+        (["aiohttp"], "bridge virtual:none --ros jazzy --router tcp/127.0.0.1:9 --view http://a", "view"),
         (["zenoh"], "bridge virtual:none --ros jazzy", "ros"),
         (["rosbags.typesys"], "bridge virtual:none --ros jazzy", "ros"),
+        (["xxhash"], "bridge virtual:none --ros jazzy", "ros"),
+        (["cantools"], "dbc --node 3", "dbc"),
     ],
 )
 def test_without_the_extra_it_is_one_line(
