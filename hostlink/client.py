@@ -22,7 +22,7 @@ import asyncio
 import logging
 import threading
 import time
-from collections.abc import AsyncIterator, Callable, Iterator, Mapping
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -47,6 +47,7 @@ from hostlink.links import CanLink, Link, open_link
 from hostlink.objects import ObjectClient, SdoObjects, SerialObjects
 from hostlink.sequence import LinkStatistics
 from hostlink.subscription import End, Subscription
+from hostlink.window import MEASURED, Window, WindowCollector
 from hostlink.wire import CanIds, Kind
 from hostlink.wire.address import Address, AddressError, parse_address
 
@@ -80,6 +81,7 @@ class Connection:
         self._serial = SerialDecoder(self._line_node)
         self._is_can = address.is_can
         self._clients: dict[int, SdoObjects | SerialObjects] = {}
+        self._window: WindowCollector | None = None
         self._guard = LinkGuard(f"a callback of {address}")
         self._link: Link = open_link(address, self._receive)
 
@@ -219,6 +221,20 @@ class Connection:
             return
         finally:
             self._subscriptions.remove(subscription)
+
+    def window(self, names: Sequence[str] = MEASURED) -> Mapping[int, Window]:
+        """All samples since the last call, and pins where they are sent, by finger: every one heard or named
+        by the hand's file. The first call begins it. See `hostlink.window`.
+
+        names   of the values
+        Raises  UsageError: no such value, or NumPy is not installed; VersionMismatch: of another version
+        """
+        if self._window is None:
+            self._window = WindowCollector(self)
+        if (error := self._mismatched()) is not None:
+            raise error
+        nodes = {*self._fingers, *(mount.node for mount in self.hand.mounts)}
+        return self._window.take(sorted(nodes), names)
 
     def on_sample(self, callback: Callable[[Sample], None]) -> Callable[[], None]:
         """Call this with every sample, from the link's thread; returns a function that ends it.
