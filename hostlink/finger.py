@@ -34,7 +34,7 @@ from hostlink.wire import (
     pack_value,
     unpack_value,
 )
-from hostlink.wire.objects import REST_FRAME_REASONS
+from hostlink.wire.objects import REST_FRAME_REASONS, SAMPLE_INDEX
 
 __all__ = ["STALE_S", "Finger", "Info", "RestFrameOutcome", "read_upload"]
 
@@ -166,7 +166,8 @@ class Finger:
         """Identity, settings and statistics."""
         values: dict[str, Value] = {}
         for obj in OBJECTS:
-            if obj.index < 0x2000 or obj.access == "wo" or obj.type == "domain" or "max_sub" in obj.name:
+            described = 0x2000 <= obj.index < SAMPLE_INDEX and "max_sub" not in obj.name
+            if not described or obj.access == "wo" or obj.type == "domain":
                 continue
             try:
                 values[obj.name] = self.get(obj.name)

@@ -22,7 +22,7 @@ from edge.link.object_server import Device, ObjectServer
 from edge.link.params import PARAMS
 from edge.link.ports import CanPort, SerialPort
 from edge.link.settings import SettingsFile
-from edge.link.sinks import CanFdSink, CanSink, SerialSink
+from edge.link.sinks import CanClassicSink, CanFdSink, CanSink, SerialSink
 from hostlink.wire import FAULTS, FEATURE_BITS, CanIds, FaultCode, State, Status, pack_detail, pack_emergency
 
 _FAULTS = {fault.code: fault for fault in FAULTS}
@@ -58,8 +58,9 @@ class Node:
         self.number = sink.node if isinstance(sink, CanSink) else node
         ids = sink.ids if isinstance(sink, CanSink) else None
         self.objects = ObjectServer(
-            device, self._settings, self.number, ids or _STANDARD_IDS, self._changed, self._statistics
-        )
+            device, self._settings, self.number, ids or _STANDARD_IDS, self._changed, self._statistics,
+            maps=isinstance(sink, CanClassicSink),
+        )  # fmt: skip
         self._port: CanPort | SerialPort
         if isinstance(sink, CanSink):
             self._port = CanPort(sink, self.objects, self._on_nmt, self._on_sync)
@@ -86,6 +87,7 @@ class Node:
         """Send a sample if it is due; True: it was sent. A sample that is not due is neither sent nor
         counted.
         """
+        self.objects.newest = state
         if self.state is not NmtState.OPERATIONAL or not self._is_due(state.capture_time_us):
             return False
         if self.objects.transmission[1] != 254:
