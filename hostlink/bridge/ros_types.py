@@ -55,6 +55,7 @@ class Types:
         for name, texts in SERVICES.items():
             for part, text in zip(_PARTS, texts, strict=False):
                 self._register(_message_of(name, part), text)
+        self._empty: dict[str, dict[str, Any]] = {}
         self._hashed = distribution != "humble"
         if self._hashed:
             self._describe_services()
@@ -82,8 +83,9 @@ class Types:
 
     def make(self, kind: str, /, **values: Any) -> Any:
         """A message; a member that is not given is zero, empty or false, as ROS has it."""
-        missing = ((name, of) for name, of in self.store.fielddefs[kind][1] if name not in values)
-        return self.store.types[kind](**values, **{name: self._zero(*of) for name, of in missing})
+        if kind not in self._empty:  # what messages share is never changed
+            self._empty[kind] = {name: self._zero(*of) for name, of in self.store.fielddefs[kind][1]}
+        return self.store.types[kind](**(self._empty[kind] | values))
 
     def _zero(self, kind: Any, of: Any) -> Any:
         kinds = self._kinds
