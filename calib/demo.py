@@ -131,7 +131,7 @@ def play(recording: Path, calibration: Calibration) -> Received:
             sink = open_sink(address, node=NODE)
             stack.callback(sink.close)
             assert isinstance(sink, CanSink | SerialSink)
-            loop.sinks.append(Node(sink, device, node=NODE))
+            loop.sinks.append(Node(sink, device))
         memory = MemorySink()
         loop.sinks.append(memory)
         truth: dict[int, dict[str, Any]] = {}

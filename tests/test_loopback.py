@@ -68,7 +68,7 @@ def send(
         loop = Loop(source, [memory], Calibration.load(calibration))
         sink = open_sink(edge_address, node=NODE)
         assert isinstance(sink, CanSink | SerialSink)
-        loop.sinks.append(Node(sink, LoopDevice(loop, "T1"), node=NODE))
+        loop.sinks.append(Node(sink, LoopDevice(loop, "T1")))
         loop.run()
         sink.drain(SOON_S)
         arrived.wait(SOON_S)

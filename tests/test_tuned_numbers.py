@@ -13,7 +13,7 @@ AT_MOST = {
     "faults": 4,
     "features": 21,
     "geometry": 7,
-    "link": 5,
+    "link": 4,
     "pins": 27,
     "recording": 2,
     "rest": 3,

@@ -260,9 +260,7 @@ class Soak:
         faulty = faulty_medium(
             opener(address, ()), self.rows["link"], self.clock, outcome.seed, self.on_refused
         )
-        self.node = Node(
-            CanFdSink(str(address), faulty, NODE), LoopDevice(self.loop, "soak"), SettingsFile(), NODE
-        )
+        self.node = Node(CanFdSink(str(address), faulty, NODE), LoopDevice(self.loop, "soak"), SettingsFile())
         self.registry.listeners.append(self.node.report)
         self.loop.sinks.append(self.node)
         self.loop.result_callbacks.append(self.on_result)

@@ -18,7 +18,7 @@ from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import click
 import numpy as np
@@ -51,6 +51,37 @@ VARIANTS = {
     "grasp": Variant("press", 10, GRASP),
 }
 PINS_N = 331
+
+
+class BoardModel(NamedTuple):
+    """What a board's processor is taken to do; no board was measured.
+
+    per_cycle  instructions that it usually completes in a cycle of code like this
+    miss_ns    time of a miss of its last-level cache
+    """
+
+    board: str
+    cores: int
+    ghz: float
+    per_cycle: float
+    miss_ns: float
+
+    def step_s(self, instructions: float, misses: float) -> float:
+        """Time of one step on one core."""
+        return instructions / self.per_cycle / self.ghz * 1e-9 + misses * self.miss_ns * 1e-9
+
+    def fingers(self, step_s: float, rate_hz: int) -> int:
+        """How many fingers keep the board's cores busy for less than BUSY of their time."""
+        return self.cores * int(BUSY / (step_s * rate_hz))
+
+
+BOARDS = (
+    BoardModel("Cortex-A53 at 1.4 GHz (Raspberry Pi 3B+, Zero 2 W)", 4, 1.4, 0.6, 150.0),
+    BoardModel("Cortex-A72 at 1.5 GHz (Raspberry Pi 4)", 4, 1.5, 1.1, 130.0),
+    BoardModel("Cortex-A76 at 2.4 GHz (Raspberry Pi 5)", 4, 2.4, 1.8, 110.0),
+)
+BUSY = 0.7  # the rest is the camera's driver, the network and other programs
+RATES_HZ = (60, 120, 240, 500, 1000)
 IMAGES = 6  # that are shown forwards and backwards
 WARM, COUNTED = 10, 20
 #: Only a start uses OpenCV; valgrind takes a hundred times as long for its fused multiply-add.
@@ -166,6 +197,8 @@ def command(
     keep({f"step_{name}": found.get(name) for name in VARIANTS}, out / "step.json", as_json)
     if not as_json:
         show_steps(found)
+        if arch and "contact" in found:
+            show_boards(found["contact"])
         for name in found if top else ():
             show_top(name, details[name], top)
 
@@ -191,6 +224,16 @@ def show_steps(found: dict[str, dict[str, Any]]) -> None:
         ],
         "331 pins at 640x480, from the image to the CAN FD frame",
     )
+
+
+def show_boards(contact: dict[str, Any]) -> None:
+    """The time of a step in contact, and how many fingers run at once, by the model of each board."""
+    rows = []
+    for board in BOARDS:
+        step_s = board.step_s(contact["aarch64"], contact["ll_misses"])
+        fingers = {f"{rate_hz} Hz": board.fingers(step_s, rate_hz) for rate_hz in RATES_HZ}
+        rows.append({"model of": board.board, "ms a step": round(1e3 * step_s, 2), **fingers})
+    show(rows, f"fingers in contact at once, by a model; cores busy for at most {BUSY:.0%} of the time")
 
 
 def show_top(name: str, details: dict[str, Any], top: int) -> None:

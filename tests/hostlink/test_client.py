@@ -293,9 +293,9 @@ def test_line_lost_and_back(tmp_path: Path) -> None:
         assert node.send(state(0))
         until(lambda: len(received) == 1, "the first")
         pty.close()
-        until(lambda: not node.send(state(1)) and not node.up and not hand.up, "both ends notice")
+        until(lambda: not node.send(state(1)) and not node.sink.up and not hand.up, "both ends notice")
         pty.open()
-        until(lambda: node.up and hand.up, "both ends are back")
+        until(lambda: node.sink.up and hand.up, "both ends are back")
         assert node.send(state(50))
         until(lambda: len(received) == 2, "the next")
         assert hand.reconnects == 1
