@@ -14,11 +14,10 @@ Rules
 from __future__ import annotations
 
 import threading
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from math import nan
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import TYPE_CHECKING, Final, Generic, Protocol, TypeVar
 
 from hostlink.errors import UsageError
 from hostlink.events import DetailFrame, Sample
@@ -28,13 +27,31 @@ from hostlink.wire.fields import FIELDS
 if TYPE_CHECKING:
     import numpy as np
 
-__all__ = ["MEASURED", "Window", "WindowCollector"]
+__all__ = ["MEASURED", "SampleTimes", "Window", "WindowCollector"]
 
 #: Every measured value of a sample but those of single contacts.
 MEASURED: Final = tuple(f.name for f in FIELDS if not f.plain)
 SAMPLES_MAX: Final = 1 << 17  # between two calls: 6 s of 20 fingers at 1 kHz
 PINS_MAX: Final = 1 << 12  # frames of them, 330 pins each: 60 MB
-_STAMPS_N: Final = 64  # samples that pins may come behind: they give way on the bus
+_Time = TypeVar("_Time", int, float)  # ns or s
+_BEHIND_MAX: Final = 64  # samples that pins may come behind: they give way on the bus
+
+
+class SampleTimes(Generic[_Time]):
+    """When the newest samples of a finger were taken, for the pins that come behind them."""
+
+    def __init__(self) -> None:
+        self._times: dict[int, _Time] = {}
+
+    def note(self, sample: int, time: _Time) -> None:
+        """By the sample's number."""
+        self._times[sample] = time
+        if len(self._times) > _BEHIND_MAX:
+            del self._times[next(iter(self._times))]
+
+    def of(self, sample: int) -> _Time | None:
+        """None: that sample was lost, or is long ago."""
+        return self._times.get(sample)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,7 +101,7 @@ class WindowCollector:
         self._lock = threading.Lock()
         self._samples: dict[int, deque[Sample]] = {}
         self._pins: dict[int, deque[tuple[float, DetailFrame]]] = {}
-        self._stamps: dict[int, dict[int, float]] = {}
+        self._times = defaultdict[int, SampleTimes[float]](SampleTimes[float])
         self._unread: dict[int, int] = {}
         source.on_sample(self._keep)
         source.on_detail(self._keep_pins)
@@ -95,15 +112,12 @@ class WindowCollector:
             kept = self._samples.setdefault(node, deque(maxlen=SAMPLES_MAX))
             self._unread[node] = self._unread.get(node, 0) + (len(kept) == SAMPLES_MAX)
             kept.append(sample)
-            stamps = self._stamps.setdefault(node, {})
-            stamps[sample.state.sample] = sample.host_time_s
-            if len(stamps) > _STAMPS_N:
-                del stamps[next(iter(stamps))]
+            self._times[node].note(sample.state.sample, sample.host_time_s)
 
     def _keep_pins(self, frame: DetailFrame) -> None:
         with self._lock:
-            time_s = self._stamps.get(frame.node, {}).get(frame.detail.sample, nan)
-            if time_s == time_s:  # else its sample was lost, and nothing says when it was
+            time_s = self._times[frame.node].of(frame.detail.sample)
+            if time_s is not None:  # else its sample was lost, and nothing says when it was
                 self._pins.setdefault(frame.node, deque(maxlen=PINS_MAX)).append((time_s, frame))
 
     def take(self, nodes: Iterable[int], names: Sequence[str]) -> dict[int, Window]:

@@ -22,7 +22,6 @@ import json
 import logging
 import threading
 import time
-from collections import deque
 from collections.abc import Sequence
 from concurrent.futures import Future
 from dataclasses import replace
@@ -40,13 +39,13 @@ from hostlink.events import DetailFrame, Sample
 from hostlink.finger import Finger
 from hostlink.hand_file import HandFile, frame_in
 from hostlink.topics import Diagnosis
+from hostlink.window import SampleTimes
 
 __all__ = ["RosOutlet"]
 
 log = logging.getLogger(__name__)
 
 _OF_SAMPLES: Final = ("wrench", "contacts", "markers", "sample")
-_STAMPS_N: Final = 64  # samples that pins may come behind: they give way on the bus
 _PLACES_S: Final = 10.0  # until a finger is asked again where its pins are
 
 Place = tuple[float, float, float]
@@ -164,14 +163,14 @@ class _RosFinger:
         self._topics = {kind: outlet.topic(finger.name, kind) for kind in (*_OF_SAMPLES, "pins")}
         self._desk = TareDesk(finger)
         outlet.node.serve(TRIGGER, f"{namespace}/{finger.name}/tare", lambda _: outlet.trigger(self._desk))
-        self._stamps: deque[tuple[int, int]] = deque(maxlen=_STAMPS_N)  # sample number, ns
+        self._times = SampleTimes[int]()
         self._places: list[Place] = []
         self._asked_s = -_PLACES_S
 
     def publish(self, sample: Sample) -> int:
         """The stamp that it got."""
         at_ns = stamp_ns(sample)
-        self._stamps.append((sample.state.sample, at_ns))
+        self._times.note(sample.state.sample, at_ns)
         for kind in _OF_SAMPLES:
             self._outlet.put(self._topics[kind], kind, at_ns, self._frame, sample)
         return at_ns
@@ -179,14 +178,14 @@ class _RosFinger:
     def publish_pins(self, frame: DetailFrame) -> None:
         """The calibration says where pins are at rest; until it was read there are none."""
         topic, detail = self._topics["pins"], frame.detail
-        if not topic.wanted:
+        at_ns = self._times.of(detail.sample)
+        if not topic.wanted or at_ns is None:
             return
         if len(self._places) != len(detail.rows):
             if time.monotonic() - self._asked_s >= _PLACES_S:
                 self._asked_s = time.monotonic()
                 threading.Thread(target=self._read_places, daemon=True).start()
             return
-        at_ns = dict(self._stamps).get(detail.sample, time.time_ns())
         self._outlet.put(topic, "pins", at_ns, self._frame, detail, self._places)
 
     def _read_places(self) -> None:

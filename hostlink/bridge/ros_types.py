@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from hostlink.extras import require
 
-__all__ = ["DISTRIBUTIONS", "EXTRA", "SERVICES", "TRIGGER", "Types", "endpoint_name"]
+__all__ = ["DISTRIBUTIONS", "EXTRA", "SERVICES", "TRIGGER", "Types", "endpoint_name", "message_of"]
 
 EXTRA: Final = "ros"
 MESSAGES: Final = Path(__file__).parent / "voronoi_touch_msgs" / "msg"
@@ -54,7 +54,7 @@ class Types:
             self._register(f"voronoi_touch_msgs/msg/{path.stem}", path.read_text(encoding="utf-8"))
         for name, texts in SERVICES.items():
             for part, text in zip(_PARTS, texts, strict=False):
-                self._register(_message_of(name, part), text)
+                self._register(message_of(name, part), text)
         self._empty: dict[str, dict[str, Any]] = {}
         self._hashed = distribution != "humble"
         if self._hashed:
@@ -77,7 +77,7 @@ class Types:
         for name in SERVICES:
             both = [(n.lower(), (kinds.SEQUENCE, (nested(f"{name}_{n}"), 1))) for n in _PARTS[:2]]
             for part in _PARTS[:2]:
-                fields[f"{name}_{part}"] = fields[_message_of(name, part)]
+                fields[f"{name}_{part}"] = fields[message_of(name, part)]
             fields[f"{name}_Event"] = ([], [("info", nested(info)), *both])
             fields[name] = ([], [(f"{part.lower()}_message", nested(f"{name}_{part}")) for part in _PARTS])
 
@@ -105,18 +105,19 @@ class Types:
 
     def unpack_request(self, service: str, data: bytes) -> Any:
         """A service's request. Raises what rosbags raises: it is none."""
-        return self.store.deserialize_cdr(data, _message_of(service, "Request"))
+        return self.store.deserialize_cdr(data, message_of(service, "Request"))
 
     def pack_response(self, service: str, **values: Any) -> bytes:
         """A service's response."""
-        return self.pack(self.make(_message_of(service, "Response"), **values))
+        return self.pack(self.make(message_of(service, "Response"), **values))
 
     def hash_of(self, name: str) -> str:
         """As it stands in keys."""
         return str(self.store.hash_rihs01(name)) if self._hashed else _NO_HASH
 
 
-def _message_of(service: str, part: str) -> str:
+def message_of(service: str, part: str) -> str:
+    """The message that stands for a service's "Request" or "Response"."""
     return f"{service.replace('/srv/', '/msg/')}_{part}"
 
 
