@@ -142,13 +142,19 @@ def play(recording: Path, calibration: Calibration) -> Received:
         loop.result_callbacks.append(keep)
         loop.run()
         sent = {state.sample: state for state in memory.states}
-        if loop.last is None:
+        if loop.measurement.last is None:
             raise SourceError(f"{recording}: no frame after the tare")
         for sink in loop.sinks:
             sink.drain(5.0)
         _await(lambda: all(len(h) >= len(sent) for h in received.values()))
         return Received(
-            recording.stem, sent, received["can"], received["serial"], loop.last, truth, calibration
+            recording.stem,
+            sent,
+            received["can"],
+            received["serial"],
+            loop.measurement.last,
+            truth,
+            calibration,
         )
 
 

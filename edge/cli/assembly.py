@@ -15,14 +15,13 @@ from edge.cli.options import LoopOptions
 from edge.config import Config, SourceTable
 from edge.drift import DriftParams
 from edge.errors import ConfigError
-from edge.faults.detector import FaultParams
 from edge.faults.registry import FaultLog, FaultRegistry
 from edge.link.node import Node
 from edge.link.settings import NodeSettings, SettingsFile
 from edge.link.sinks import CanSink, SerialSink, open_sink
 from edge.rest.choice import GivenRest, rest_if_touched, rest_of_source
 from edge.rest.tare import TareParams
-from edge.runtime.board_monitor import BoardMonitor, BoardParams, free_space_problem
+from edge.runtime.board_monitor import BoardMonitor, free_space_problem
 from edge.runtime.calibration_store import CalibrationStore
 from edge.runtime.device import LoopDevice
 from edge.runtime.loop import Loop, LoopConfig
@@ -77,7 +76,7 @@ def make_loop(stack: ExitStack, source: FrameSource, config: Config, calibration
     stored = [] if calibration_path or store is None else store.load()
     calibration = stored[0] if stored else load_calibration(given)
     registry = FaultRegistry()
-    monitor = BoardMonitor(registry, params=BoardParams(hot_degc=config.limits.temperature_degc))
+    monitor = BoardMonitor(registry, hot_degc=config.limits.temperature_degc)
     notifier = Notifier()
     stack.callback(notifier.close)
     loop = Loop(
@@ -89,7 +88,7 @@ def make_loop(stack: ExitStack, source: FrameSource, config: Config, calibration
             several=config.features.several,
             tare=TareParams(frames_n=config.tare.frames_n, steady_px=config.tare.steady_px),
             drift=DriftParams(limit_px=config.tare.drift_px),
-            limits=FaultParams(load_pitches=config.limits.load_pitches),
+            load_pitches=config.limits.load_pitches,
         ),
         faults=registry,
         board=monitor,

@@ -15,20 +15,18 @@ from edge.calibration.file import Curve
 from edge.cli.machine import Machine
 from edge.config import Config
 from edge.errors import CalibrationError, NoPins, SinkError
-from edge.faults.image_quality import ONE_LEVEL, level_of
-from edge.faults.image_quality import PARAMS as IMAGE
-from edge.faults.pin_visibility import PARAMS as SEEN
+from edge.faults.image_quality import HALF_REL, ONE_LEVEL, level_of
+from edge.faults.pin_visibility import SEEN_REL
 from edge.link.sinks import open_sink
 from edge.params import ASTRAY_REL
 from edge.pins import take_rest
 from edge.rest.sensor_match import mm_per_px, recognise
 from edge.rest.symmetry import symmetry_of
 from edge.rest.tip_match import in_order_of
-from edge.runtime.board_monitor import PARAMS as BOARD
-from edge.runtime.board_monitor import STORED_BYTES
+from edge.runtime.board_monitor import HOT_DEGC, STORED_BYTES
 from edge.sensors import KnownSensor, known_sensors, missing_pins
 from edge.sources.live import PARAMS as LIVE
-from edge.types import AdjustableSource, Frame, FrameSource, Lens, LiveSource, Polarity, Rest
+from edge.types import Frame, FrameSource, Lens, LiveSource, Polarity, Rest
 from hostlink.wire.address import Address, AddressError, parse_address
 
 LEVELS = ("ok", "warn", "fail")
@@ -71,9 +69,9 @@ def camera(source: FrameSource, frames: Sequence[Frame], config: Config) -> Iter
         return
     width, height = source.size_px
     yield Line("camera", "ok", f"{source.name}, {width}x{height}")
-    if isinstance(source, AdjustableSource) and source.refused:
+    if refused := getattr(source, "refused", ()):
         advice = "set what the camera has: v4l2-ctl --list-ctrls"
-        yield Line("camera", "warn", "; ".join(source.refused), advice)
+        yield Line("camera", "warn", "; ".join(refused), advice)
     if source.live and len(frames) > 1:
         steps_s = np.diff([f.capture_ns for f in frames]) / 1e9
         steps_n = np.diff([f.sequence for f in frames])
@@ -88,7 +86,7 @@ def camera(source: FrameSource, frames: Sequence[Frame], config: Config) -> Iter
         "light",
         f"mean level {level:.1%} of full scale, {full:.1%} of the image at full scale",
         (level < ONE_LEVEL, "fail", "dark: is the LED lit? raise [source] exposure_us or gain"),
-        (full > 1 - IMAGE.half_rel, "fail", "overexposed: lower [source] exposure_us, keep stray light out"),
+        (full > 1 - HALF_REL, "fail", "overexposed: lower [source] exposure_us, keep stray light out"),
         (near_one_level, "warn", "dim: raise [source] exposure_us, then gain"),
         (full > ASTRAY_REL, "warn", "glare: lower [source] exposure_us"),
     )
@@ -118,7 +116,7 @@ def pins(
     border = f"outermost pin {margin:.0f} px from the image's border"
     return [
         Line("pins", "ok", finding),
-        judged("focus", blur, (softness > IMAGE.half_rel, "warn", sharpen)),
+        judged("focus", blur, (softness > HALF_REL, "warn", sharpen)),
         judged("margin", border, (margin < p.pitch_px, "warn", centre)),
         judged("touch", touch, (symmetry.in_contact, "warn", let_go)),
     ], rest
@@ -158,7 +156,7 @@ def calibration(path: Path | None, rest: Rest | None) -> Iterator[Line]:
         known_n, serial = len(loaded.rest), loaded.content.sensor.serial
         share = len(rest) / known_n
         if share < 1.0 - ASTRAY_REL:
-            level = "fail" if share < SEEN.seen_rel else "warn"
+            level = "fail" if share < SEEN_REL else "warn"
             finding = f"{len(rest)} of the calibration's {known_n} pins are seen"
             advice = "clean lens and skin, light it evenly; is the skin torn?"
             yield Line("pins", level, finding, advice)
@@ -258,7 +256,7 @@ def processor(machine: Machine) -> Iterator[Line]:
     yield judged("processor", finding, (bool(governors - {"performance"}), "warn", advice))
     degc = machine.temperature_degc()
     if not math.isnan(degc):
-        yield judged("temperature", f"{degc:.0f} degC", (degc >= BOARD.hot_degc, "warn", "cool the board"))
+        yield judged("temperature", f"{degc:.0f} degC", (degc >= HOT_DEGC, "warn", "cool the board"))
 
 
 def clock(machine: Machine) -> Line:

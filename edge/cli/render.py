@@ -120,8 +120,9 @@ def render_recording(
     with closing(open_source(recording)) as source:
         rest_frame = _rest_frame(source, rest, calibration)
         mm_per_px = (calibration.mm_per_px if calibration else None) or 0.0
-        view = View.of(rest_frame.xy_img, rest_frame.pattern.pitch_px, style.height, mm_per_px)
-        pipeline, palette = Pipeline(rest_frame, calibration, DRAWN), PALETTES[style.palette]
+        palette = PALETTES[style.palette]
+        view = View.of(rest_frame.xy_img, rest_frame.pattern.pitch_px, style.height, mm_per_px, palette)
+        pipeline = Pipeline(rest_frame, calibration, DRAWN)
         rate_hz = style.rate_hz or source.rate_hz or 30.0
         total_n = source.frames_n if isinstance(source, RecordedSource) else 0
         unidentified_n = 0
@@ -134,9 +135,7 @@ def render_recording(
                     unidentified_n += result.features is None
                     polygons = cell_polygons(result.cells) if result.cells is not None else []
                     text = caption(result)
-                    yield picture(
-                        view, frame, result.tracks, polygons, result.features, palette=palette, caption=text
-                    )
+                    yield picture(view, frame, result.tracks, polygons, result.features, text)
                     count(n)
 
             frames_n = write_video(pictures(), out, rate_hz)
