@@ -31,8 +31,8 @@ __all__ = ["MEASURED", "SampleTimes", "Window", "WindowCollector"]
 
 #: Every measured value of a sample but those of single contacts.
 MEASURED: Final = tuple(f.name for f in FIELDS if not f.plain)
-SAMPLES_MAX: Final = 1 << 17  # between two calls: 6 s of 20 fingers at 1 kHz
-PINS_MAX: Final = 1 << 12  # frames of them, 330 pins each: 60 MB
+SAMPLES_MAX: Final = 1 << 14  # of a finger between two calls: 16 s at 1 kHz, 23 MB
+PINS_MAX: Final = 1 << 9  # frames of a finger's pins: 8 s at 60 Hz, 26 MB of 330 pins
 _Time = TypeVar("_Time", int, float)  # ns or s
 _BEHIND_MAX: Final = 64  # samples that pins may come behind: they give way on the bus
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from collections.abc import Callable
+from typing import Any, Final, NamedTuple
 
 from hostlink.bridge.ros_node import NODE, RosNode
 from hostlink.bridge.ros_types import Types
@@ -12,8 +13,21 @@ from hostlink.wire.objects import FEATURE_BITS
 
 __all__ = ["RosParameters"]
 
-_INTEGER, _DOUBLE = 2, 3  # of ParameterType
-_VALUES: Final = {1: "bool_value", _INTEGER: "integer_value", _DOUBLE: "double_value", 4: "string_value"}
+
+class _ParameterKind(NamedTuple):
+    """A row of ParameterType: its number; the member of ParameterValue; the member and type of its limits."""
+
+    number: int
+    value: str
+    limits: str
+    range: str
+    convert: Callable[[float], float]
+
+
+_INTEGER: Final = _ParameterKind(2, "integer_value", "integer_range", "IntegerRange", int)
+_DOUBLE: Final = _ParameterKind(3, "double_value", "floating_point_range", "FloatingPointRange", float)
+#: Those that a value may be set as: whole numbers are numbers.
+_SETTABLE: Final = {kind.number: kind.value for kind in (_INTEGER, _DOUBLE)}
 
 
 class RosParameters:
@@ -58,13 +72,13 @@ class RosParameters:
         if value is None:
             return self._make("ParameterValue")
         kind = _kind_of(object_named(_key(name)))
-        return self._make("ParameterValue", type=kind, **{_VALUES[kind]: value})
+        return self._make("ParameterValue", type=kind.number, **{kind.value: value})
 
     def _kinds(self, request: Any) -> dict[str, Any]:
         import numpy as np
 
         known = set(self._desk.names())
-        kinds = [_kind_of(object_named(_key(name))) if name in known else 0 for name in request.names]
+        kinds = [_kind_of(object_named(_key(name))).number if name in known else 0 for name in request.names]
         return {"types": np.array(kinds, np.uint8)}
 
     def _describe(self, request: Any) -> dict[str, Any]:
@@ -74,23 +88,15 @@ class RosParameters:
     def _descriptor(self, name: str) -> Any:
         obj = object_named(_key(name))
         kind = _kind_of(obj)
-        limits = {"from_value": obj.low, "to_value": obj.high}
-        what, which = ("IntegerRange", "integer_range") if kind == _INTEGER else (
-            "FloatingPointRange", "floating_point_range")  # fmt: skip
+        limits = {"from_value": kind.convert(obj.low or 0), "to_value": kind.convert(obj.high or 0)}
         bits = ", ".join(f"{bit}: {feature}" for feature, bit in FEATURE_BITS.items())
         meaning = f"{obj.meaning} [{obj.unit}]" if obj.unit else obj.meaning
         return self._make(
             "ParameterDescriptor",
             name=name,
-            type=kind,
+            type=kind.number,
             description=f"{meaning}: {bits}" if obj.name == "features" else meaning,
-            **{
-                which: [
-                    self._make(
-                        what, **{k: (int if kind == _INTEGER else float)(v or 0) for k, v in limits.items()}
-                    )
-                ]
-            },
+            **{kind.limits: [self._make(kind.range, **limits)]},
         )
 
     def _set(self, request: Any) -> dict[str, Any]:
@@ -105,7 +111,7 @@ class RosParameters:
         return self._make("SetParametersResult", successful=not refused, reason=refused)
 
     def _write(self, parameter: Any) -> str:
-        field = _VALUES.get(parameter.value.type)
+        field = _SETTABLE.get(parameter.value.type)
         value = getattr(parameter.value, field) if field else None
         return self._desk.write(parameter.name, value)
 
@@ -114,5 +120,5 @@ def _key(name: str) -> str:
     return name.partition(".")[2]
 
 
-def _kind_of(obj: Object) -> int:
+def _kind_of(obj: Object) -> _ParameterKind:
     return _DOUBLE if obj.type == "real32" else _INTEGER

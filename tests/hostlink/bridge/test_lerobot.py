@@ -52,6 +52,19 @@ def test_windows_hold_each_sample_once(wire: Wire) -> None:
     assert np.all(np.diff(np.concatenate([w.time_s for w in windows])) > 0)
 
 
+def test_what_is_not_taken_in_time_is_lost_and_counted(wire: Wire, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hostlink.window.SAMPLES_MAX", 4)
+    wire.hand.window()
+    received: list[Sample] = []
+    wire.hand.on_sample(received.append)  # called after the window's
+    for k in range(10):
+        wire.send_state(3, sent(k))
+    until(lambda: len(received) == 10, "all samples")
+    window = wire.hand.window(["displacement_mm"])[3]
+    assert (window.lost_n, len(window.time_s)) == (6, 4)
+    assert window.values[1:3, 0] == pytest.approx([0.07, 0.08]), "the newest are kept"
+
+
 def test_pins_come_with_the_time_of_their_sample(wire: Wire) -> None:
     wire.hand.window()
     received: list[DetailFrame] = []
