@@ -49,10 +49,9 @@ def test_windows_hold_each_sample_once(wire: Wire) -> None:
     assert values == pytest.approx(np.where(valid, numbers / 100, 0.0), abs=0.0011)
     assert not any(w.column("force_n")[1].any() for w in windows)
     assert all(np.isfinite(w.values).all() and np.isfinite(w.time_s).all() for w in windows)
-    assert np.all(np.diff(np.concatenate([w.time_s for w in windows])) > 0)
 
 
-def test_what_is_not_taken_in_time_is_lost_and_counted(wire: Wire, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_samples_that_are_not_taken_in_time_are_counted_as_lost(wire: Wire, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hostlink.window.SAMPLES_MAX", 4)
     wire.hand.window()
     received: list[Sample] = []
