@@ -51,7 +51,7 @@ def test_windows_hold_each_sample_once(wire: Wire) -> None:
     assert all(np.isfinite(w.values).all() and np.isfinite(w.time_s).all() for w in windows)
 
 
-def test_samples_that_are_not_taken_in_time_are_counted_as_lost(wire: Wire, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_samples_not_taken_in_time_count_as_lost(wire: Wire, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hostlink.window.SAMPLES_MAX", 4)
     wire.hand.window()
     received: list[Sample] = []
