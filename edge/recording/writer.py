@@ -27,6 +27,7 @@ from edge.view.palette import cell_rgba
 from hostlink.topics import (
     DIAGNOSIS_S,
     Diagnosis,
+    TipPlace,
     contact_scene,
     diagnostics_message,
     finger_name,
@@ -193,7 +194,8 @@ class Recorder:
         log_ns = self._clock.of(frame)
 
         def scene() -> bytes:
-            return bytes(contact_scene(FoxgloveMessages(), finger, state(), log_ns).SerializeToString())
+            made = contact_scene(FoxgloveMessages(), finger_name(finger), state(), log_ns)
+            return bytes(made.SerializeToString())
 
         values = (sample_topic(finger), lambda: messages.to_json(sample_message(state())))
         return self._put(frame, [values, (contacts_topic(finger), scene)])
@@ -211,7 +213,8 @@ class Recorder:
         found = Diagnosis(name, level_of(state.status, problem), problem or "measures", self._serial, values)
 
         def tips() -> bytes:
-            return bytes(tip_transforms(FoxgloveMessages(), [name], log_ns).SerializeToString())
+            made = tip_transforms(FoxgloveMessages(), [TipPlace(name, "hand")], log_ns)
+            return bytes(made.SerializeToString())
 
         about = ("diagnostics", lambda: messages.to_json(diagnostics_message([found], log_ns)))
         self._put(frame, [about, ("tf", tips)])
