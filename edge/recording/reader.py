@@ -11,15 +11,16 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import msgspec
-import numpy as np
 
 from edge.errors import SourceError
 from edge.limits import RATE_MAX_HZ
 from edge.recording.images import OtherSize, decode_image
 from edge.recording.mcap_file import RawMessage, damage, image_count, raw_messages, read_metadata
 from edge.recording.topics import TOPICS, proto
-from edge.sources.files import FileSource
+from edge.sources.files import PARAMS as FILES
+from edge.sources.files import FileSource, growing
 from edge.sources.live import PARAMS as LIVE
+from edge.sources.live import rate_of
 from edge.sources.options import Options
 from edge.types import Clock, Frame, Image
 
@@ -44,7 +45,7 @@ class _Truth(msgspec.Struct):
 
 
 def read_messages(path: str | Path, topics: Sequence[str] | None = None) -> Iterator[tuple[str, int, Any]]:
-    """(topic, log time ns, message) in the file's order: JSON as dict, Foxglove as protobuf object.
+    """(topic, log time ns, message) in order of time: JSON as dict, Foxglove as protobuf object.
 
     A damaged message is skipped.
     Raises SourceError: does not exist, not MCAP
@@ -97,8 +98,7 @@ class RecordingSource(FileSource):
         if 0 < rate_hz < RATE_MAX_HZ:
             return rate_hz
         images = (raw.log_ns for raw in raw_messages(self.path, Counter()) if self._is_image(raw))
-        steps = np.diff(list(islice(images, LIVE.rate_frames_n + 1)))
-        return 1e9 / float(np.median(steps)) if len(steps) and np.median(steps) > 0 else 0.0
+        return rate_of(list(islice(images, LIVE.rate_frames_n + 1)), 1e9)
 
     def _is_image(self, raw: RawMessage) -> bool:
         if raw.schema not in _IMAGE_SCHEMAS:
@@ -131,7 +131,7 @@ class RecordingSource(FileSource):
     def __iter__(self) -> Iterator[Frame]:
         faults: Counter[str] = Counter()
         self.faults = faults
-        for frame in self._frames(faults, self.size_px):
+        for frame in growing(self._frames(faults, self.size_px), self.rate_hz or FILES.stills_hz):
             if self._closed:
                 return
             yield frame

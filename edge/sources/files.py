@@ -7,9 +7,9 @@ is counted in `faults`, and reading goes on.
 import os
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,9 @@ from cv2.utils import logging
 
 from edge.errors import SourceError
 from edge.limits import RATE_MAX_HZ
-from edge.sources.image_header import check_size, image_size
+from edge.sources.image_header import check_size, image_size, is_cut_off
+from edge.sources.live import PARAMS as LIVE
+from edge.sources.live import rate_of
 from edge.sources.options import NoKeys, Options
 from edge.types import Clock, Frame, Image, Lens, Polarity
 from hostlink.input_file import read_bounded
@@ -103,6 +105,22 @@ def read_image(path: str | Path) -> Image:
         raise SourceError(f"image {path}: {error}") from error
 
 
+def growing(frames: Iterable[Frame], rate_hz: float) -> Iterator[Frame]:
+    """The frames with times that grow: their own, shifted as long as they are not later than those before.
+
+    A time that is repeated becomes half a period later, so that the next one may be as it is.
+    """
+    last_ns, shift_ns = -1, 0
+    for frame in frames:
+        own_ns = frame.capture_ns
+        if own_ns > last_ns:
+            shift_ns = 0
+        elif own_ns + shift_ns <= last_ns:
+            shift_ns = last_ns + max(1, round(0.5e9 / rate_hz)) - own_ns
+        last_ns = own_ns + shift_ns
+        yield replace(frame, capture_ns=last_ns)
+
+
 class FileSource:
     """What all recordings have in common. Each iteration starts from the beginning.
 
@@ -177,13 +195,13 @@ class FolderSource(FileSource):
 class VideoSource(FileSource):
     """A video file, through OpenCV's FFmpeg.
 
-    rate_hz  0: the file's own
-    Raises   SourceError: does not exist, not a video, no frame in it
+    rate_hz   0: the file's own, measured from its first images if they do not come at the stated rate
+    frames_n  as the file states it, which is an estimate in some; 0: it does not
+    Raises    SourceError: does not exist, not a video, no frame in it
     """
 
     def __init__(self, path: str | Path, rate_hz: float = 0.0) -> None:
         super().__init__("video", path)
-        self._own_rate = not rate_hz
         capture = self._open()
         try:
             stated_n = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
@@ -193,13 +211,21 @@ class VideoSource(FileSource):
                 int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
             )
             ok, image = capture.read()
+            times_ms = [float(capture.get(cv2.CAP_PROP_POS_MSEC))]
+            while len(times_ms) <= LIVE.rate_frames_n and capture.grab():
+                times_ms.append(float(capture.get(cv2.CAP_PROP_POS_MSEC)))
         except ValueError as error:
             raise SourceError(f"{self.name}: {error}") from None
         finally:
             capture.release()
         if not ok:
             raise SourceError(f"{self.name}: no frame can be decoded; give a complete video")
-        self.rate_hz = rate_hz or (stated_hz if 0 < stated_hz < RATE_MAX_HZ else PARAMS.stills_hz)
+        stated_hz = stated_hz if 0 < stated_hz < RATE_MAX_HZ else PARAMS.stills_hz
+        measured_hz = rate_of(times_ms, 1e3) or stated_hz
+        self._own_times = not rate_hz and max(times_ms) > times_ms[0]
+        mean_hz = (len(times_ms) - 1) * 1e3 / max(1e-3, times_ms[-1] - times_ms[0])  # of a variable rate
+        as_stated = any(LIVE.slow_rel < hz / stated_hz < 1 / LIVE.slow_rel for hz in (measured_hz, mean_hz))
+        self.rate_hz = rate_hz or (stated_hz if as_stated else measured_hz)
         self.size_px = (image.shape[1], image.shape[0])
 
     def _open(self) -> Any:
@@ -215,31 +241,30 @@ class VideoSource(FileSource):
         return capture
 
     def __iter__(self) -> Iterator[Frame]:
+        return growing(self._frames(), self.rate_hz)
+
+    def _frames(self) -> Iterator[Frame]:
         faults: Counter[str] = Counter()
         self.faults = faults
         capture = self._open()
         n = bad_n = 0
-        last_ns = -1
         try:
             while not self._closed:
                 ok, image = capture.read()
-                at = n + faults["damaged frame"]
                 if not ok:
-                    if at + 1 >= self.frames_n:
-                        if bad_n:
-                            faults["damaged frame"] -= bad_n  # they were the end of the file
-                            faults["truncated"] = 1
-                        return
                     bad_n += 1
-                    faults["damaged frame"] += 1
-                    continue
-                bad_n = 0
-                own_ns = round(float(capture.get(cv2.CAP_PROP_POS_MSEC)) * 1e6)
-                # Files with variable rate store times; if there are none, the index is used.
-                capture_ns = own_ns if self._own_rate and own_ns > last_ns else round(at * 1e9 / self.rate_hz)
-                last_ns = capture_ns = max(capture_ns, last_ns + 1)
+                    if n + bad_n < self.frames_n:
+                        continue  # it may go on behind the damage
+                    if n < self.frames_n and is_cut_off(self.path):
+                        faults["truncated"] = 1
+                    return
+                if bad_n:
+                    faults["damaged frame"] += bad_n
+                    n, bad_n = n + bad_n, 0
+                own_ms = float(capture.get(cv2.CAP_PROP_POS_MSEC))
+                capture_ns = round(own_ms * 1e6 if self._own_times else n * 1e9 / self.rate_hz)
+                yield Frame(to_grey(image), capture_ns, n, Clock.RECORDED)
                 n += 1
-                yield Frame(to_grey(image), capture_ns, at, Clock.RECORDED)
         finally:
             capture.release()
 
