@@ -152,8 +152,8 @@ def _unpacked(chunk: Any) -> Iterator[Any]:
 def raw_messages(path: Path, faults: Counter[str]) -> Iterator[RawMessage]:
     """All messages in order of time; damaged ones are counted.
 
-    As many bytes wait for earlier messages as the largest image has; what stands still later in the file, though
-    its index does not say so, comes when it is met.
+    As many bytes wait for earlier messages as the largest image has; a message that stands still later in the
+    file comes when it is met.
     Raises  SourceError: does not exist, not MCAP
     """
     held: list[tuple[int, int, RawMessage]] = []  # a heap

@@ -14,19 +14,20 @@ from pathlib import Path
 from typing import Any
 
 import cv2
-import numpy as np
 from cv2.utils import logging
 
 from edge.errors import SourceError
 from edge.limits import RATE_MAX_HZ
-from edge.sources.image_header import check_size, image_size, is_cut_off
+from edge.sources.image_header import check_size, is_cut_off
 from edge.sources.live import PARAMS as LIVE
 from edge.sources.live import rate_of
 from edge.sources.options import NoKeys, Options
+from edge.sources.pixels import decode_picture, to_grey
 from edge.types import Clock, Frame, Image, Lens, Polarity
 from hostlink.input_file import read_bounded
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".webp")
+_DEPTHS = (8, 10, 12, 14, 16)  # bits of a sensor's pixel
 _GIVE = f"give {', '.join(IMAGE_SUFFIXES)}"
 
 
@@ -38,6 +39,8 @@ class FileParams:
 
 
 PARAMS = FileParams()
+#: FFmpeg's names of grey that OpenCV gives as it is, of 8 and 16 bits; all else becomes colour of 8 bits.
+_GREY_FORMATS = [int.from_bytes(name, "little") for name in (b"Y800", b"Y1\0\x10")]
 
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # damage is counted here, not printed by FFmpeg
 
@@ -53,20 +56,6 @@ def quiet_opencv() -> Iterator[None]:
         logging.setLogLevel(level)
 
 
-def to_grey(image: np.ndarray[Any, Any]) -> Image:
-    """Grey of the same depth. Raises ValueError: not an image of 8 or 16 bits."""
-    if image.dtype not in (np.uint8, np.uint16):
-        raise ValueError(f"pixels of type {image.dtype}; save it with 8 or 16 bits a pixel")
-    if image.ndim == 2:
-        return image
-    conversions = {1: None, 3: cv2.COLOR_BGR2GRAY, 4: cv2.COLOR_BGRA2GRAY}
-    if image.ndim != 3 or image.shape[2] not in conversions:
-        raise ValueError(f"{image.shape} values; save it as grey or RGB")
-    code = conversions[image.shape[2]]
-    grey: Any = image[:, :, 0] if code is None else cv2.cvtColor(image, code)
-    return np.asarray(grey)
-
-
 def _natural(path: Path) -> list[tuple[int, int, str]]:
     """frame_2 before frame_10."""
     parts = re.split(r"(\d+)", path.name.lower())
@@ -76,7 +65,7 @@ def _natural(path: Path) -> list[tuple[int, int, str]]:
 def _read_image(path: Path) -> Image:
     """Raises ValueError: not an image."""
     try:
-        data = np.frombuffer(read_bounded(path), np.uint8)
+        data = read_bounded(path)
     except IsADirectoryError:
         raise ValueError("is a folder; give the images in it, one by one") from None
     except FileNotFoundError:
@@ -84,17 +73,10 @@ def _read_image(path: Path) -> Image:
     except OSError as error:
         raise ValueError(f"cannot be read: {error.strerror}") from None
     try:
-        check_size(*image_size(data.data))
+        with quiet_opencv():
+            return decode_picture(data)
     except ValueError as error:
         raise ValueError(f"{error}; {_GIVE}") from None
-    with quiet_opencv():
-        try:
-            image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
-        except cv2.error as error:
-            raise ValueError(f"damaged; {_GIVE}") from error
-    if image is None:
-        raise ValueError(f"not an image; {_GIVE}")
-    return to_grey(image)
 
 
 def read_image(path: str | Path) -> Image:
@@ -136,7 +118,14 @@ class FileSource:
         self.polarity = Polarity.FOUND
         self.lens: Lens | None = None
         self.faults: Counter[str] = Counter()
+        self._bits = 0  # of a pixel, by the first image
         self._closed = False
+
+    def _bits_of(self, image: Image) -> int:
+        """Bits of a pixel that count, where the file does not say so: as many as the first image needs."""
+        largest = int(image.max())
+        self._bits = self._bits or next(bits for bits in _DEPTHS if not largest >> bits)
+        return 8 * image.itemsize if largest >> self._bits else self._bits
 
     def close(self) -> None:
         self._closed = True
@@ -162,11 +151,12 @@ class FolderSource(FileSource):
         if not self.paths:
             raise SourceError(f"{self.name}: no images in it; {_GIVE}")
         try:
-            height, width = _read_image(self.paths[0]).shape
+            image = _read_image(self.paths[0])
         except ValueError as error:
             where = self.name if self.path.is_file() else f"{self.name}: {self.paths[0].name}"
             raise SourceError(f"{where}: {error}") from error
-        self.size_px = (width, height)
+        self.size_px = (image.shape[1], image.shape[0])
+        self._bits_of(image)
 
     @property
     def frames_n(self) -> int:
@@ -188,8 +178,8 @@ class FolderSource(FileSource):
                     f"{self.name}: {path.name} is {image.shape[1]}x{image.shape[0]}, the first one "
                     f"{self.size_px[0]}x{self.size_px[1]}; keep one size in a folder"
                 )
-            bits = 16 if image.dtype == np.uint16 else 8
-            yield Frame(image, round(n * 1e9 / self.rate_hz), n, Clock.RECORDED, bits)
+            capture_ns = round(n * 1e9 / self.rate_hz)
+            yield Frame(image, capture_ns, n, Clock.RECORDED, self._bits_of(image))
 
 
 class VideoSource(FileSource):
@@ -238,6 +228,9 @@ class VideoSource(FileSource):
             capture = cv2.VideoCapture(str(self.path.absolute()), cv2.CAP_FFMPEG)
         if not capture.isOpened():
             raise SourceError(f"{self.name}: not a video; give avi, mp4, mkv, or an MCAP recording")
+        capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
+        if int(capture.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT)) in _GREY_FORMATS:
+            capture.set(cv2.CAP_PROP_CONVERT_RGB, 0)
         return capture
 
     def __iter__(self) -> Iterator[Frame]:
@@ -263,7 +256,8 @@ class VideoSource(FileSource):
                     n, bad_n = n + bad_n, 0
                 own_ms = float(capture.get(cv2.CAP_PROP_POS_MSEC))
                 capture_ns = round(own_ms * 1e6 if self._own_times else n * 1e9 / self.rate_hz)
-                yield Frame(to_grey(image), capture_ns, n, Clock.RECORDED)
+                grey = to_grey(image)
+                yield Frame(grey, capture_ns, n, Clock.RECORDED, self._bits_of(grey))
                 n += 1
         finally:
             capture.release()

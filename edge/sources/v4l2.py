@@ -1,8 +1,8 @@
 """UVC and other V4L2 cameras, through OpenCV.
 
 - A serial number is looked up again after each loss: a camera that returns may have another number.
-- Pixels are taken as the camera sends them and converted to grey here: decoding MJPG to grey takes 0.93 ms
-  for 640x480, by way of colour 1.35 ms.
+- Pixels are taken as the camera sends them and become grey here, as of all sources: decoding MJPG to grey
+  takes 0.93 ms for 640x480, by way of colour 1.35 ms.
 - Capture time is the driver's (V4L2 buffer timestamp, CLOCK_MONOTONIC, start of exposure with UVC's hardware
   clock). OpenCV passes it on, but not the driver's frame counter.
 - One kernel buffer, so that images are as new as possible. With one buffer some drivers lose every second
@@ -29,7 +29,7 @@ from edge.params import PARAMS as RUNTIME
 from edge.sources.camera import CameraSource
 from edge.sources.live import PARAMS as LIVE
 from edge.sources.options import NoKeys, Options
-from edge.types import Image
+from edge.sources.pixels import LAYOUTS, decode_picture, unpack
 
 _EXPOSURE_UNIT_US = 100  # V4L2_CID_EXPOSURE_ABSOLUTE
 _MANUAL, _NO_FOCUS = 1, 0  # V4L2_EXPOSURE_MANUAL; autofocus off
@@ -86,27 +86,9 @@ def find_device(where: str, sys_root: Path = Path("/sys"), dev_root: Path = Path
     return os.path.realpath(path)
 
 
-def _grey16(raw: Any, size: tuple[int, int]) -> Image:
-    return np.ascontiguousarray(raw).view("<u2").reshape(size[1], size[0]).astype(np.uint16, copy=False)
-
-
-def _mjpg(raw: Any, size: tuple[int, int]) -> Image:
-    image = cv2.imdecode(np.ascontiguousarray(raw).reshape(-1), cv2.IMREAD_GRAYSCALE)
-    if image is None or image.shape != (size[1], size[0]):
-        raise ValueError("JPEG does not decode")
-    return np.asarray(image, dtype=np.uint8)
-
-
-#: By name: bits that count, and how the image is made of the camera's bytes.
-_FORMATS: dict[str, tuple[int, Callable[[Any, tuple[int, int]], Any]]] = {
-    "GREY": (8, lambda raw, size: raw.reshape(size[1], size[0])),
-    "Y10": (10, _grey16),
-    "Y12": (12, _grey16),
-    "Y16": (16, _grey16),
-    "MJPG": (8, _mjpg),
-    "YUYV": (8, lambda raw, size: raw.reshape(size[1], size[0], 2)[:, :, 0]),
-}
-_AUTO = ("GREY", "MJPG", "YUYV")  # in the order in which they are tried: no colour, no loss first
+#: What is taken unasked, in the order in which it is tried: no colour, no loss first.
+_AUTO = ("GREY", "MJPG", "YUYV", "UYVY", "NV12")
+_FORMATS = ("MJPG", *(name for name in LAYOUTS if name.isupper() and not name[0].isdigit()))
 
 
 class V4l2Source(CameraSource):
@@ -171,7 +153,7 @@ class V4l2Source(CameraSource):
         capture.set(cv2.CAP_PROP_BUFFERSIZE, o.buffers)
         wanted = (o.format.upper(),) if o.format else _AUTO
         for name in wanted:
-            self._bits, self._to_grey = _FORMATS[name]
+            self._layout = LAYOUTS.get(name)
             code = cv2.VideoWriter.fourcc(*name.ljust(4))
             if capture.set(cv2.CAP_PROP_FOURCC, code) and int(capture.get(cv2.CAP_PROP_FOURCC)) == code:
                 break
@@ -222,12 +204,16 @@ class V4l2Source(CameraSource):
         try:
             if not ok or raw is None:
                 raise ValueError("no image")
-            image: Image = np.ascontiguousarray(self._to_grey(raw, self.size_px))
-        except (ValueError, cv2.error):
+            data = np.ascontiguousarray(raw).reshape(-1).view(np.uint8)
+            image = unpack(self._layout, data, self.size_px) if self._layout else decode_picture(data)
+            if image.shape[::-1] != self.size_px:
+                raise ValueError("an image of another size")
+        except ValueError:
             self.faults["damaged frame"] += 1
         else:
             driver_ns = round(float(device.get(cv2.CAP_PROP_POS_MSEC)) * 1e6)
-            self._hand_over_at(image, self._bits, driver_ns, now_ns, self._period_ns)
+            bits = self._layout.bits if self._layout else 8
+            self._hand_over_at(image, bits, driver_ns, now_ns, self._period_ns)
         return True
 
     def _shut(self, device: Any) -> None:

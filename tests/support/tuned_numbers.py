@@ -31,9 +31,9 @@ NOT_TUNED: dict[str, frozenset[str]] = {
         "edge/sources/v4l2.py:_EXPOSURE_UNIT_US", "edge/sources/v4l2.py:_MANUAL",
         "edge/sources/v4l2.py:_NO_FOCUS",
         "edge/link/sdo_server.py:TOO_LONG",
-        "edge/recording/images.py:_RAW",
+        "edge/sources/files.py:_DEPTHS",
         "edge/recording/messages.py:_NUMERIC",
-        "edge/runtime/systemd.py:_WATCHDOG_SHARE", "edge/sources/v4l2.py:_FORMATS",
+        "edge/runtime/systemd.py:_WATCHDOG_SHARE",
     }),
     "names of states and of places in an array": frozenset({
         "edge/cells/mesh.py:DONE", "edge/cells/mesh.py:NOT_FINITE", "edge/cells/mesh.py:NO_EXTENT",

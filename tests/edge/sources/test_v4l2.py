@@ -93,6 +93,8 @@ class FakeCapture:
         fourcc = int(self.values[cv2.CAP_PROP_FOURCC]).to_bytes(4, "little").decode()
         if self.what == "black":
             return True, np.zeros((H, W), np.uint8)
+        if self.camera.shown is not None:
+            return True, self.camera.shown
         if self.what == "damage":
             return True, np.zeros((1, 7), np.uint8)
         return True, encode(fourcc, 5 if self.what == "freeze" else self.camera.n)
@@ -112,6 +114,7 @@ class FakeCamera:
         self.clamp: dict[int, float] = {}
         self.present = True
         self.script: list[str] = []
+        self.shown: Any = None  # what each image is; None: it is made anew
         self.captures: list[FakeCapture] = []
         self.n = 0
         self.stamp_ns = 5_000_000_000_000
