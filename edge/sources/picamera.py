@@ -59,7 +59,7 @@ class PiCameraSource(CameraSource):
         retry_s: float = RUNTIME.announced_s,
         clock_ns: Callable[[], int] = time.monotonic_ns,
     ) -> None:
-        super().__init__(name, options, retry_s, clock_ns)
+        super().__init__(name, options.or_own(LIVE.size_px), retry_s, clock_ns)
         self._open_camera = open_camera
         self._stream, self._bits = "main", 8
         self._device = self._open()
@@ -82,7 +82,7 @@ class PiCameraSource(CameraSource):
 
     def _configure(self, camera: Any) -> None:
         """Raises SourceError: not the size that was asked for, no such format."""
-        size = self._options.size_or(LIVE.size_px)
+        size = self._options.size_px
         pixels = self._format(camera)
         raw = {"format": pixels, "size": size} if pixels else None
         camera.configure(

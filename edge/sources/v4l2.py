@@ -43,6 +43,11 @@ class VideoDevice:
     path: str  # e.g. /dev/video0
     serial: str  # of the USB device; "" if it has none
     label: str  # the driver's name for it
+    by_id: str = ""  # link by maker, model and serial number; "": none
+    by_path: str = ""  # link by the socket that it is plugged into, which stays; "": none
+
+    def __str__(self) -> str:
+        return f"{self.by_path or self.path} {self.label} serial {self.serial or 'none'}"
 
 
 def _text(path: Path) -> str:
@@ -55,28 +60,43 @@ def _text(path: Path) -> str:
 def list_cameras(sys_root: Path = Path("/sys"), dev_root: Path = Path("/dev")) -> list[VideoDevice]:
     """Video nodes that give images; a UVC camera's second node gives metadata and is skipped."""
     found = []
+    by_id, by_path = (
+        {os.path.realpath(link): str(link) for link in (dev_root / "v4l" / kind).glob("*-video-index0")}
+        for kind in ("by-id", "by-path")
+    )
     nodes = (sys_root / "class/video4linux").glob("video*")
     for node in sorted(nodes, key=lambda n: int("0" + "".join(filter(str.isdecimal, n.name)))):
         if _text(node / "index") not in ("", "0"):
             continue
         # .../video0/device is the USB interface; the device above it has the serial number.
         serial = _text((node / "device").resolve().parent / "serial")
-        found.append(VideoDevice(str(dev_root / node.name), serial, _text(node / "name")))
+        path = os.path.realpath(dev_root / node.name)
+        links = by_id.get(path, ""), by_path.get(path, "")
+        found.append(VideoDevice(str(dev_root / node.name), serial, _text(node / "name"), *links))
     return found
 
 
+def _alike(camera: VideoDevice, cameras: list[VideoDevice]) -> list[VideoDevice]:
+    """The cameras of its serial number and label: a name made of these means any of them."""
+    return [c for c in cameras if (c.serial, c.label) == (camera.serial, camera.label)]
+
+
 def find_device(where: str, sys_root: Path = Path("/sys"), dev_root: Path = Path("/dev")) -> str:
-    """Path of the video node. Raises SourceError: does not exist, or may not be opened."""
+    """Path of the video node. Raises SourceError: does not exist, fits several, or may not be opened."""
     cameras = list_cameras(sys_root, dev_root)
-    if where.isdecimal():
-        path = str(dev_root / f"video{where}")
-    elif where.startswith("/"):
-        path = where
-    else:
-        links = sorted((dev_root / "v4l/by-id").glob(f"*{where}*-video-index0")) if where else []
-        path = next((c.path for c in cameras if where and c.serial == where), str(links[0]) if links else "")
+    meant: list[VideoDevice] = []
+    path = str(dev_root / f"video{where}") if where.isdecimal() else where
+    if (where and not os.path.exists(path)) or "/by-id/" in where:
+        meant = [c for c in cameras if where in (c.serial, c.by_id)]
+        if not meant and not where.isdecimal():
+            meant = [c for c in cameras if where in c.by_id or where in c.label]
+        meant = meant if len(meant) != 1 else _alike(meant[0], cameras)
+        path = meant[0].path if meant else path
+    if len(meant) > 1:
+        fits = "; ".join(map(str, meant))
+        raise SourceError(f"source v4l2:{where}: fits {len(meant)} cameras, give the path of one: {fits}")
     if not path or not os.path.exists(path):
-        here = "; ".join(f"{c.path} {c.label} serial {c.serial or 'none'}" for c in cameras) or "none"
+        here = "; ".join(map(str, cameras)) or "none"
         wanted = "v4l2:NUMBER, v4l2:SERIAL or /dev/v4l/by-id/..."
         raise SourceError(f"source v4l2:{where}: no such camera; give {wanted}; cameras here: {here}")
     if not os.access(path, os.R_OK | os.W_OK):
@@ -86,9 +106,20 @@ def find_device(where: str, sys_root: Path = Path("/sys"), dev_root: Path = Path
     return os.path.realpath(path)
 
 
+def lasting_name(where: str, sys_root: Path = Path("/sys"), dev_root: Path = Path("/dev")) -> str:
+    """The name to give instead of a number, which another camera may have after a restart; "": none."""
+    path = str(dev_root / f"video{where}") if where.isdecimal() else where
+    cameras = list_cameras(sys_root, dev_root)
+    for camera in cameras:
+        if camera.path == path:
+            alone = camera.serial and len(_alike(camera, cameras)) == 1
+            return f"v4l2:{camera.serial}" if alone else camera.by_path
+    return ""
+
+
 #: What is taken unasked, in the order in which it is tried: no colour, no loss first.
 _AUTO = ("GREY", "MJPG", "YUYV", "UYVY", "NV12")
-_FORMATS = ("MJPG", *(name for name in LAYOUTS if name.isupper() and not name[0].isdigit()))
+_FORMATS = ("MJPG", *(name for name in LAYOUTS if name.isupper() and "UC" not in name))
 
 
 class V4l2Source(CameraSource):

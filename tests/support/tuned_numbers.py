@@ -94,7 +94,9 @@ NOT_TUNED: dict[str, frozenset[str]] = {
     "names of glibc's settings": frozenset({
         "edge/runtime/process.py:_MMAP_THRESHOLD", "edge/runtime/process.py:_TRIM_THRESHOLD",
     }),
-    "figures of a maker": frozenset({"edge/runtime/board_monitor.py:HOT_DEGC"}),
+    "figures of a maker": frozenset({
+        "edge/runtime/board_monitor.py:HOT_DEGC", "edge/sources/oak.py:RATE_HZ",
+    }),
     "colours": frozenset({
         "edge/view/palette.py:PAPER", "edge/view/palette.py:SAFE", "edge/view/panels.py:_CROSS",
         "edge/view/panels.py:_RING",

@@ -95,7 +95,7 @@ def test_without_rosbags_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.
     assert "install voronoi-touch[ros]" in one_line(SourceError, open_source, str(path))
 
 
-def test_what_is_no_bag_is_one_line(tmp_path: Path) -> None:
+def test_other_files_are_refused_as_bags(tmp_path: Path) -> None:
     (tmp_path / "metadata.yaml").write_text("x: 1\n")
     (tmp_path / "a.db3").write_bytes(b"not of SQLite")
     for path in (tmp_path, tmp_path / "a.db3"):
