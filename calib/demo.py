@@ -131,7 +131,7 @@ def play(recording: Path, calibration: Calibration) -> Received:
             sink = open_sink(address, node=NODE)
             stack.callback(sink.close)
             assert isinstance(sink, CanSink | SerialSink)
-            loop.sinks.append(Node(sink, device, node=NODE))
+            loop.sinks.append(Node(sink, device))
         memory = MemorySink()
         loop.sinks.append(memory)
         truth: dict[int, dict[str, Any]] = {}
@@ -142,13 +142,19 @@ def play(recording: Path, calibration: Calibration) -> Received:
         loop.result_callbacks.append(keep)
         loop.run()
         sent = {state.sample: state for state in memory.states}
-        if loop.last is None:
+        if loop.measurement.last is None:
             raise SourceError(f"{recording}: no frame after the tare")
         for sink in loop.sinks:
             sink.drain(5.0)
         _await(lambda: all(len(h) >= len(sent) for h in received.values()))
         return Received(
-            recording.stem, sent, received["can"], received["serial"], loop.last, truth, calibration
+            recording.stem,
+            sent,
+            received["can"],
+            received["serial"],
+            loop.measurement.last,
+            truth,
+            calibration,
         )
 
 

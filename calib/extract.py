@@ -27,8 +27,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.errors import TableError
+from edge.calibration.evaluation import contact_inputs, frame_inputs
 from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS
-from edge.calibration.model import contact_inputs, frame_inputs
 from edge.errors import EdgeError
 from edge.frame import Pipeline
 from edge.sources import read_image

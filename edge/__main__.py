@@ -1,7 +1,5 @@
 """`python -m edge`: the finger's own program. Its commands: `edge.cli.program`."""
 
-from __future__ import annotations
-
 from typing import NoReturn
 
 from hostlink.interrupt import exit_on_interrupt

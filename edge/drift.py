@@ -9,12 +9,10 @@ Rules
 - Slow: a time constant of minutes. What creeps back in seconds after a touch leaves no trace above noise.
 - Bounded: no pin's offset exceeds `limit_px`. A larger one is a camera that moved, or a tip that needs a
   tare, and is reported (`limit_share`).
-- Reported (`offset_px`, `limit_share`) and reversible: `forget` restores the rest frame as it was taken.
+- Reported (`offset_px`, `limit_share`), and forgotten with the next rest frame.
 
 A touch too light for the contact detector, held for minutes, can be learnt; the error is at most the limit.
 """
-
-from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
@@ -23,8 +21,6 @@ import numpy as np
 from edge.params import PARAMS as RUNTIME
 from edge.types import Array, Rest, Tracks
 
-__all__ = ["PARAMS", "Drift", "DriftParams"]
-
 
 @dataclass(frozen=True, slots=True)
 class DriftParams:
@@ -32,11 +28,10 @@ class DriftParams:
 
     limit_px: float = 0.3  # largest offset of a pin in x and in y; 0: nothing is learnt
     time_s: float = 120.0  # time constant
-    near_pitches: float = RUNTIME.still_pitches  # of a pin from its adapted place, beyond the limit
-    period_s: float = RUNTIME.check_s  # of learning: faster has no benefit
 
 
 PARAMS = DriftParams()
+PERIOD_S = RUNTIME.check_s  # of learning: faster has no benefit
 
 
 class Drift:
@@ -49,7 +44,7 @@ class Drift:
     def __init__(self, rest: Rest, params: DriftParams = PARAMS) -> None:
         self._rest = rest
         self._params = params
-        self._near_px = params.near_pitches * rest.pattern.pitch_px
+        self._near_px = RUNTIME.still_pitches * rest.pattern.pitch_px
         self.limit_share = 0.0
         self._offset = np.zeros_like(rest.xy_img)
         self.learnt = False
@@ -77,7 +72,7 @@ class Drift:
             self._last_ns = None
             return
         gap_s = -1.0 if self._last_ns is None else (capture_ns - self._last_ns) * 1e-9
-        if 0.0 <= gap_s < p.period_s:
+        if 0.0 <= gap_s < PERIOD_S:
             return
         away = tracks.xy_img - self._rest.xy_img
         self._last_ns = capture_ns if self._fit(tracks, away) else None
@@ -88,12 +83,6 @@ class Drift:
             np.clip(self._offset, -p.limit_px, p.limit_px, out=self._offset)
             self.learnt = True
             self.limit_share = float(np.mean(beyond))
-
-    def forget(self) -> None:
-        """Restore the rest frame as it was taken."""
-        self._offset = np.zeros_like(self._offset)
-        self.learnt, self.limit_share = False, 0.0
-        self._last_ns = None
 
     def _fit(self, tracks: Tracks, away: Array) -> bool:
         if tracks.n_seen < (1.0 - RUNTIME.astray_rel) * len(tracks.seen):

@@ -7,10 +7,7 @@ searched and the pins are identified again, in the same frame. `FramePlan` says 
 when the demand changes. A frame whose identities are not trusted yields no values at all.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -18,6 +15,7 @@ from edge.calibration import OF_GRIP, Calibration, Grip, uncalibrated
 from edge.cells import Tessellator
 from edge.drift import Drift
 from edge.errors import DegenerateLayout
+from edge.faults.detector import FaultDetector
 from edge.features import FeatureExtractor, FeaturePlan, Fits
 from edge.pins import CentroidRefiner, detect
 from edge.tracking import Tracker
@@ -28,15 +26,6 @@ OF_CELLS = frozenset(f for f in Feature if f.cells)
 #: Their models may depend on the pins' motion alone: areas only say when a contact begins and ends.
 OF_MODES = frozenset(f for f in Feature if not f.areas)
 ALL = frozenset(Feature)
-
-
-class FrameJudge(Protocol):
-    """What says which part of a result may be sent: `edge.faults`."""
-
-    @property
-    def quiet(self) -> bool: ...
-
-    def judge(self, frame: Frame, result: Result, drifted_share: float) -> Result: ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -115,7 +104,7 @@ class Pipeline:
         if not self._plan.grip:
             self._grip.forget()
 
-    def step(self, frame: Frame, judge: FrameJudge) -> Result:
+    def step(self, frame: Frame, judge: FaultDetector) -> Result:
         """One image to what may be sent of it."""
         result = self.process(frame)
         judged = judge.judge(frame, result, self.drift.limit_share if self.drift else 0.0)
@@ -169,7 +158,7 @@ class Pipeline:
         if self._plan.grip and not features.in_contact:
             self._grip.forget()
         elif self._plan.grip:
-            area_mm2 = calibration.area_mm2(features, reading.values)
+            area_mm2 = calibration.area_mm2(features.contacts, reading.values)
             reading.values.update(self._grip.update(reading.values, reading.sigmas, area_mm2))
         return reading
 

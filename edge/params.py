@@ -3,11 +3,7 @@
 Only the standard library is imported here: the program reads it before it limits the threads of NumPy.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-
-__all__ = ["ASTRAY_REL", "PARAMS", "RuntimeParams"]
 
 #: Share of the pins that may be missing, or beyond a limit, for reasons of their own.
 ASTRAY_REL = 0.05
@@ -21,10 +17,8 @@ class RuntimeParams:
     latencies_n: int = 1 << 14  # frames that the statistics of times look back on
     rarely_s: float = 10.0  # what repeats: a flickering fault's log lines, collections of garbage, restarts
     patience_s: float = 1.0  # of waiting for a link, a client or an image, and of reporting a failed write
-    wait_s: float = 0.02  # longest time in which a thread looks whether there is something else to do
     stall_s: float = 0.06  # without a new image, or an item that leaves: camera or link has stalled
     announced_s: float = 0.1  # promised: so soon it is known that a device fails, is back, or has recorded
-    close_s: float = 0.3  # for a thread or driver that does not return
     hysteresis_rel: float = 0.1  # of the level at which a fault appears; so far back, it clears
     astray_rel: float = ASTRAY_REL  # of the pins: may be beyond a limit for reasons of their own
     noise_sigma: float = 5.0  # in one place, what is more than this many standard deviations off is no noise
@@ -37,6 +31,20 @@ class RuntimeParams:
         long as counts is then announced in time.
         """
         return self.announced_s - self.stall_s
+
+    @property
+    def wait_s(self) -> float:
+        """Longest time in which a thread looks whether there is something else to do: half of what a stall
+        leaves to see it, half to announce it.
+        """
+        return 0.5 * self.check_s
+
+    @property
+    def close_s(self) -> float:
+        """For a thread or driver that does not return. Four are waited for at the end: the board's checks, a
+        link's queue, its threads and the camera, together for `patience_s`.
+        """
+        return 0.25 * self.patience_s
 
     @property
     def most_rel(self) -> float:

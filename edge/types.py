@@ -31,29 +31,6 @@ from numpy.typing import NDArray
 
 from edge.limits import IMAGE_SIDE_PX, ImageSide, Pixels
 
-__all__ = [
-    "Array",
-    "Cells",
-    "Clock",
-    "ContactRegion",
-    "Feature",
-    "Features",
-    "Frame",
-    "FrameSource",
-    "Heights",
-    "Image",
-    "Lens",
-    "LiveSource",
-    "PinPattern",
-    "Pins",
-    "Polarity",
-    "Reading",
-    "Rest",
-    "Result",
-    "Tracks",
-    "per_frame",
-]
-
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Heights = NDArray[np.float32]
@@ -146,7 +123,8 @@ class FrameSource(Protocol):
 
     Ends with StopIteration at the end of a recording; a live source ends only on `close`.
     Raises SourceError when it cannot be opened; a device that is lost later is a `LiveSource.condition`, not
-    an exception.
+    an exception. A camera may also have `factory_lens`, a `Lens` if its maker measured it, and `refused`, the
+    settings that it did not take, in words.
     """
 
     name: str
@@ -174,27 +152,6 @@ class RecordedSource(FrameSource, Protocol):
 
     @property
     def frames_n(self) -> int: ...
-
-
-@runtime_checkable
-class MeasuredSource(FrameSource, Protocol):
-    """A camera that was measured by its maker.
-
-    factory_lens  None: this one was not
-    """
-
-    @property
-    def factory_lens(self) -> Lens | None: ...
-
-
-@runtime_checkable
-class AdjustableSource(FrameSource, Protocol):
-    """A camera with settings.
-
-    refused  settings that it did not take, in words
-    """
-
-    refused: list[str]
 
 
 @runtime_checkable

@@ -34,9 +34,9 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from dataclasses import dataclass
 from itertools import pairwise
 from math import inf
+from typing import NamedTuple
 
 __all__ = ["DRIFT_MAX", "ClockMap", "HostTime"]
 
@@ -55,16 +55,14 @@ SETTLE_S = 0.05  # a longer delay of the host at that moment gives a wrong bound
 DRIFTED_S = 0.5e-3  # after a pause in which the clocks may drift more than this, the mapping settles anew
 
 
-@dataclass(frozen=True, slots=True)
-class HostTime:
+class HostTime(NamedTuple):
     """A moment on the host's clock, +- `error_s`."""
 
     time_s: float
     error_s: float
 
 
-@dataclass(slots=True)
-class _Bucket:
+class _Bucket(NamedTuple):
     at_s: float  # device time of the least offset
     offset_s: float
 
@@ -84,14 +82,18 @@ class ClockMap:
         self._begin()
 
     def _begin(self) -> None:
-        self._buckets: deque[_Bucket] = deque(maxlen=BUCKETS)
+        self._buckets: deque[_Bucket] = deque(maxlen=BUCKETS - 1)  # all but the newest,
+        self._lowest: tuple[_Bucket, ...] = ()  # the one of them that bounds every time after them,
+        self._closed_s = -inf  # and this is when that begins
+        self._newest_at_s = self._newest_offset_s = 0.0  # the newest bucket
         self._floors: deque[_Bucket] = deque(maxlen=4)  # lower bounds of the offset, newest last
         self._bucket_start_s = 0.0
         self._slope = 0.0
         self._wander = DRIFT_MAX
-        self._last_us: int | None = None  # unwrapped device time of the last message
+        self._is_known = False  # anything was observed: then of the last message
+        self._last_us = 0  # the unwrapped device time
         self._last_host_s = 0.0
-        self._captured_us: int | None = None  # unwrapped, of the last sample
+        self._captured_us = -WRAP_US  # unwrapped, of the last sample
         self._settling_n = 0  # messages since the beginning or a pause,
         self._settling_from_s = 0.0  # and the device time of the first
         self.lateness_s = 0.0
@@ -118,7 +120,7 @@ class ClockMap:
         """
         with self._lock:
             captured_us = self._unwrap(capture_us, host_s)
-            if self._captured_us is not None and captured_us < self._captured_us:
+            if captured_us < self._captured_us:
                 self._restart()  # captures are in order, so the clock stepped back
                 captured_us = capture_us
             self._observe(captured_us + round(latency_us), host_s)
@@ -135,7 +137,7 @@ class ClockMap:
         with self._lock:
             unwrapped_us = self._unwrap(device_us, answered_s)
             at_s = unwrapped_us * 1e-6
-            if self._buckets and asked_s - at_s > self._bounds(at_s)[0] + EARLY_S:
+            if self._is_known and asked_s - at_s > self._bounds(at_s)[0] + EARLY_S:
                 self._restart()  # the clock was set back: messages would have arrived before they were sent
             self._observe(unwrapped_us, answered_s)
             self._floors.append(_Bucket(at_s, asked_s - at_s))
@@ -147,15 +149,14 @@ class ClockMap:
         None before anything was observed.
         """
         with self._lock:
-            if self._last_us is None:
+            if not self._is_known:
                 return None
             return self._host_time(self._last_us + _signed(device_us - self._last_us))
 
     # ------------------------------------------------------------------------------------------------
 
     def _restart(self) -> None:
-        if self._buckets:
-            self.restarts += 1
+        self.restarts += self._is_known
         self._begin()
 
     def _host_time(self, unwrapped_us: int) -> HostTime:
@@ -171,69 +172,80 @@ class ClockMap:
     def _observe(self, unwrapped_us: int, host_s: float) -> None:
         at_s = unwrapped_us * 1e-6
         offset_s = host_s - at_s
-        if self._buckets:
-            uncertainty_s = self._contradiction(at_s, offset_s, host_s)
-            if uncertainty_s is not None:
-                self._restart()
-                self._uncertainty_s = uncertainty_s
+        if self._is_known and self._contradicts(at_s, offset_s, host_s):
+            uncertainty_s = self._uncertainty_s
+            self._restart()
+            self._uncertainty_s = uncertainty_s
         if self._settling_n == 0 or (host_s - self._last_host_s) * self._wander > DRIFTED_S:
             self._settling_n, self._settling_from_s = 0, at_s
         self._settling_n += 1
         self._last_us, self._last_host_s = unwrapped_us, host_s
-        if not self._buckets or at_s >= self._bucket_start_s + BUCKET_S:
-            self._bucket_start_s = at_s
-            self._buckets.append(_Bucket(at_s, offset_s))
-            self._fit()
-        elif offset_s + self._slope * (self._buckets[-1].at_s - at_s) < self._buckets[-1].offset_s:
-            self._buckets[-1] = _Bucket(at_s, offset_s)
+        if not self._is_known or at_s >= self._bucket_start_s + BUCKET_S:
+            if self._is_known:
+                self._close_bucket()
+            self._is_known, self._bucket_start_s = True, at_s
+            self._newest_at_s, self._newest_offset_s = at_s, offset_s
+        elif offset_s + self._slope * (self._newest_at_s - at_s) < self._newest_offset_s:
+            self._newest_at_s, self._newest_offset_s = at_s, offset_s
+
+    def _close_bucket(self) -> None:
+        self._buckets.append(_Bucket(self._newest_at_s, self._newest_offset_s))
+        self._closed_s = self._newest_at_s
+        self._fit()
+        steepest = self._slope + self._wander
+        self._lowest = (min(self._buckets, key=lambda bucket: bucket.offset_s - steepest * bucket.at_s),)
 
     def _is_settled(self, at_s: float) -> bool:
         return self._settling_n >= SETTLE_N and at_s - self._settling_from_s >= SETTLE_SPAN_S
 
-    def _contradiction(self, at_s: float, offset_s: float, host_s: float) -> float | None:
-        """None: the message fits the map. Else the uncertainty of a new map, s."""
+    def _contradicts(self, at_s: float, offset_s: float, host_s: float) -> bool:
+        """Whether the message does not fit the map; then `_uncertainty_s` is that of a new one."""
         upper, lower = self._bounds(at_s)
         self.lateness_s = max(0.0, offset_s - upper)
         if offset_s < lower - EARLY_S:
-            return 0.0
+            self._uncertainty_s = 0.0
+            return True
         if offset_s < lower:
             self._floors.clear()  # they contradict the message: the clock has stepped a little
         if self.lateness_s <= self._transit_s:
             self._on_time_s, self._late_n, self._late_least_s = at_s, 0, inf
-            return None
+            return False
         if self._late_n == 0:
             self._late_since_s = host_s
         self._late_n += 1
         self._late_least_s = min(self._late_least_s, self.lateness_s)
         if self._late_n < LATE_N or host_s - self._late_since_s < LATE_S:
-            return None
-        return (
-            self._late_least_s
-        )  # the clock was set back by that, or the transit has become that much longer
+            return False
+        # The clock was set back by that, or the transit has become that much longer.
+        self._uncertainty_s = self._late_least_s
+        return True
 
     def _unwrap(self, device_us: int, host_s: float) -> int:
-        if self._last_us is None:
+        if not self._is_known:
             return device_us
         expected_us = self._last_us + round((host_s - self._last_host_s) * 1e6)
         return expected_us + _signed(device_us - expected_us)
 
     def _bounds(self, at_s: float) -> tuple[float, float]:
         """Highest and lowest offset consistent with the samples at device time `at_s`."""
-        upper, best = min(
-            ((self._carried(b, at_s) + self._wander * abs(at_s - b.at_s), b) for b in self._buckets),
-            key=lambda pair: pair[0],
-        )
-        floors = [self._carried(b, at_s) - self._wander * abs(at_s - b.at_s) for b in self._floors]
+        slope, wander = self._slope, self._wander
+        passed_s = at_s - self._newest_at_s
+        upper, best_s = self._newest_offset_s + slope * passed_s + wander * abs(passed_s), passed_s
+        for bucket_at_s, offset_s in self._lowest if at_s >= self._closed_s else self._buckets:
+            passed_s = at_s - bucket_at_s
+            bound = offset_s + slope * passed_s + wander * abs(passed_s)
+            if bound < upper:
+                upper, best_s = bound, passed_s
         # A round trip's bound widens with the drift; the assumed one does not.
-        floors.append(self._carried(best, at_s) - self._wander * abs(at_s - best.at_s) - self._transit_s)
-        return upper, min(max(floors), upper)
-
-    def _carried(self, bucket: _Bucket, at_s: float) -> float:
-        return bucket.offset_s + self._slope * (at_s - bucket.at_s)
+        lower = upper - 2 * wander * abs(best_s) - self._transit_s
+        for bucket_at_s, offset_s in self._floors:
+            passed_s = at_s - bucket_at_s
+            lower = max(lower, offset_s + slope * passed_s - wander * abs(passed_s))
+        return upper, min(lower, upper)
 
     def _fit(self) -> None:
         """Slope of the lower hull's edge above the mean abscissa, and how far to trust it."""
-        points = [(b.at_s, b.offset_s) for b in self._buckets][:-1]  # the newest bucket has only begun
+        points = list(self._buckets)  # the newest one has only begun
         if len(points) < 3 or points[-1][0] - points[0][0] < SLOPE_AFTER_S:
             return
         hull: list[tuple[float, float]] = []

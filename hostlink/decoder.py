@@ -168,7 +168,7 @@ class _Node:
         if self.senders.see(state.sample, state.capture_time_us):
             events = self._second_sender(arrival_s)
         lost_n = self.sequence.accept(state.sample, counter, modulus)
-        if lost_n is None:
+        if lost_n < 0:
             return events
         self.statistics.received_n += 1
         host_time_s, host_error_s = self._host_time(state, arrival_s)

@@ -21,7 +21,7 @@ __all__ = ["BYTES_MAX", "DEPTH_MAX", "UPLOAD_BYTES", "InputFileError", "open_inp
 
 
 UPLOAD_BYTES = 2 << 20  # a calibration, configuration or settings; a finger takes no more
-BYTES_MAX = 160 << 20  # the largest that is read as a whole: an image of 16.8 million pixels of 8 bytes
+BYTES_MAX = 160 << 20  # the largest that is read as a whole: an image of 21 million pixels of 8 bytes
 DEPTH_MAX = 100  # of lists and tables in a file; ours have three
 
 

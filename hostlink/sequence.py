@@ -7,7 +7,7 @@ Evidence      frames with a wrong CRC -> noise, or another version?
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass, field
+from dataclasses import astuple, dataclass
 from operator import add
 from typing import Final
 
@@ -18,6 +18,8 @@ RESTART_RUN: Final = 8  # samples of another sequence, and none of the known one
 EVIDENCE_P5: Final = 3  # frames that imply one foreign data id: chance of noise doing that is 2**-48
 EVIDENCE_P11: Final = 6  # of 12 bits each: 2**-60
 SUSPECT_N: Final = 3  # samples that go back to another sequence: a restart causes one, a late sample another
+_KNOWN_N: Final = 2 * WINDOW
+_SEEN_ALL: Final = (1 << WINDOW) - 1
 SENDER_SPAN_US: Final = 10_000_000  # capture times of one sender's samples within WINDOW
 
 
@@ -60,81 +62,88 @@ class Sequence:
 
     def __init__(self, statistics: LinkStatistics) -> None:
         self._statistics = statistics
-        self._sample: int | None = None  # newest delivered
+        self._is_begun = False
+        self._sample = 0  # newest delivered
         self._counter = 0
         self._stride = 1  # sample numbers from one sent sample to the next: the sensor's divider
         self._seen = 0  # bit i: sample number newest - i was delivered
-        self._other: int | None = None  # newest sample number of what may be a new sequence
-        self._other_run = 0
+        self._other_run = 0  # samples of what may be a new sequence,
+        self._other = 0  # and the newest number of it
 
-    def accept(self, sample: int, counter: int, modulus: int) -> int | None:
-        """Number of samples lost before this one, or None if it must not be delivered."""
-        if self._sample is None:
+    def accept(self, sample: int, counter: int, modulus: int) -> int:
+        """Number of samples lost before this one; negative: it must not be delivered."""
+        if not self._is_begun:
             return self._begin(sample, counter)
         ahead = (sample - self._sample) & 0xFFFF
         if ahead == 0 or ahead > 0x8000:
-            return self._old(sample, counter, (-ahead) & 0xFFFF)
-        steps = (counter - self._counter) % modulus
+            return self._old(sample, counter, (self._sample - sample) & 0xFFFF)
+        steps = (counter - self._counter + modulus) % modulus
         if steps == 0:
             steps = modulus
-        steps += modulus * max(0, round((ahead / self._stride - steps) / modulus))
+        if ahead > steps * self._stride:
+            steps += modulus * max(0, round((ahead / self._stride - steps) / modulus))
         steps = max(1, min(steps, ahead))
         if steps == 1:
             self._stride = ahead
-        self._sample, self._counter, self._other = sample, counter, None
-        self._seen = (self._seen << ahead | 1) & (1 << WINDOW) - 1
-        self._statistics.lost_n += steps - 1
+        self._seen = (self._seen << ahead if ahead < WINDOW else 0) & _SEEN_ALL | 1
+        self._sample, self._counter, self._other_run = sample, counter, 0
+        if steps > 1:
+            self._statistics.lost_n += steps - 1
         return steps - 1
 
     def restart(self) -> None:
         """The node reports a restart."""
-        self._sample = None
+        self._is_begun = False
 
     def _begin(self, sample: int, counter: int) -> int:
-        self._sample, self._counter, self._stride = sample, counter, 1
-        self._seen, self._other = 1, None
+        self._is_begun, self._sample, self._counter, self._stride = True, sample, counter, 1
+        self._seen, self._other_run = 1, 0
         return 0
 
-    def _old(self, sample: int, counter: int, age: int) -> int | None:
+    def _old(self, sample: int, counter: int, age: int) -> int:
         """A repetition, a late sample, or the first samples after an unnoticed restart."""
         if age < WINDOW:
             if self._seen >> age & 1:
                 self._statistics.duplicate_n += 1
             else:
-                self._seen |= 1 << age
+                bit = 1
+                self._seen |= bit << age
                 self._statistics.out_of_order_n += 1
                 self._statistics.lost_n = max(0, self._statistics.lost_n - 1)
-            return None
-        follows = self._other is not None and 0 < (sample - self._other) & 0xFFFF < 0x8000
+            return -1
+        follows = self._other_run > 0 and 0 < (sample - self._other) & 0xFFFF < 0x8000
         self._other, self._other_run = sample, self._other_run + 1 if follows else 1
         if self._other_run >= RESTART_RUN:
             self._statistics.restart_n += 1
             return self._begin(sample, counter)
         self._statistics.out_of_order_n += 1
-        return None
+        return -1
 
 
-@dataclass(slots=True)
 class _Track:
     """Samples that may be one sender's: the newest, and the last ones' capture times by number."""
 
-    sample: int
-    time_us: int
-    times: dict[int, int] = field(default_factory=dict)
+    def __init__(self, sample: int, time_us: int) -> None:
+        self._known = [-1] * _KNOWN_N  # by the number's remainder: number << 32 | capture time
+        self.add(sample, time_us)
 
     def is_near(self, sample: int, time_us: int) -> bool:
-        passed_us = (time_us - self.time_us + 0x8000_0000 & 0xFFFF_FFFF) - 0x8000_0000
-        return abs(self.steps_to(sample)) <= WINDOW and abs(passed_us) <= SENDER_SPAN_US
+        passed_us = (time_us - self._time_us + 0x8000_0000 & 0xFFFF_FFFF) - 0x8000_0000
+        return abs(self._steps_to(sample)) <= WINDOW and abs(passed_us) <= SENDER_SPAN_US
 
-    def steps_to(self, sample: int) -> int:
-        return (sample - self.sample + 0x8000 & 0xFFFF) - 0x8000
+    def is_used(self, sample: int, time_us: int) -> bool:
+        """Whether this number, not a new one, was another image's."""
+        known = self._known[sample % _KNOWN_N]
+        return self._steps_to(sample) <= 0 and known >> 32 == sample and known & 0xFFFF_FFFF != time_us
 
     def add(self, sample: int, time_us: int) -> None:
-        self.sample, self.time_us = sample, time_us
-        self.times.pop(sample, None)
-        self.times[sample] = time_us
-        if len(self.times) > 2 * WINDOW:
-            del self.times[next(iter(self.times))]
+        """Make this the newest sample."""
+        self._sample, self._time_us = sample, time_us
+        known = sample
+        self._known[sample % _KNOWN_N] = known << 32 | time_us
+
+    def _steps_to(self, sample: int) -> int:
+        return (sample - self._sample + 0x8000 & 0xFFFF) - 0x8000
 
 
 class SenderWatch:
@@ -153,12 +162,12 @@ class SenderWatch:
         """Whether this sample shows a second sender."""
         for i, track in enumerate(self._tracks):
             if track.is_near(sample, time_us):
-                used = track.times.get(sample, time_us) != time_us and track.steps_to(sample) <= 0
+                used = track.is_used(sample, time_us)
                 track.add(sample, time_us)
                 if i:
                     self._tracks.reverse()
                 return self._is_second(bool(i) or used)
-        self._tracks = [_Track(sample, time_us, {sample: time_us}), *self._tracks[:1]]
+        self._tracks = [_Track(sample, time_us), *self._tracks[:1]]
         return False
 
     def restart(self) -> None:

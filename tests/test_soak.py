@@ -1,21 +1,18 @@
 """A short soak: every kind of fault of the schedule, and the promises. The long one is `make soak`."""
 
-from pathlib import Path
 from random import Random
 
 import pytest
 from rich.console import Console
 
-from hostlink import connect
-from hostlink.errors import ConnectError
-from tests.bench.soak import Outcome, kill_while_uploading, kill_while_writing, soak, tell
+from tests.bench.soak import Outcome, soak, tell
 from tests.support.fault_injection import BOARD, CAMERA, LINK
 
 SECONDS = 14.0  # each kind of camera fault once or more
 
 
 def test_the_promises_hold() -> None:
-    outcome = soak(SECONDS, seed=11, rate_hz=50.0, endings_every_s=0.0, brisk=True)
+    outcome = soak(SECONDS, seed=11, rate_hz=50.0, brisk=True)
     tell(outcome, Console(width=120))
     # Delays depend on the machine's load: they are printed here, not asserted.
     late = ("announced after", "still announced", "link back after")
@@ -23,44 +20,16 @@ def test_the_promises_hold() -> None:
     assert not broken
     assert set(outcome.rows) == {*CAMERA, *LINK, *BOARD}
     assert outcome.counts["samples judged"] > 5 * SECONDS
-    assert sum(n for name, n in outcome.counts.items() if name.startswith("attacks on the page")) > 5
-    assert outcome.counts["pictures of an honest viewer"] == 2
     assert 0 < outcome.counts["samples flagged"] < outcome.counts["samples judged"]
 
 
 @pytest.mark.parametrize(("leak_bytes", "fails"), [(0, False), (160, True)])
 def test_memory_that_grows_with_the_samples_is_no_step_and_no_noise(leak_bytes: int, fails: bool) -> None:
     outcome, random, rate_hz, seconds = Outcome(0.0, 1), Random(5), 60, 900
-    memory_mb = [
+    outcome.memory_mb = [
         95.0 + random.uniform(0.0, 0.5) + 3.0 * (second > 450) + leak_bytes * rate_hz * second / 2**20
         for second in range(seconds)
     ]
-    outcome.check_memory("it", memory_mb, rate_hz * seconds)
+    outcome.check_memory(rate_hz * seconds)
     assert bool(outcome.violations) == fails
-    assert outcome.slopes_bytes["it"] == pytest.approx(leak_bytes, abs=32.0)
-
-
-@pytest.fixture
-def multicast() -> None:
-    """The bus that two processes can share without hardware."""
-    try:
-        connect("udp:239.255.43.20?ttl=0").close()
-    except ConnectError as error:
-        pytest.skip(f"no UDP multicast here: {error}")
-
-
-@pytest.mark.usefixtures("multicast")
-def test_a_kill_loses_no_settings(tmp_path: Path) -> None:
-    outcome = Outcome(0.0, 1)
-    kill_while_writing(outcome, Random(4), tmp_path)
-    assert outcome.violations == []
-    assert outcome.counts["kills"] == 1
-    assert outcome.counts["settings written"] > 0
-
-
-@pytest.mark.usefixtures("multicast")
-def test_a_kill_while_writing_a_calibration_keeps_the_old_or_the_new_one(tmp_path: Path) -> None:
-    outcome = Outcome(0.0, 1)
-    kill_while_uploading(outcome, Random(4), tmp_path, at_the_write=True)
-    assert outcome.violations == []
-    assert outcome.counts["kills"] == 1
+    assert outcome.slope_bytes == pytest.approx(leak_bytes, abs=32.0)

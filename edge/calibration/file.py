@@ -119,7 +119,7 @@ class Lost(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Process(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="process"):
-    """A Gaussian process with a symmetric kernel: `edge.calibration.gaussian_process` has the formulas.
+    """A Gaussian process with a symmetric kernel: `edge.calibration.evaluation` has the formulas.
 
     terms          each a list of input names, multiplied; [] is the constant
     weights        mean of the weights, one (real, imaginary) pair a term

@@ -19,8 +19,6 @@ Rules
   motion of the rim smoothly.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
@@ -31,10 +29,10 @@ from edge.types import Array, Index
 
 __all__ = ["RimMotion", "make_boundary", "make_fence", "rim_motion"]
 
-# Arcs of the ball's path shorter than this (rad) come from rounding: the ball touches three pins at once.
-ARC_MIN = 1e-6
 # Weights below this share of the largest vanish in the rounding of single precision.
 NEGLIGIBLE = 1e-8
+# Arcs of the ball's path shorter than this (rad) come from rounding: the ball touches three pins at once.
+ARC_MIN = 1e-6
 
 
 def make_boundary(xy: Array, pitch_px: float, params: CellsParams = PARAMS) -> tuple[Array, Index]:
@@ -127,49 +125,27 @@ def make_fence(boundary: Array) -> Array:
 
 
 class RimMotion(NamedTuple):
-    """How points round the tip follow r rim pins: an affine fit to all, and the residual motion of the near
-    ones.
+    """How boundary and fence follow r rim pins: an affine fit to all, and the residuals of the near ones.
 
-    rim        (r,) int32, the rim pins
-    rim_terms  (r, 3) float64, affine terms of the rim pins
-    fit        (3, r) float64, least squares: coefficients of the terms in the motion of the rim pins
-    terms      (b + f, 3) float64, affine terms of boundary and fence
-    near       (b, k) int32, which of the rim pins are near each boundary point
-    weight     (b, k) float64, their weights, 0 where there are fewer than k; every row sums to 1
+    fit     (3, r) float64, least squares: coefficients of the terms in the motion of the rim pins
+    terms   (r + b + f, 3) float64, affine terms of rim pins, boundary and fence
+    weight  (b + f, r) float64, of the rim pins' residuals; rows of the boundary sum to 1, of the fence to 0
     """
 
-    rim: Index
-    rim_terms: Array
     fit: Array
     terms: Array
-    near: Index
     weight: Array
 
 
-def rim_motion(
-    rest_xy: Array,
-    rim: Index,
-    boundary: Array,
-    fence: Array,
-    pitch_px: float,
-) -> RimMotion:
-    """The constants by which boundary and fence follow one tip's rim pins, above all those within a pitch."""
-    xy = rest_xy[rim]
-    centre = xy.mean(axis=0)
-    scale = float(np.abs(xy - centre).max())
-    rim_terms = affine_terms(xy, centre, scale)
-    distance2 = ((boundary[:, None, :] - xy[None, :, :]) ** 2).sum(axis=2)
+def rim_motion(rim: Array, boundary: Array, fence: Array, pitch_px: float) -> RimMotion:
+    """The constants of a tip; rim (r, 2) px at rest. Rim pins within a pitch count most."""
+    centre = rim.mean(axis=0)
+    scale = float(np.abs(rim - centre).max())
+    terms = affine_terms(np.concatenate([rim, boundary, fence]), centre, scale)
+    distance2 = ((boundary[:, None, :] - rim[None, :, :]) ** 2).sum(axis=2)
     distance2 -= distance2.min(axis=1, keepdims=True)  # far from every pin, the nearest still counts
     weight = np.exp(-0.5 * distance2 / pitch_px**2)
     weight[weight < NEGLIGIBLE] = 0.0
     weight /= weight.sum(axis=1, keepdims=True)
-    k = int(np.count_nonzero(weight, axis=1).max())
-    near = np.argsort(-weight, axis=1, kind="stable")[:, :k].astype(np.int32)
-    return RimMotion(
-        rim=rim,
-        rim_terms=rim_terms,
-        fit=np.linalg.pinv(rim_terms).astype(np.float64, copy=False),
-        terms=affine_terms(np.concatenate([boundary, fence]), centre, scale),
-        near=near,
-        weight=np.take_along_axis(weight, near, axis=1),
-    )
+    fit = np.ascontiguousarray(np.linalg.pinv(terms[: len(rim)]), np.float64)
+    return RimMotion(fit, terms, np.pad(weight, ((0, len(fence)), (0, 0))))

@@ -23,8 +23,8 @@ Idea
   positive beyond their errors are summed triangle by triangle; an edge with another part gives the rest.
 
 Rules
-  - Decisions are exact (`predicates`). So every flip lowers the lifted surface and the loop terminates;
-    equality (cocircular) never flips.
+  - Decisions are exact: a value with an error bound decides where it can, whole numbers elsewhere. So every
+    flip lowers the lifted surface and the loop terminates; equality (cocircular) never flips.
   - Areas carry an error bound, 1e-12 of the area at most: a cell for which it may be more is summed again
     from exact weights, where each term is good to a few ulp for any input.
   - Only differences of coordinates enter: no origin, no scale.
@@ -34,7 +34,7 @@ Rules
   - Why a fence: without it, boundary points that lie nearly on a line have flat triangles on their
     outer side, which turn over at the least motion. With a fence nearby these are never Delaunay.
   - Points at the same place share one vertex and one cell: each gets an equal part of its area.
-  - All memory is allocated in the constructor; the GIL is released during an update.
+  - All memory is allocated in the constructor. The GIL is held: the work is short.
 
 Names: h, g are half-edges (3 t, 3 t + 1, 3 t + 2 belong to triangle t), tail[h] the point where h starts,
 twin[h] the same edge in the neighbouring triangle or -1 on the hull. Triangles run counter-clockwise
@@ -43,25 +43,21 @@ in the coordinates' own sense (x right, y up).
 
 # mypy: disable-error-code="attr-defined,no-any-return,untyped-decorator,valid-type"
 
-from __future__ import annotations
-
 import cython
 import numpy as np
 
+from edge.cells.boundary import RimMotion
 from edge.errors import DegenerateLayout
+from edge.geometry.neighbours import weighted_rows
 from edge.limits import POINTS_MAX
-from edge.types import Index
+from edge.types import Array, Index
 
 if cython.compiled:
-    from cython.cimports.edge.cells.points import FramePoints
-    from cython.cimports.edge.cells.predicates import Predicates
     from cython.cimports.edge.cells.triangle_parts import measure
     from cython.cimports.libc.math import fabs
 else:
     from math import fabs
 
-    from edge.cells.points import FramePoints
-    from edge.cells.predicates import Predicates
     from edge.cells.triangle_parts import measure
 
 INFINITY = cython.declare(cython.double, float("inf"))
@@ -78,6 +74,10 @@ ERROR_BOUND = cython.declare(cython.double, 16.0 / 3.0 * EPSILON)
 # Largest error bound of an edge, as a share of its part of the area; larger ones are added up, and must be
 # below this share of the cell's area. Otherwise the cell is summed from exact weights.
 AREA_TOLERANCE = cython.declare(cython.double, 0.5e-12)
+# Error of `_orient` over the sum of its terms' magnitudes: 2 differences, a product, a sum, each half an ulp.
+ORIENT_BOUND = cython.declare(cython.double, 4.0 * EPSILON)
+# Error of `_incircle` over the permanent of its 3 x 3 determinant: 10, and the rounding of the permanent.
+INCIRCLE_BOUND = cython.declare(cython.double, 12.0 * EPSILON)
 # Corners of a rectangle round the points.
 N_GUARD = cython.declare(cython.Py_ssize_t, 4)
 # Products of four differences must not underflow, or they are not exact: of a set at least this wide,
@@ -85,20 +85,11 @@ N_GUARD = cython.declare(cython.Py_ssize_t, 4)
 EXTENT_MIN = cython.declare(cython.double, 2.0**-66)
 EXTENT_MAX = cython.declare(cython.double, 2.0**66)
 SNAP = cython.declare(cython.double, 2.0**-140)
-
-# Outcomes of an update.
-DONE = cython.declare(cython.int, 0)
-NOT_FINITE = cython.declare(cython.int, 1)
-NO_EXTENT = cython.declare(cython.int, 2)
-NOT_BUILT = cython.declare(cython.int, 3)
-MESSAGES = (
-    "done",
-    "a coordinate is not finite",
-    "all points at one place, or farther apart than 7e19",
-    "no triangulation: coordinates out of range",
-)
+# Times this, every coordinate is a whole number.
+WHOLE = 2 ** (66 + 140 + 52)
 
 
+@cython.final
 @cython.cclass
 class Mesh:
     """The triangulation of one tip's points.
@@ -120,8 +111,6 @@ class Mesh:
     changes: cython.Py_ssize_t  # how often the triangles changed
     marked: cython.Py_ssize_t  # changes when it was last looked which cells reach the fence
     reached: cython.bint  # a pin's does
-    busy: cython.bint
-    predicates: Predicates
     x: cython.double[::1]  # per point
     y: cython.double[::1]
     area: cython.double[::1]
@@ -135,6 +124,18 @@ class Mesh:
     stacked: cython.uchar[::1]  # whether it is on the stack
     stack: cython.int[::1]  # half-edges to check
     parts: cython.double[:, ::1]  # of each triangle, as `measure` writes them
+    attached: cython.bint
+    # Of `attach`.
+    rest: cython.const[cython.double][:, ::1]
+    rim: cython.const[cython.int][::1]
+    fit: cython.const[cython.double][:, ::1]
+    terms: cython.const[cython.double][:, ::1]
+    start: cython.int[::1]  # those of `weighted_rows`
+    near: cython.ushort[::1]
+    weight: cython.float[::1]
+    residual: cython.double[::1]  # of the rim's motion beside the affine one: x, y, x, y, ...
+    points: cython.double[:, ::1]
+    areas: cython.double[::1]
     total_area = cython.declare(cython.double, visibility="readonly")  # of the pins; NaN if one's is
 
     def __init__(self, n_pins: int, n_boundary: int, n_fence: int = 0) -> None:
@@ -152,11 +153,8 @@ class Mesh:
         self.n_triangles = self.n_stack = self.n_shared = 0
         self.flips = self.builds = self.changes = 0
         self.marked, self.reached = -1, False
-        self.busy = self.has_bounds = False
-        x, y = np.zeros(n_all), np.zeros(n_all)
-        self.predicates = Predicates(x, y)
-        self.x = x
-        self.y = y
+        self.has_bounds = self.attached = False
+        self.x, self.y = np.zeros((2, n_all))
         self.area = np.zeros(n_all)
         self.bound = np.zeros(n_pins)
         self.exactly = np.zeros(n_all, np.uint8)
@@ -178,52 +176,103 @@ class Mesh:
         Returns  how often the triangles have changed since the beginning
         Raises   ValueError: wrong size
                  DegenerateLayout: a coordinate is not finite, all points at one place
-                 RuntimeError: another thread is updating this mesh
         """
-        return self._move(points, areas)
-
-    def follow(
-        self,
-        frame: FramePoints,
-        xy: cython.const[cython.double][:, ::1],
-        autocorrelation: cython.double,
-    ) -> cython.Py_ssize_t:
-        """Place the points of a frame, and move to them: `FramePoints.place` and `update`."""
-        frame.place(xy, autocorrelation)
-        return self._move(frame.points, frame.area)
-
-    @cython.cfunc
-    @cython.exceptval(-1)
-    def _move(
-        self, points: cython.const[cython.double][:, ::1], areas: cython.double[::1]
-    ) -> cython.Py_ssize_t:
-        if self.busy:
-            raise RuntimeError("another thread is updating this mesh")
         if points.shape[0] != self.n_points or points.shape[1] != 2 or areas.shape[0] != self.n_pins:
             raise ValueError(f"points ({self.n_points}, 2) and areas ({self.n_pins},) are wanted")
-        outcome: cython.int
-        self.busy = True
-        with cython.nogil:
-            outcome = self._update(points, areas)
-        self.busy = False
-        if outcome != DONE:
+        kept: cython.Py_ssize_t = self.n_triangles
+        self.n_triangles = 0  # until the points have been taken
+        self._take(points)
+        self.n_triangles = kept
+        if not self._triangulate():
             self.n_triangles = 0
-            raise DegenerateLayout(MESSAGES[outcome])
+            raise DegenerateLayout("no triangulation: coordinates out of range")
+        self._sum_exactly()
+        self._share()
+        i: cython.Py_ssize_t
+        self.total_area = 0.0
+        for i in range(self.n_pins):
+            areas[i] = 0.125 * self.area[i] if self.area[i] < INFINITY else NAN
+            self.total_area += areas[i]
         return self.changes
 
-    def forget(self) -> None:
-        """Triangulate the next points from scratch: no rounding of theirs depends on those before.
+    def attach(self, rest: Array, rim: Index, motion: RimMotion, points: Array, areas: Array) -> None:
+        """Prepare for `follow`.
 
-        Raises  RuntimeError: another thread is updating this mesh
+        rest    (n_pins + n_boundary + n_fence, 2) float64
+        rim     (r,) int32, the pins that boundary and fence follow
+        motion  how they do
+        points  (n_pins + n_boundary + n_fence, 2) float64, and areas (n_pins,) float64; `follow` writes them
+        Raises  ValueError: sizes that do not fit, a rim pin that does not exist
         """
-        if self.busy:
-            raise RuntimeError("another thread is updating this mesh")
+        n, r, around = self.n_points, len(rim), self.n_points - self.n_pins
+        fit, terms, weight = (np.ascontiguousarray(part, np.float64) for part in motion)
+        sizes = (rest.shape, fit.shape, terms.shape, weight.shape, points.shape, areas.shape)
+        wanted = ((n, 2), (3, r), (r + around, 3), (around, r), (n, 2), (self.n_pins,))
+        if sizes != wanted or not (r and rim.min() >= 0 and rim.max() < self.n_pins):
+            raise ValueError(f"{wanted} and 1 or more of {self.n_pins} pins are wanted, not {sizes}")
+        self.points, self.areas = points, areas
+        rows = weighted_rows(np.tile(np.arange(r, dtype=np.int32), (around, 1)), weight)
+        self.rest, self.rim = np.array(rest, np.float64), np.array(rim, np.int32)
+        self.fit, self.terms, self.residual = fit, terms, np.zeros(2 * r)
+        self.start, self.near, self.weight = rows
+        self.attached = True
+
+    def follow(self, xy: cython.const[cython.double][:, ::1]) -> cython.Py_ssize_t:
+        """Write the points of a frame, and their areas: boundary and fence move with the rim. As `update`.
+
+        xy  (n_pins, 2) float64
+        """
+        n: cython.Py_ssize_t = self.n_pins
+        if not self.attached or xy.shape[0] != n or xy.shape[1] != 2:
+            raise ValueError(f"xy ({n}, 2) is wanted, after `attach`")
+        points: cython.double[:, ::1] = self.points
+        rest: cython.const[cython.double][:, ::1] = self.rest
+        rim: cython.const[cython.int][::1] = self.rim
+        terms: cython.const[cython.double][:, ::1] = self.terms
+        residual: cython.double[::1] = self.residual
+        near: cython.ushort[::1] = self.near
+        weight: cython.float[::1] = self.weight
+        r: cython.Py_ssize_t = rim.shape[0]
+        affine_x: cython.double[3] = [0.0] * 3
+        affine_y: cython.double[3] = [0.0] * 3
+        i: cython.Py_ssize_t
+        k: cython.Py_ssize_t
+        for i in range(n):
+            points[i, 0] = xy[i, 0]
+            points[i, 1] = xy[i, 1]
+        for k in range(r):
+            x = xy[rim[k], 0] - rest[rim[k], 0]
+            y = xy[rim[k], 1] - rest[rim[k], 1]
+            for i in range(3):
+                affine_x[i] += self.fit[i, k] * x
+                affine_y[i] += self.fit[i, k] * y
+        for k in range(r):
+            x = xy[rim[k], 0] - rest[rim[k], 0]
+            y = xy[rim[k], 1] - rest[rim[k], 1]
+            for i in range(3):
+                x -= terms[k, i] * affine_x[i]
+                y -= terms[k, i] * affine_y[i]
+            residual[2 * k] = x
+            residual[2 * k + 1] = y
+        for k in range(self.n_points - n):
+            x = rest[n + k, 0]
+            y = rest[n + k, 1]
+            for i in range(3):
+                x += terms[r + k, i] * affine_x[i]
+                y += terms[r + k, i] * affine_y[i]
+            for i in range(self.start[k], self.start[k + 1]):
+                x += weight[i] * residual[near[i]]
+                y += weight[i] * residual[near[i] + 1]
+            points[n + k, 0] = x
+            points[n + k, 1] = y
+        return self.update(points, self.areas)
+
+    def forget(self) -> None:
+        """Triangulate the next points from scratch: no rounding of theirs depends on those before."""
         self.n_triangles = 0
 
     def triangles(self) -> Index:
         """(k, 3) int32, read-only: the triangles that touch a pin and not the fence, counter-clockwise."""
-        if self.busy:
-            raise RuntimeError("another thread is updating this mesh")
         corners = np.empty((self.n_triangles, 3), np.int32)
         k: cython.Py_ssize_t = self._choose(corners)
         chosen: Index = corners[:k]
@@ -257,26 +306,6 @@ class Mesh:
     # ---- one frame
 
     @cython.cfunc
-    @cython.nogil
-    @cython.exceptval(check=False)
-    def _update(self, points: cython.const[cython.double][:, ::1], areas: cython.double[::1]) -> cython.int:
-        outcome: cython.int = self._take(points)
-        if outcome != DONE:
-            return outcome
-        if not self._triangulate():
-            return NOT_BUILT
-        self._sum_exactly()
-        self._share()
-        i: cython.Py_ssize_t
-        total: cython.double = 0.0
-        for i in range(self.n_pins):
-            areas[i] = 0.125 * self.area[i] if self.area[i] < INFINITY else NAN
-            total += areas[i]
-        self.total_area = total
-        return DONE
-
-    @cython.cfunc
-    @cython.nogil
     @cython.exceptval(check=False)
     def _triangulate(self) -> cython.bint:
         """Make the triangles those of the points, and sum the areas; false where none can be built."""
@@ -300,36 +329,35 @@ class Mesh:
                 return False
 
     @cython.cfunc
-    @cython.nogil
-    @cython.exceptval(check=False)
-    def _take(self, points: cython.const[cython.double][:, ::1]) -> cython.int:
+    def _take(self, points: cython.const[cython.double][:, ::1]) -> cython.bint:
         """Take the coordinates, and place the guards round them."""
         n: cython.Py_ssize_t = self.n_points
         i: cython.Py_ssize_t
-        x: cython.double
-        y: cython.double
+        x_of: cython.double[::1] = self.x
+        y_of: cython.double[::1] = self.y
         left: cython.double = INFINITY
         right: cython.double = -INFINITY
         top: cython.double = INFINITY
         bottom: cython.double = -INFINITY
+        least: cython.double = INFINITY  # of their magnitudes
         zero: cython.double = 0.0  # NaN if a coordinate is not finite: 0 times it is
         for i in range(n):
             x, y = points[i, 0], points[i, 1]
+            x_of[i], y_of[i] = x, y
             left, right = x if x < left else left, x if x > right else right
             top, bottom = y if y < top else top, y if y > bottom else bottom
+            least = fabs(x) if fabs(x) < least else least
+            least = fabs(y) if fabs(y) < least else least
             zero += 0.0 * x + 0.0 * y
         if zero != 0.0:
-            return NOT_FINITE
+            raise DegenerateLayout("a coordinate is not finite")
         size: cython.double = max(right - left, bottom - top)
         if not EXTENT_MIN < size < EXTENT_MAX:
-            return NO_EXTENT
-        tiny: cython.double = SNAP * size
-        x_of: cython.double[::1] = self.x
-        y_of: cython.double[::1] = self.y
-        for i in range(n):
-            x, y = points[i, 0], points[i, 1]
-            x_of[i] = x if fabs(x) >= tiny else 0.0
-            y_of[i] = y if fabs(y) >= tiny else 0.0
+            raise DegenerateLayout("all points at one place, or farther apart than 7e19")
+        if least < SNAP * size:
+            for i in range(n):
+                x_of[i] = x_of[i] if fabs(x_of[i]) >= SNAP * size else 0.0
+                y_of[i] = y_of[i] if fabs(y_of[i]) >= SNAP * size else 0.0
         # The more points, the flatter triangles their outline can have, and the further out the guards are.
         half: cython.double = size * n
         x_mid: cython.double = left + 0.5 * (right - left)
@@ -338,10 +366,9 @@ class Mesh:
         self.x[n + 1] = self.x[n + 2] = x_mid + half
         self.y[n] = self.y[n + 1] = y_mid - half
         self.y[n + 2] = self.y[n + 3] = y_mid + half
-        return DONE
+        return True
 
     @cython.cfunc
-    @cython.nogil
     @cython.exceptval(check=False)
     def _parted(self) -> cython.bint:
         """Whether points that shared a vertex have separated."""
@@ -353,7 +380,6 @@ class Mesh:
         return False
 
     @cython.cfunc
-    @cython.nogil
     @cython.exceptval(check=False)
     def _repair(self) -> cython.bint:
         """Flip the edge that a point crossed, where that makes both triangles valid; true if all are then.
@@ -382,7 +408,7 @@ class Mesh:
                         continue
                     p, q = self.tail[h], self.tail[g]
                     r, s = self.tail[_before(h)], self.tail[_before(g)]
-                    if self.predicates.orient(p, s, r) > 0.0 and self.predicates.orient(q, r, s) > 0.0:
+                    if self._orient(p, s, r) > 0.0 and self._orient(q, r, s) > 0.0:
                         self._flip(h)
                         break
             if turned == 0 or turned >= before:
@@ -393,23 +419,18 @@ class Mesh:
     # ---- triangles and areas
 
     @cython.cfunc
-    @cython.inline
-    @cython.nogil
     @cython.exceptval(check=False)
     def _is_turned(self, t: cython.Py_ssize_t) -> cython.bint:
         """Whether triangle t is turned over or flat."""
-        return not self.predicates.orient(self.tail[3 * t], self.tail[3 * t + 1], self.tail[3 * t + 2]) > 0.0
+        return not self._orient(self.tail[3 * t], self.tail[3 * t + 1], self.tail[3 * t + 2]) > 0.0
 
     @cython.cfunc
-    @cython.inline
-    @cython.nogil
     @cython.exceptval(check=False)
     def _is_certain(self, t: cython.Py_ssize_t, k: cython.Py_ssize_t) -> cython.bint:
         """Whether the part of edge k of triangle t is positive and accurate by itself."""
         return self.parts[t, 3] < AREA_TOLERANCE * self.parts[t, k]
 
     @cython.cfunc
-    @cython.nogil
     @cython.exceptval(check=False)
     def _sweep(self) -> cython.bint:
         """Check every edge and sum the areas; edges that are not Delaunay are put onto the stack.
@@ -423,10 +444,6 @@ class Mesh:
         a: cython.Py_ssize_t
         b: cython.Py_ssize_t
         c: cython.Py_ssize_t
-        ab: cython.double
-        bc: cython.double
-        ca: cython.double
-        part: cython.double
         tail: cython.int[::1] = self.tail
         area: cython.double[::1] = self.area
         parts: cython.double[:, ::1] = self.parts
@@ -460,7 +477,6 @@ class Mesh:
         return True
 
     @cython.cfunc
-    @cython.nogil
     @cython.exceptval(check=False)
     def _sweep_edge(self, h: cython.Py_ssize_t, own: cython.double, error: cython.double) -> cython.void:
         """Check an edge whose part of its triangle is not certain, and add what its cells lack."""
@@ -488,7 +504,6 @@ class Mesh:
         self.area[q] += part
 
     @cython.cfunc
-    @cython.nogil
     @cython.exceptval(check=False)
     def _mark(self) -> cython.bint:
         """Make the areas of cells infinite that reach the fence; whether a pin's does."""
@@ -507,7 +522,6 @@ class Mesh:
         return reached
 
     @cython.cfunc
-    @cython.nogil
     @cython.exceptval(check=False)
     def _part(
         self, h: cython.Py_ssize_t, g: cython.Py_ssize_t, part: cython.double, error: cython.double
@@ -526,8 +540,6 @@ class Mesh:
         return part
 
     @cython.cfunc
-    @cython.inline
-    @cython.nogil
     @cython.exceptval(check=False)
     def _add_bound(self, p: cython.Py_ssize_t, q: cython.Py_ssize_t, error: cython.double) -> cython.void:
         """To those of an edge's two cells; only the pins' count."""
@@ -539,7 +551,6 @@ class Mesh:
             self.has_bounds = True
 
     @cython.cfunc
-    @cython.nogil
     @cython.exceptval(check=False)
     def _sum_exactly(self) -> cython.void:
         """Sum the cells again whose error bound is too large, from exact weights."""
@@ -555,7 +566,6 @@ class Mesh:
         g: cython.Py_ssize_t
         p: cython.Py_ssize_t
         q: cython.Py_ssize_t
-        part: cython.double
         for i in range(n):
             exactly[i] = (bound[i] > AREA_TOLERANCE * area[i]) & (area[i] < INFINITY)
             found |= exactly[i]
@@ -577,7 +587,6 @@ class Mesh:
                 area[q] += part
 
     @cython.cfunc
-    @cython.nogil
     @cython.exceptval(check=False)
     def _share(self) -> cython.void:
         """Points at one place: each gets an equal part of the cell."""
@@ -598,36 +607,93 @@ class Mesh:
             if self.same_as[i] == i:
                 self.area[i] /= sharers[i]
 
-    @cython.cfunc
-    @cython.nogil
-    @cython.exceptval(check=False)
-    def _incircle(self, h: cython.Py_ssize_t, g: cython.Py_ssize_t) -> cython.double:
-        """Above 0: the edge is not Delaunay."""
-        return self.predicates.incircle(
-            self.tail[h], self.tail[g], self.tail[_before(h)], self.tail[_before(g)]
-        )
-
-    @cython.cfunc
-    @cython.nogil
-    @cython.exceptval(check=False)
     def _exact_part(self, h: cython.Py_ssize_t, g: cython.Py_ssize_t) -> cython.double:
         p: cython.Py_ssize_t = self.tail[h]
         q: cython.Py_ssize_t = self.tail[g]
         r: cython.Py_ssize_t = self.tail[_before(h)]
         s: cython.Py_ssize_t = self.tail[_before(g)]
-        dx: cython.double = self.x[q] - self.x[p]
-        dy: cython.double = self.y[q] - self.y[p]
-        inside: cython.double = self.predicates.incircle_exact(p, q, r, s)
-        weight: cython.double = (
-            -inside / self.predicates.orient_exact(p, q, r) / self.predicates.orient_exact(q, p, s)
-        )
+        dx, dy = self.x[q] - self.x[p], self.y[q] - self.y[p]
+        inside: cython.double = self._incircle_exact(p, q, r, s)
+        weight: cython.double = -inside / self._orient_exact(p, q, r) / self._orient_exact(q, p, s)
         return (dx * dx + dy * dy) * weight
+
+    # ---- on which side of a line, and whether within a circle
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _orient(self, a: cython.Py_ssize_t, b: cython.Py_ssize_t, c: cython.Py_ssize_t) -> cython.double:
+        """Above 0: points a, b, c turn counter-clockwise."""
+        left: cython.double = (self.x[b] - self.x[a]) * (self.y[c] - self.y[a])
+        right: cython.double = (self.y[b] - self.y[a]) * (self.x[c] - self.x[a])
+        det: cython.double = left - right
+        if fabs(det) > ORIENT_BOUND * (fabs(left) + fabs(right)):
+            return det
+        return self._orient_exact(a, b, c)
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _incircle(self, h: cython.Py_ssize_t, g: cython.Py_ssize_t) -> cython.double:
+        """Above 0: the edge is not Delaunay, one of its triangles' corners is within the other's circle."""
+        a: cython.Py_ssize_t = self.tail[h]
+        b: cython.Py_ssize_t = self.tail[g]
+        c: cython.Py_ssize_t = self.tail[_before(h)]
+        d: cython.Py_ssize_t = self.tail[_before(g)]
+        ax: cython.double = self.x[a] - self.x[d]
+        ay: cython.double = self.y[a] - self.y[d]
+        bx: cython.double = self.x[b] - self.x[d]
+        by: cython.double = self.y[b] - self.y[d]
+        cx: cython.double = self.x[c] - self.x[d]
+        cy: cython.double = self.y[c] - self.y[d]
+        bxcy: cython.double = bx * cy
+        bycx: cython.double = by * cx
+        cxay: cython.double = cx * ay
+        cyax: cython.double = cy * ax
+        axby: cython.double = ax * by
+        aybx: cython.double = ay * bx
+        a2: cython.double = ax * ax + ay * ay
+        b2: cython.double = bx * bx + by * by
+        c2: cython.double = cx * cx + cy * cy
+        det: cython.double = a2 * (bxcy - bycx) + b2 * (cxay - cyax) + c2 * (axby - aybx)
+        permanent: cython.double = (
+            a2 * (fabs(bxcy) + fabs(bycx)) + b2 * (fabs(cxay) + fabs(cyax)) + c2 * (fabs(axby) + fabs(aybx))
+        )
+        if fabs(det) > INCIRCLE_BOUND * permanent:
+            return det
+        return self._incircle_exact(a, b, c, d)
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _orient_exact(
+        self, a: cython.Py_ssize_t, b: cython.Py_ssize_t, c: cython.Py_ssize_t
+    ) -> cython.double:
+        """As `_orient`, rounded once."""
+        (bx, by), (cx, cy) = self._from(a, b), self._from(a, c)
+        return (bx * cy - by * cx) / WHOLE**2
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _incircle_exact(
+        self, a: cython.Py_ssize_t, b: cython.Py_ssize_t, c: cython.Py_ssize_t, d: cython.Py_ssize_t
+    ) -> cython.double:
+        """As `_incircle`, of corners a, b, c and d; rounded once."""
+        (ax, ay), (bx, by), (cx, cy) = self._from(d, a), self._from(d, b), self._from(d, c)
+        det = (
+            (ax * ax + ay * ay) * (bx * cy - by * cx)
+            + (bx * bx + by * by) * (cx * ay - cy * ax)
+            + (cx * cx + cy * cy) * (ax * by - ay * bx)
+        )
+        return det / WHOLE**4
+
+    @cython.cfunc
+    def _from(self, a: cython.Py_ssize_t, b: cython.Py_ssize_t) -> tuple[int, int]:
+        """The way from point a to b, in parts of `WHOLE`."""
+        whole: cython.double = WHOLE
+        x = int(self.x[b] * whole) - int(self.x[a] * whole)
+        return x, int(self.y[b] * whole) - int(self.y[a] * whole)
 
     # ---- edges
 
     @cython.cfunc
-    @cython.inline
-    @cython.nogil
     @cython.exceptval(check=False)
     def _link(self, h: cython.Py_ssize_t, g: cython.Py_ssize_t) -> cython.void:
         self.twin[h] = g
@@ -635,8 +701,6 @@ class Mesh:
             self.twin[g] = h
 
     @cython.cfunc
-    @cython.inline
-    @cython.nogil
     @cython.exceptval(check=False)
     def _push(self, h: cython.Py_ssize_t) -> cython.void:
         if not self.stacked[h]:
@@ -645,7 +709,6 @@ class Mesh:
             self.n_stack += 1
 
     @cython.cfunc
-    @cython.nogil
     @cython.exceptval(check=False)
     def _push_round(self, h: cython.Py_ssize_t, g: cython.Py_ssize_t) -> cython.void:
         """The four edges round the one that a flip of h and its twin g has made."""
@@ -655,7 +718,6 @@ class Mesh:
         self._push(_before(g))
 
     @cython.cfunc
-    @cython.nogil
     @cython.exceptval(check=False)
     def _flip(self, h: cython.Py_ssize_t) -> cython.void:
         r"""Replace the edge p-q of half-edge h by s-r.
@@ -681,7 +743,6 @@ class Mesh:
         self.flips += 1
 
     @cython.cfunc
-    @cython.nogil
     @cython.exceptval(check=False)
     def _legalize(self, limit: cython.Py_ssize_t) -> cython.bint:
         """Flip until each edge on the stack, or beside a flip, is Delaunay; false beyond the limit."""
@@ -704,7 +765,6 @@ class Mesh:
     # ---- from scratch
 
     @cython.cfunc
-    @cython.nogil
     @cython.exceptval(check=False)
     def _build(self) -> cython.bint:
         """Triangulate from scratch; false if the coordinates' range allows no triangulation."""
@@ -734,7 +794,6 @@ class Mesh:
         return True
 
     @cython.cfunc
-    @cython.nogil
     @cython.exceptval(check=False)
     def _add_triangle(
         self, a: cython.Py_ssize_t, b: cython.Py_ssize_t, c: cython.Py_ssize_t
@@ -747,7 +806,6 @@ class Mesh:
         return h
 
     @cython.cfunc
-    @cython.nogil
     @cython.exceptval(check=False)
     def _insert(self, i: cython.Py_ssize_t, near: cython.Py_ssize_t) -> cython.Py_ssize_t:
         """Insert point i, walking from triangle `near`. Returns a triangle near it, or -1."""
@@ -756,7 +814,6 @@ class Mesh:
         on_edge: cython.Py_ssize_t = -1
         zeros: cython.Py_ssize_t = 0
         steps: cython.Py_ssize_t = 0
-        side: cython.double
         h: cython.Py_ssize_t
         out: cython.Py_ssize_t = 0
         while out >= 0:
@@ -768,7 +825,7 @@ class Mesh:
             for h in range(3 * t, 3 * t + 3):
                 if h == came:
                     continue
-                side = self.predicates.orient(self.tail[h], self.tail[_after(h)], i)
+                side = self._orient(self.tail[h], self.tail[_after(h)], i)
                 if side < 0.0:
                     out = h
                     break
@@ -792,7 +849,6 @@ class Mesh:
         return t if self._legalize(self.n_triangles + 8) else -1
 
     @cython.cfunc
-    @cython.nogil
     @cython.exceptval(check=False)
     def _split(self, i: cython.Py_ssize_t, t: cython.Py_ssize_t, on_edge: cython.Py_ssize_t) -> cython.bint:
         """Make three triangles of t, with point i; if it lies on an edge, four of the two at that edge."""
@@ -830,7 +886,6 @@ class Mesh:
 
 @cython.cfunc
 @cython.inline
-@cython.nogil
 @cython.exceptval(check=False)
 def _after(h: cython.Py_ssize_t) -> cython.Py_ssize_t:
     """The next half-edge of the same triangle."""
@@ -839,7 +894,6 @@ def _after(h: cython.Py_ssize_t) -> cython.Py_ssize_t:
 
 @cython.cfunc
 @cython.inline
-@cython.nogil
 @cython.exceptval(check=False)
 def _before(h: cython.Py_ssize_t) -> cython.Py_ssize_t:
     """The half-edge before it in the same triangle."""

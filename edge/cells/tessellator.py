@@ -1,18 +1,15 @@
 """Pin positions to cells: boundary, lost pins, rest areas. The areas themselves are computed in `mesh`."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from edge.cells.boundary import make_boundary, make_fence, rim_motion
 from edge.cells.mesh import Mesh
-from edge.cells.missing import Gap, LostPins
+from edge.cells.missing import LostPins
 from edge.cells.params import PARAMS, CellsParams
-from edge.cells.points import FramePoints
 from edge.errors import DegenerateLayout
 from edge.geometry.lattice import side_length_of
 from edge.geometry.layout import circumcentres, must_span, spans
-from edge.types import Array, Cells, Mask, Rest, Tracks
+from edge.types import Array, Cells, Rest, Tracks
 
 __all__ = ["Tessellator", "cell_polygons"]
 
@@ -30,24 +27,20 @@ class Tessellator:
         pitch_px = _side_length(xy)
         boundary, rim = make_boundary(xy, pitch_px, params)
         fence = make_fence(boundary)
-        n, b, f = len(xy), len(boundary), len(fence)
-        self._rest_img = xy
-        motion = rim_motion(xy, rim, boundary, fence, pitch_px)
-        self._points = FramePoints(xy, motion, np.concatenate([boundary, fence]))
-        # The last frame's, in memory of `_points`.
-        self._area, self._of_pins = self._points.area_px2, self._points.xy_img[:n]
-        self._around = self._points.xy_img[n : n + b]
+        rest_img = np.concatenate([xy, boundary, fence])
+        # The last frame's. The points are the pins, the boundary and the fence.
+        self._points, self._area = rest_img.copy(), np.empty(len(xy))
+        self._of_pins, self._around = self._points[: len(xy)], self._points[len(xy) : len(xy) + len(boundary)]
         self._lost = LostPins(xy, pitch_px)
-        self._mesh = Mesh(n, b, f)
-        self._rest_area_px2 = np.empty(n)
-        self._mesh.update(self._points.xy_img, self._rest_area_px2)
+        self._mesh = Mesh(len(xy), len(boundary), len(fence))
+        motion = rim_motion(xy[rim], boundary, fence, pitch_px)
+        self._mesh.attach(rest_img, rim, motion, self._points, self._area)
+        self._changes = self._mesh.update(self._points, self._area)
+        self._triangles = self._mesh.triangles()
+        self._rest_area_px2 = self._area.copy()
         self._rest_area_px2.flags.writeable = False
         self._collapsed_px2 = np.finfo(float).eps ** 0.5 * float(self._rest_area_px2.sum())
         self._last_counts = False  # whether those are of the frame before
-        self._gap = 0.0
-        self._gap_img: Array | None = None
-        self._changes = -1
-        self._triangles = self._mesh.triangles()
 
     def prepare(self) -> None:
         """Make now what otherwise the first lost pin would wait for (20 ms)."""
@@ -67,25 +60,29 @@ class Tessellator:
                        `xy_img` is that of the tracks if no pin is lost
         Raises         DegenerateLayout: fewer than 3 visible pins, or all on a line
         """
-        if tracks.n_seen < len(self._area) or self._gap_img is not None:
-            self._set_lost(tracks.seen)
-        autocorrelation, self._last_counts = tracks.autocorrelation if self._last_counts else 0.0, True
+        n, xy = len(self._area), tracks.xy_img
+        are_lost = tracks.n_seen < n
+        if are_lost:
+            self._lost.update(tracks.seen)
+            autocorrelation = tracks.autocorrelation if self._last_counts else 0.0
+            xy = self._lost.fill(xy, self._of_pins, autocorrelation)
+        self._last_counts = True
         try:
-            changes = self._mesh.follow(self._points, tracks.xy_img, autocorrelation)
+            changes = self._mesh.follow(xy)
         except DegenerateLayout as error:
             raise DegenerateLayout(f"{self._seen_of(tracks)}: {error}") from error
         if not self._mesh.total_area >= self._collapsed_px2:  # rare, or NaN: a cell is not bounded
             self._must_not_have_collapsed(tracks)
         if changes != self._changes:
             self._triangles, self._changes = self._mesh.triangles(), changes
-        xy, area = tracks.xy_img, self._area.copy()
-        whole: Array | None = None
-        if self._gap_img is not None:
-            xy, whole = self._of_pins.copy(), self._area.copy()
-            area[self._lost.gap[0]] = np.nan
+        area, around, whole = self._area.copy(), self._around.copy(), None
+        if not are_lost:
+            return Cells(area, self._rest_area_px2, xy, self._triangles, around)
+        whole = area.copy()
+        area[self._lost.lost] = np.nan
+        gap, gap_img = self._lost.gap, self._lost.gap_img
         # By place: names cost 3,600 instructions a frame.
-        around = self._around.copy()
-        return Cells(area, self._rest_area_px2, xy, self._triangles, around, whole, self._gap, self._gap_img)
+        return Cells(area, self._rest_area_px2, xy, self._triangles, around, whole, gap, gap_img)
 
     def keep(self, tracks: Tracks) -> None:
         """Make a frame whose cells nobody needs the last one; all of its pins are seen."""
@@ -97,11 +94,6 @@ class Tessellator:
         self._mesh.forget()
         self._last_counts = False
 
-    def _set_lost(self, seen: Mask) -> None:
-        if self._lost.update(seen):
-            self._points.set_missing(*self._lost.gap)
-            self._gap, self._gap_img = _size_and_place(self._lost.gap, self._rest_img)
-
     def _must_not_have_collapsed(self, tracks: Tracks) -> None:
         total_px2 = float(np.nansum(self._area)) if spans(self._of_pins) else 0.0
         if total_px2 < self._collapsed_px2:
@@ -109,17 +101,6 @@ class Tessellator:
 
     def _seen_of(self, tracks: Tracks) -> str:
         return f"{len(self._area)} pins, {tracks.n_seen} of them seen"
-
-
-def _size_and_place(gap: Gap, rest_img: Array) -> tuple[float, Array | None]:
-    """`Cells.gap` and `Cells.gap_img`."""
-    lost, _, inverse = gap
-    if not len(lost):
-        return 0.0, None
-    # x and y of a pin: half of the sum over both is its variance along one axis.
-    variance = np.diag(inverse).reshape(-1, 2).sum(axis=1) / 2.0
-    total = float(variance.sum())
-    return total / len(rest_img), variance @ rest_img[lost] / total
 
 
 def _side_length(xy: Array) -> float:

@@ -2,7 +2,7 @@
 
 import logging
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -15,13 +15,13 @@ from edge.cli.options import LoopOptions
 from edge.config import Config, SourceTable
 from edge.drift import DriftParams
 from edge.errors import ConfigError
-from edge.faults.detector import FaultParams
 from edge.faults.registry import FaultLog, FaultRegistry
 from edge.link.node import Node
 from edge.link.settings import NodeSettings, SettingsFile
 from edge.link.sinks import CanSink, SerialSink, open_sink
+from edge.rest.choice import GivenRest, rest_if_touched, rest_of_source
 from edge.rest.tare import TareParams
-from edge.runtime.board_monitor import BoardMonitor, BoardParams, free_space_problem
+from edge.runtime.board_monitor import BoardMonitor, free_space_problem
 from edge.runtime.calibration_store import CalibrationStore
 from edge.runtime.device import LoopDevice
 from edge.runtime.loop import Loop, LoopConfig
@@ -36,16 +36,23 @@ from hostlink.wire import FEATURE_BITS, State
 log = logging.getLogger("edge")
 
 
-def open_configured(table: SourceTable, spec: str | None = None) -> FrameSource:
-    """The source of a configuration, or `spec` with its settings. Raises SourceError."""
+def open_configured(table: SourceTable) -> FrameSource:
+    """The source of a configuration. Raises SourceError."""
     settings = asdict(table)
-    configured = settings.pop("spec")
-    return open_source(spec or configured, **settings)
+    return open_source(settings.pop("spec"), **settings)
 
 
 def load_calibration(path: str | Path | None) -> Calibration | None:
     """Raises CalibrationError."""
     return None if path is None else Calibration.load(path)
+
+
+def rest_given(source: FrameSource, how: str | None, calibration: Calibration | None) -> GivenRest | None:
+    """The rest frame that --rest asks for; without it, one for a recording that is seen to begin touched.
+
+    Raises  SourceError, CalibrationError
+    """
+    return rest_if_touched(source, calibration) if how is None else rest_of_source(source, how, calibration)
 
 
 def expect_sensor(source: FrameSource, config: Config) -> KnownSensor | None:
@@ -58,13 +65,7 @@ def expect_sensor(source: FrameSource, config: Config) -> KnownSensor | None:
     return sensor
 
 
-def make_loop(
-    stack: ExitStack,
-    source: FrameSource,
-    config: Config,
-    sink_specs: Sequence[str] = (),
-    calibration_path: Path | None = None,
-) -> Loop:
+def make_loop(stack: ExitStack, source: FrameSource, config: Config, calibration_path: Path | None) -> Loop:
     """The loop with everything that the options request; the stack closes it all."""
     sensor = expect_sensor(source, config)
     state_dir = _state_directory(config)
@@ -75,7 +76,7 @@ def make_loop(
     stored = [] if calibration_path or store is None else store.load()
     calibration = stored[0] if stored else load_calibration(given)
     registry = FaultRegistry()
-    monitor = BoardMonitor(registry, params=BoardParams(hot_degc=config.limits.temperature_degc))
+    monitor = BoardMonitor(registry, hot_degc=config.limits.temperature_degc)
     notifier = Notifier()
     stack.callback(notifier.close)
     loop = Loop(
@@ -87,7 +88,7 @@ def make_loop(
             several=config.features.several,
             tare=TareParams(frames_n=config.tare.frames_n, steady_px=config.tare.steady_px),
             drift=DriftParams(limit_px=config.tare.drift_px),
-            limits=FaultParams(load_pitches=config.limits.load_pitches),
+            load_pitches=config.limits.load_pitches,
         ),
         faults=registry,
         board=monitor,
@@ -98,11 +99,16 @@ def make_loop(
     loop.measurement.fallbacks = tuple(stored[1:])
     registry.listeners.append(FaultLog(registry, notifier.status))
     device = LoopDevice(loop, config.sensor.serial, store)
-    settings = _settings(config, state_dir)
+    defaults = NodeSettings(
+        heartbeat_ms=config.link.heartbeat_ms,
+        divider=config.link.divider,
+        features=sum(FEATURE_BITS.get(feature, 0) for feature in config.features.demand),
+    )
+    settings = SettingsFile(state_dir / "settings.json" if state_dir else None, defaults)
     monitor.storage += [loop.session.trouble, settings.trouble]
     if state_dir is not None:
         monitor.storage.append(lambda: free_space_problem(state_dir))
-    for spec in sink_specs or config.link.sinks:
+    for spec in config.link.sinks:
         _add_sink(stack, loop, spec, device, settings, config.sensor.node_id)
     call_on_signals(loop.stop)
     return loop
@@ -132,17 +138,6 @@ def _state_directory(config: Config) -> Path | None:
     return folder
 
 
-def _settings(config: Config, state_dir: Path | None) -> SettingsFile:
-    return SettingsFile(
-        state_dir / "settings.json" if state_dir else None,
-        NodeSettings(
-            heartbeat_ms=config.link.heartbeat_ms,
-            divider=config.link.divider,
-            features=sum(FEATURE_BITS.get(feature, 0) for feature in config.features.demand),
-        ),
-    )
-
-
 def _add_sink(
     stack: ExitStack, loop: Loop, spec: str, device: LoopDevice, settings: SettingsFile, node_id: int
 ) -> None:
@@ -152,23 +147,18 @@ def _add_sink(
     if not isinstance(sink, CanSink | SerialSink):
         loop.sinks.append(sink)
         return
-    node = Node(sink, device, settings, node_id)
+    node = Node(sink, device, settings)
     loop.faults.listeners.append(node.report)
     for code, message in loop.faults.active.items():
         node.report(code, True, message)
-    loop.result_callbacks.append(_send_detail(node))
-    loop.sinks.append(node)
 
-
-def _send_detail(node: Node) -> Callable[[Result, State], None]:
-    """A callback that sends every pin's motion if the host has requested it."""
-
-    def send(result: Result, state: State) -> None:
+    def send_detail(result: Result, state: State) -> None:
         if node.detail_divider and result.features is not None:
             f = result.features
             node.send_detail(state.sample, np.column_stack([f.displacement_px, f.area_change]).tolist())
 
-    return send
+    loop.result_callbacks.append(send_detail)
+    loop.sinks.append(node)
 
 
 def start_worker(

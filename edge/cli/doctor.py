@@ -19,13 +19,13 @@ from edge.cli.machine import Machine
 from edge.cli.options import (
     calibration_option,
     config_option,
+    configured,
     sensor_option,
     sink_option,
     source_option,
-    with_sensor,
 )
 from edge.cli.progress import waiting
-from edge.config import Config, load_config
+from edge.config import Config
 from edge.errors import InputError
 from edge.params import PARAMS as RUNTIME
 from edge.rest.tare import PARAMS as TARE
@@ -55,22 +55,15 @@ def doctor(
     Prints ok, warn or fail for each, and advice. Leave the tip untouched, and stop the service: the
     camera is needed. Exit code 1 if something fails, 0 otherwise.
     """
-    from msgspec.structs import replace
-
     from edge.runtime.calibration_store import CalibrationStore
 
-    config = with_sensor(load_config(config_path), sensor_name)
-    if source_spec:
-        config = replace(config, source=replace(config.source, spec=source_spec))
-    if sink_specs:
-        config = replace(config, link=replace(config.link, sinks=tuple(sink_specs)))
-    state_dir = Path(config.state.directory) if config.state.directory else None
-    stored = None if state_dir is None else CalibrationStore(state_dir).path
-    chosen = calibration_path or (stored if stored and stored.is_file() else config.calibration.file)
+    config = configured(config_path, sensor_name, sink_specs, source_spec)
+    chosen = calibration_path or (Path(config.calibration.file) if config.calibration.file else None)
+    if config.state.directory and not calibration_path:
+        stored = CalibrationStore(Path(config.state.directory)).path
+        chosen = stored if stored.is_file() else chosen
     with waiting("checking camera, link and machine", not as_json):
-        lines = examine(
-            config, lambda: open_configured(config.source), Path(chosen) if chosen else None, Machine()
-        )
+        lines = examine(config, lambda: open_configured(config.source), chosen, Machine())
     if as_json:
         click.echo(json.dumps({"worst": worst(lines), "lines": [asdict(line) for line in lines]}))
     else:

@@ -10,7 +10,7 @@ import click
 
 from edge.calibration import Calibration
 from edge.cli.assembly import load_calibration
-from edge.cli.options import calibration_option, overwrite_option, rest_option, sensor_option
+from edge.cli.options import FOLDER, PATH, calibration_option, overwrite_option, rest_option, sensor_option
 from edge.errors import EdgeError, InputError, SourceError
 from edge.pins import take_rest
 from edge.rest.choice import rest_of_source
@@ -25,7 +25,7 @@ from hostlink.output_file import check_output, writing
 
 
 @click.command()
-@click.argument("images", nargs=-1, required=True, metavar="IMAGE...", type=click.Path(path_type=Path))
+@click.argument("images", nargs=-1, required=True, metavar="IMAGE...", type=PATH)
 @click.option(
     "--json",
     "as_json",
@@ -33,11 +33,7 @@ from hostlink.output_file import check_output, writing
     help='Print [{"image":..., "n_pins":..., "dark":..., "sensor":..., "mm_per_px":..., '
     '"touched":..., "xy_px":...}]; with --rest "rest":... and "untouched":... too.',
 )
-@click.option(
-    "--overlay",
-    type=click.Path(path_type=Path, file_okay=False),
-    help="Folder for pictures with the pins marked.",
-)
+@click.option("--overlay", type=FOLDER, help="Folder for pictures with the pins marked.")
 @sensor_option
 @rest_option
 @calibration_option
@@ -65,22 +61,16 @@ def inspect(
     polarity = Polarity.FOUND if named is None else named.polarity
     pictures = {} if overlay is None else _pictures(images, overlay, overwrite)
     found: list[dict[str, Any]] = []
-    failed = False
     for path in images:
         entry: dict[str, Any] = {"image": str(path), "n_pins": 0, "xy_px": []}
         try:
-            if rest is None:
-                image, found_rest = _single(path, polarity)
-            else:
-                image, found_rest, about = _of_recording(path, rest, calibration, polarity)
-                entry |= about
+            image, found_rest, about = _rest_of(path, rest, calibration, polarity)
         except EdgeError as error:
-            failed = True
             message = str(error) if str(path) in str(error) else f"{path}: {error}"
             print_error(message)
             entry["error"] = message
         else:
-            entry |= _findings(found_rest, sensors)
+            entry |= about | _findings(found_rest, sensors)
             if path in pictures:
                 with writing(pictures[path], overwrite) as unfinished:
                     save_pins_overlay(unfinished, image, found_rest.pins)
@@ -91,24 +81,21 @@ def inspect(
         found.append(entry)
     if as_json:
         click.echo(json.dumps(found))
-    if failed:
+    if any("error" in entry for entry in found):
         raise SystemExit(2)
 
 
-def _single(path: Path, polarity: Polarity) -> tuple[Image, Rest]:
-    """Raises SourceError, NoPins."""
-    try:
-        image = read_image(path)
-    except SourceError as error:
-        advice = "; for a recording add --rest auto" if path.exists() else ""
-        raise SourceError(f"{error}{advice}") from None
-    return image, take_rest([image], polarity)
-
-
-def _of_recording(
-    path: Path, how: str, calibration: Calibration | None, polarity: Polarity
+def _rest_of(
+    path: Path, how: str | None, calibration: Calibration | None, polarity: Polarity
 ) -> tuple[Image, Rest, dict[str, Any]]:
-    """The rest frame of a recording, as `replay` takes it. Raises SourceError, CalibrationError."""
+    """Of an image, or of a recording as `replay` takes it. Raises SourceError, NoPins, CalibrationError."""
+    if how is None:
+        try:
+            image = read_image(path)
+        except SourceError as error:
+            advice = "; for a recording add --rest auto" if path.exists() else ""
+            raise SourceError(f"{error}{advice}") from None
+        return image, take_rest([image], polarity), {}
     with closing(open_source(str(path))) as source:
         if source.polarity is Polarity.FOUND:
             source.polarity = polarity

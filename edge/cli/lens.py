@@ -9,7 +9,7 @@ import click
 import cv2
 import numpy as np
 
-from edge.cli.options import overwrite_option
+from edge.cli.options import PATH, overwrite_option
 from edge.errors import InputError
 from edge.sources import read_image
 from edge.sources.lens_file import text_of
@@ -32,8 +32,8 @@ def _corners_of_board(context: click.Context, option: click.Parameter, text: str
 
 
 @click.command()
-@click.argument("images", nargs=-1, required=True, metavar="IMAGE...", type=click.Path(path_type=Path))
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="File to write (.toml).")
+@click.argument("images", nargs=-1, required=True, metavar="IMAGE...", type=PATH)
+@click.option("-o", "--output", required=True, type=PATH, help="File to write (.toml).")
 @click.option(
     "--board",
     callback=_corners_of_board,
@@ -100,27 +100,21 @@ def _fit(
     flat = np.zeros((columns * rows, 1, 3))
     flat[:, 0, :2] = np.mgrid[:columns, :rows].T.reshape(-1, 2)
     points = [corners[:, None] for corners in found]
+    fits: Any = cv2.fisheye if hasattr(cv2.fisheye, "CALIB_FIX_SKEW") else cv2  # before OpenCV 5, since
+    flags = fits.CALIB_RECOMPUTE_EXTRINSIC | fits.CALIB_FIX_SKEW
+    wide, narrow = (np.eye(3), np.zeros(4)), (np.eye(3), np.zeros(5))
+    n = len(points)
     try:
         if fisheye:
-            names: Any = (
-                cv2.fisheye if hasattr(cv2.fisheye, "CALIB_FIX_SKEW") else cv2
-            )  # before OpenCV 5, since
-            flags = names.CALIB_RECOMPUTE_EXTRINSIC | names.CALIB_FIX_SKEW
-            rms_px, matrix, distortion, _, _ = cv2.fisheye.calibrate(
-                [flat] * len(points), points, size_px, np.eye(3), np.zeros(4), flags=flags
-            )
+            fit = cv2.fisheye.calibrate([flat] * n, points, size_px, *wide, flags=flags)
         else:
-            rms_px, matrix, distortion, _, _ = cv2.calibrateCamera(
-                [flat.astype(np.float32)] * len(points),
-                [corners.astype(np.float32) for corners in points],
-                size_px,
-                np.eye(3),
-                np.zeros(5),
-            )
+            singles = [corners.astype(np.float32) for corners in points]
+            fit = cv2.calibrateCamera([flat.astype(np.float32)] * n, singles, size_px, *narrow)
     except cv2.error:
         raise InputError(
             "the pictures determine no lens; take more, with the board tilted and in the corners"
         ) from None
+    rms_px, matrix, distortion = fit[:3]
     return Lens(
         model="fisheye" if fisheye else "pinhole",
         size_px=size_px,

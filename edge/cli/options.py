@@ -1,6 +1,6 @@
 """Common options of the commands, and their values."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from functools import wraps
 from pathlib import Path
@@ -18,10 +18,11 @@ from hostlink.web import Listen, WebError, find_token, parse_listen
 from hostlink.web.listen import TOKEN_VARIABLE
 
 Command = Callable[..., None]
+PATH = click.Path(path_type=Path)
+FILE = click.Path(path_type=Path, dir_okay=False)
+FOLDER = click.Path(path_type=Path, file_okay=False)
 
-config_option = click.option(
-    "-c", "--config", "config_path", type=click.Path(path_type=Path), help="TOML file; see deploy/."
-)
+config_option = click.option("-c", "--config", "config_path", type=PATH, help="TOML file; see deploy/.")
 source_option = click.option(
     "--source",
     "source_spec",
@@ -34,9 +35,7 @@ sink_option = click.option(
     help="Where samples go; may be given more than once. can:can0, can:can0?fd=0, virtual:NAME, "
     "udp:239.0.0.1, serial:/dev/ttyACM0?baud=921600, slcan:/dev/ttyACM0, memory:",
 )
-calibration_option = click.option(
-    "--calibration", "calibration_path", type=click.Path(path_type=Path), help="Calibration file."
-)
+calibration_option = click.option("--calibration", "calibration_path", type=PATH, help="Calibration file.")
 sensor_option = click.option(
     "--sensor",
     "sensor_name",
@@ -50,12 +49,7 @@ _LOOP_OPTIONS = (
     sink_option,
     calibration_option,
     sensor_option,
-    click.option(
-        "--record",
-        "record_path",
-        type=click.Path(path_type=Path),
-        help="Write images and values to this .mcap file.",
-    ),
+    click.option("--record", "record_path", type=PATH, help="Write images and values to this .mcap file."),
     overwrite_option,
     click.option(
         "--view", "view_here", is_flag=True, help="Serve a live page at 127.0.0.1:8765, or at --view-at."
@@ -71,14 +65,10 @@ _LOOP_OPTIONS = (
         help="Let the page tare and record, with this token of 8 characters or more; auto makes one. All "
         f"users of the machine see a command line: {TOKEN_VARIABLE} in the environment or a file is safer.",
     ),
-    click.option(
-        "--view-token-file",
-        type=click.Path(path_type=Path, dir_okay=False),
-        help="The token is the first line of this file.",
-    ),
+    click.option("--view-token-file", type=FILE, help="The token is the first line of this file."),
     click.option(
         "--recordings",
-        type=click.Path(path_type=Path, file_okay=False),
+        type=FOLDER,
         help="Folder for what the page's record button makes. Default: in the state folder, else here.",
     ),
 )
@@ -100,15 +90,15 @@ class LoopOptions:
     view_token_file: Path | None
     recordings: Path | None
 
-    def load_config(self) -> Config:
+    def load_config(self, source_spec: str | None = None) -> Config:
         """Raises ConfigError."""
-        return with_sensor(load_config(self.config_path), self.sensor_name)
+        return configured(self.config_path, self.sensor_name, self.sink_specs, source_spec)
 
     def check_record(self, *inputs: str | Path) -> None:
         """Raises OutputError: there is a file already, or it is one that is read."""
         if self.record_path is not None:
-            known = (path for path in (self.config_path, self.calibration_path) if path is not None)
-            check_output(self.record_path, (".mcap",), (*inputs, *known), self.overwrite)
+            read = [path for path in (*inputs, self.config_path, self.calibration_path) if path]
+            check_output(self.record_path, (".mcap",), read, self.overwrite)
 
     def listen(self) -> Listen | None:
         """Where the live page is served; None: there is none. Raises InputError."""
@@ -124,15 +114,21 @@ class LoopOptions:
 
     def recordings_folder(self, config: Config) -> Path:
         """Folder for recordings started on the page."""
-        if self.recordings is not None:
-            return self.recordings
-        return Path(config.state.directory) / "recordings" if config.state.directory else Path(".")
+        state = config.state.directory
+        return self.recordings or (Path(state) / "recordings" if state else Path("."))
 
 
-def with_sensor(config: Config, name: str | None) -> Config:
-    """The configuration, of this sensor if one is named. Raises ConfigError: it is not known."""
-    if name is not None:
-        config = replace(config, sensor=replace(config.sensor, model=name))
+def configured(
+    path: Path | None, sensor_name: str | None, sink_specs: Sequence[str], source_spec: str | None
+) -> Config:
+    """The configuration, with what options name instead. Raises ConfigError: the sensor is not known, too."""
+    config = load_config(path)
+    if sensor_name is not None:
+        config = replace(config, sensor=replace(config.sensor, model=sensor_name))
+    if sink_specs:
+        config = replace(config, link=replace(config.link, sinks=tuple(sink_specs)))
+    if source_spec:
+        config = replace(config, source=replace(config.source, spec=source_spec))
     if config.sensor.model:
         load_sensor(config.sensor.model)
     return config

@@ -11,30 +11,16 @@ from edge.runtime.process import limit_resources
 from hostlink.cli_exit import program_name, run_command
 from hostlink.command_group import CommandGroup, CommandRow
 
-COMMANDS = {
-    "run": CommandRow("edge.cli.run:run", "Run the finger: camera in, bus out, until stopped."),
-    "replay": CommandRow(
-        "edge.cli.replay:replay", "Send RECORDING (MCAP, video, folder of images) as if it were live."
-    ),
-    "render": CommandRow(
-        "edge.cli.render:render",
-        "Make a video of RECORDING: cells, contacts and shear beside the camera's image.",
-    ),
-    "inspect": CommandRow(
-        "edge.cli.inspect:inspect", "Find the pins in each IMAGE, without prior knowledge, and list them."
-    ),
-    "sensor": CommandRow(
-        "edge.cli.sensor:sensor",
-        "Describe a sensor by one IMAGE of its untouched skin, for --sensor and [sensor] model.",
-    ),
-    "lens": CommandRow(
-        "edge.cli.lens:lens",
-        "Measure a lens by IMAGEs of a checkerboard, for ?lens=FILE in a source's address.",
-    ),
-    "doctor": CommandRow(
-        "edge.cli.doctor:doctor", "Check camera, pins, calibration, link, processor, clock and disk."
-    ),
+_SUMMARIES = {
+    "run": "Run the finger: camera in, bus out, until stopped.",
+    "replay": "Send RECORDING (MCAP, video, folder of images) as if it were live.",
+    "render": "Make a video of RECORDING: cells, contacts and shear beside the camera's image.",
+    "inspect": "Find the pins in each IMAGE, without prior knowledge, and list them.",
+    "sensor": "Describe a sensor by one IMAGE of its untouched skin, for --sensor and [sensor] model.",
+    "lens": "Measure a lens by IMAGEs of a checkerboard, for ?lens=FILE in a source's address.",
+    "doctor": "Check camera, pins, calibration, link, processor, clock and disk.",
 }
+COMMANDS = {name: CommandRow(f"edge.cli.{name}:{name}", text) for name, text in _SUMMARIES.items()}
 
 
 @click.group(

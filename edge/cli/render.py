@@ -4,10 +4,10 @@ A frame whose pins cannot be identified is shown with its image and without cell
 """
 
 import logging
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import asdict, dataclass
-from itertools import chain, islice
+from itertools import islice
 from math import hypot, isnan, nan
 from pathlib import Path
 
@@ -17,16 +17,15 @@ from numpy.typing import NDArray
 
 from edge.calibration import Calibration
 from edge.cells import cell_polygons
-from edge.cli.assembly import load_calibration
-from edge.cli.options import calibration_option, overwrite_option, rest_option
-from edge.cli.progress import bar
+from edge.cli.assembly import load_calibration, rest_given
+from edge.cli.options import PATH, calibration_option, overwrite_option, rest_option
+from edge.cli.progress import counting
 from edge.cli.summary import damage_of, json_line
 from edge.errors import NoPins, SourceError
 from edge.frame import Pipeline
-from edge.rest.choice import rest_if_touched, rest_of_source
 from edge.rest.tare import TareParams, tare
 from edge.sources import open_source
-from edge.types import Feature, Frame, FrameSource, RecordedSource, Rest, Result
+from edge.types import Feature, FrameSource, RecordedSource, Rest, Result
 from edge.view.palette import PAPER, SAFE
 from edge.view.panels import View, picture
 from edge.view.video import CODECS, write_video
@@ -42,7 +41,7 @@ DRAWN = frozenset(Feature) - {Feature.SURFACE}
 
 @click.command()
 @click.argument("recording")
-@click.option("-o", "--out", required=True, type=click.Path(path_type=Path), help=".mp4, .webm, .mkv or .avi")
+@click.option("-o", "--out", required=True, type=PATH, help=".mp4, .webm, .mkv or .avi")
 @calibration_option
 @click.option(
     "--palette",
@@ -73,12 +72,8 @@ def render(
 
     The first frames must show the untouched tip: they are the rest frame, unless --rest says another.
     """
-    inputs: list[str | Path] = [recording]
-    if calibration_path is not None:
-        inputs.append(calibration_path)
-    check_output(out, tuple(CODECS), inputs, overwrite)
-    style = Style(palette, rate_hz, height)
-    calibration = load_calibration(calibration_path)
+    check_output(out, tuple(CODECS), filter(None, (recording, calibration_path)), overwrite)
+    style, calibration = Style(palette, rate_hz, height), load_calibration(calibration_path)
     with writing(out, overwrite) as unfinished:
         made = render_recording(recording, unfinished, calibration, style, not (quiet or as_json), rest)
     if as_json:
@@ -121,64 +116,49 @@ def render_recording(
     Raises    SourceError: no such recording, or no pins in its first frames; SinkError: cannot be written;
               OSError: the disk is full; CalibrationError: of another tip
     """
+    style = style or Style()
     with closing(open_source(recording)) as source:
-        if source.live:
-            raise SourceError(f"source {recording}: is live; record it first, then render the recording")
-        if rest is None:
-            given = rest_if_touched(source, calibration)
-        else:
-            given = rest_of_source(source, rest, calibration)
-        if given is not None:
-            log.info("rest frame: %s", given.message)
-        frames = iter(source)
-        first = list(islice(frames, TareParams().frames_n))
-        if not first:
-            raise SourceError(f"source {recording}: no images")
-        try:
-            images = [frame.image for frame in first]
-            rest_frame = (
-                given.rest if given else tare(images, np.inf, calibration, source.polarity, source.lens)
-            )
-        except NoPins as error:
-            raise SourceError(f"source {recording}: {error}") from None
-        made = _render(source, chain(first, frames), rest_frame, out, calibration, style or Style(), progress)
+        rest_frame = _rest_frame(source, rest, calibration)
+        mm_per_px = (calibration.mm_per_px if calibration else None) or 0.0
+        palette = PALETTES[style.palette]
+        view = View.of(rest_frame.xy_img, rest_frame.pattern.pitch_px, style.height, mm_per_px, palette)
+        pipeline = Pipeline(rest_frame, calibration, DRAWN)
+        rate_hz = style.rate_hz or source.rate_hz or 30.0
+        total_n = source.frames_n if isinstance(source, RecordedSource) else 0
+        unidentified_n = 0
+        with counting(out.name, total_n, progress) as count:
+
+            def pictures() -> Iterator[NDArray[np.uint8]]:
+                nonlocal unidentified_n
+                for n, frame in enumerate(source, 1):
+                    result = pipeline.process(frame)
+                    unidentified_n += result.features is None
+                    polygons = cell_polygons(result.cells) if result.cells is not None else []
+                    text = caption(result)
+                    yield picture(view, frame, result.tracks, polygons, result.features, text)
+                    count(n)
+
+            frames_n = write_video(pictures(), out, rate_hz)
     if damage := damage_of(source):
         log.warning("%s: %s", recording, damage)
-    return made
+    return Made(frames_n, unidentified_n, len(rest_frame), rate_hz)
 
 
-def _render(
-    source: FrameSource,
-    frames: Iterable[Frame],
-    rest: Rest,
-    out: Path,
-    calibration: Calibration | None,
-    style: Style,
-    progress: bool,
-) -> Made:
-    mm_per_px = (calibration.mm_per_px if calibration else None) or 0.0
-    view = View.of(rest.xy_img, rest.pattern.pitch_px, style.height, mm_per_px)
-    pipeline = Pipeline(rest, calibration, DRAWN)
-    rate_hz = style.rate_hz or source.rate_hz or 30.0
-    unidentified_n = 0
-    total_n = source.frames_n if isinstance(source, RecordedSource) else 0
-    with bar(progress) as shown:
-        task = shown.add_task(out.name, total=total_n or None)
-
-        def pictures() -> Iterator[NDArray[np.uint8]]:
-            nonlocal unidentified_n
-            for frame in frames:
-                result = pipeline.process(frame)
-                unidentified_n += result.features is None
-                polygons = cell_polygons(result.cells) if result.cells is not None else []
-                palette, text = PALETTES[style.palette], caption(result)
-                yield picture(
-                    view, frame, result.tracks, polygons, result.features, palette=palette, caption=text
-                )
-                shown.advance(task)
-
-        frames_n = write_video(pictures(), out, rate_hz)
-    return Made(frames_n, unidentified_n, len(rest), rate_hz)
+def _rest_frame(source: FrameSource, how: str | None, calibration: Calibration | None) -> Rest:
+    """Raises SourceError, CalibrationError."""
+    if source.live:
+        raise SourceError(f"{source.name}: is live; record it first, then render the recording")
+    given = rest_given(source, how, calibration)
+    if given is not None:
+        log.info("rest frame: %s", given.message)
+        return given.rest
+    images = [frame.image for frame in islice(source, TareParams().frames_n)]
+    if not images:
+        raise SourceError(f"{source.name}: no images")
+    try:
+        return tare(images, np.inf, calibration, source.polarity, source.lens)
+    except NoPins as error:
+        raise SourceError(f"{source.name}: {error}") from None
 
 
 def caption(result: Result) -> str:

@@ -6,15 +6,14 @@ from dataclasses import asdict
 
 import click
 
-from edge.cli.assembly import make_loop, start_worker
+from edge.cli.assembly import make_loop, rest_given, start_worker
 from edge.cli.options import LoopOptions, SpeedFactor, loop_options, rest_option
 from edge.cli.progress import counting, waiting
 from edge.cli.summary import Summary, damage_of, json_line, print_summary
 from edge.errors import InputError
-from edge.rest.choice import rest_if_touched, rest_of_source
 from edge.runtime.loop import Loop
 from edge.sources import Paced, open_source
-from edge.types import FrameSource, LiveSource, RecordedSource, Result
+from edge.types import LiveSource, RecordedSource, Result
 from hostlink.cli_exit import print_error
 from hostlink.cli_types import counted
 from hostlink.wire import FaultCode, State
@@ -57,18 +56,22 @@ def replay(
     listen = options.listen()
     with ExitStack() as stack:
         with waiting(f"opening {recording}", not quiet):
-            source, total_n = _open(recording, speed, again, config.tare.frames_n)
+            source = open_source(recording)
+            total_n = source.frames_n if isinstance(source, RecordedSource) else 0
+            if not isinstance(speed, str):  # of the rest frame no image may be missed
+                source = Paced(source, speed=speed, loop=again, rest_n=config.tare.frames_n)
             stack.callback(source.close)
-            loop = make_loop(stack, source, config, options.sink_specs, options.calibration_path)
+            loop = make_loop(stack, source, config, options.calibration_path)
             _use_rest(loop, recording, rest, quiet)
         start_worker(stack, loop, options, listen, config)
-        summary, printer = Summary(source), _SamplePrinter(loop)
-        loop.result_callbacks += [summary.add, *([printer.print] if samples else [])]
+        summary = Summary(source)
+        loop.result_callbacks.append(summary.add)
+        failures = _print_samples(loop) if samples else []
         with counting("replay", total_n, not (quiet or samples or again)) as count:
             loop.tick_callbacks.append(lambda: count(loop.frames_n))
             statistics = loop.run()
-        if printer.failure is not None:
-            raise printer.failure
+        for failure in failures:
+            raise failure
         if not quiet or as_json:
             print_summary(statistics, loop.sinks, as_json, summary.report())
         if message := damage_of(source):
@@ -88,45 +91,30 @@ def _use_rest(loop: Loop, recording: str, how: str | None, quiet: bool) -> None:
     """
     with closing(open_source(recording)) as source:
         source.polarity, source.lens = loop.source.polarity, loop.source.lens
-        if how is None:
-            given = rest_if_touched(source, loop.calibration)
-        else:
-            given = rest_of_source(source, how, loop.calibration)
+        given = rest_given(source, how, loop.measurement.calibration)
     if given is not None:
         loop.measurement.use_rest(given.rest, given.frame)
         if not quiet:
             click.echo(f"rest frame: {given.message}", err=True)
 
 
-def _open(recording: str, speed: float | str, again: bool, rest_n: int) -> tuple[FrameSource, int]:
-    """The source, and how many frames it has; 0: not known. Raises SourceError.
+def _print_samples(loop: Loop) -> list[OSError]:
+    """Print each sample; stop the loop if stdout is closed (`| head -1`) or its disk is full.
 
-    rest_n  images of the rest frame, of which none may be missed
+    Returns  the error of stdout, once there was one
     """
-    source = open_source(recording)
-    total_n = source.frames_n if isinstance(source, RecordedSource) else 0
-    if isinstance(speed, str):
-        return source, total_n
-    return Paced(source, speed=speed, loop=again, rest_n=rest_n), total_n
+    failures: list[OSError] = []
 
-
-class _SamplePrinter:
-    """Prints samples; stops the loop if stdout is closed (`| head -1`) or its disk is full.
-
-    failure  the error of stdout
-    """
-
-    def __init__(self, loop: Loop) -> None:
-        self._loop = loop
-        self.failure: OSError | None = None
-
-    def print(self, result: Result, state: State) -> None:
-        if self.failure is None:
+    def print_one(result: Result, state: State) -> None:
+        if not failures:
             try:
                 click.echo(json_line(asdict(state)))
             except OSError as error:
-                self.failure = error
-                self._loop.stop()
+                failures.append(error)
+                loop.stop()
+
+    loop.result_callbacks.append(print_one)
+    return failures
 
 
 def _lost_to_tare(loop: Loop, skipped_n: int | None, tare_n: int) -> str:

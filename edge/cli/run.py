@@ -29,16 +29,16 @@ def run(
     Leave the tip untouched at the start: the first frames are its rest frame (tare). Stop with Ctrl-C
     or SIGTERM; what was measured and lost is then printed.
     """
-    config = options.load_config()
+    config = options.load_config(source_spec)
     options.check_record()
     listen = options.listen()
     with ExitStack() as stack:
-        with waiting(f"opening {source_spec or config.source.spec}", not quiet):
-            source = open_configured(config.source, source_spec)
+        with waiting(f"opening {config.source.spec}", not quiet):
+            source = open_configured(config.source)
             stack.callback(source.close)
             if isinstance(source, CameraSource) and not quiet:
                 click.echo(f"{source.name}: {source.terms}", err=True)
-            loop = make_loop(stack, source, config, options.sink_specs, options.calibration_path)
+            loop = make_loop(stack, source, config, options.calibration_path)
         start_worker(stack, loop, options, listen, config)
         if not loop.sinks and listen is None and options.record_path is None:
             log.warning("no sink: samples are not sent; give --sink can:can0, or the key sinks in [link]")

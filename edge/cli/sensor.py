@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 from scipy.spatial.distance import pdist
 
-from edge.cli.options import overwrite_option
+from edge.cli.options import PATH, overwrite_option
 from edge.errors import InputError, NoPins
 from edge.pins import take_rest
 from edge.rest.sensor_match import layout_of
@@ -19,8 +19,8 @@ from hostlink.output_file import check_output, writing
 
 
 @click.command()
-@click.argument("image", type=click.Path(path_type=Path))
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="File to write (.toml).")
+@click.argument("image", type=PATH)
+@click.option("-o", "--output", required=True, type=PATH, help="File to write (.toml).")
 @click.option(
     "--across-mm",
     type=FiniteFloat(0.1, 1000),
@@ -58,21 +58,19 @@ def _description(rest: Rest, title: str, across_mm: float | None, image: str) ->
     found = layout_of(rest)
     seen = f"found in {image}"
     pins: dict[str, object] = {"count": len(rest), "polarity": "dark" if rest.pattern.dark else "bright"}
-    sources = dict.fromkeys(["pins.count", "pins.polarity"], seen)
     if found is not None:
-        pins["layout"], sources["pins.layout"] = found[0], seen
-    width, height = rest.pattern.size_px
-    lines = [f"title = {json.dumps(title)}", "", "[pins]"]
-    camera = [f"size_px = [{width}, {height}]"]
-    sources["camera.size_px"] = seen
+        pins["layout"] = found[0]
+    camera: dict[str, object] = {"size_px": rest.pattern.size_px}
+    sources = {f"pins.{key}": seen for key in pins} | {"camera.size_px": seen}
     if across_mm is not None:
         scale = across_mm / float(pdist(rest.xy_img).max())
         pitch_px = rest.pattern.pitch_px if found is None else found[1].pitch_px
+        pins["pitch_mm"], camera["mm_per_px"] = round(scale * pitch_px, 4), round(scale, 5)
         measured = f"{across_mm:g} mm across by ruler, {seen}"
-        pins["pitch_mm"] = round(scale * pitch_px, 4)
-        camera.append(f"mm_per_px = {scale:.5f}")
         sources |= dict.fromkeys(["pins.pitch_mm", "camera.mm_per_px"], measured)
-    lines += [f"{key} = {json.dumps(value)}" for key, value in pins.items()]
-    lines += ["", "[camera]", *camera, "", "[sources]"]
-    lines += [f"{json.dumps(key)} = {json.dumps(text, ensure_ascii=False)}" for key, text in sources.items()]
-    return "\n".join(lines) + "\n"
+    text = f"title = {json.dumps(title)}\n"
+    for name, table in (("pins", pins), ("camera", camera), ("sources", sources)):
+        text += f"\n[{name}]\n"
+        for key, value in table.items():
+            text += f"{json.dumps(key) if '.' in key else key} = {json.dumps(value, ensure_ascii=False)}\n"
+    return text

@@ -16,6 +16,7 @@ from edge.link.sinks import Sink
 from edge.runtime.statistics import LoopStatistics
 from edge.sources import Paced
 from edge.types import FrameSource, RecordedSource, Result
+from hostlink.web import plain
 from hostlink.wire import State
 
 #: Keys of the JSON, and their text for people; the last word is the unit.
@@ -55,14 +56,10 @@ def damage_of(source: FrameSource) -> str:
     recorded = source.source if isinstance(source, Paced) else source
     if not isinstance(recorded, RecordedSource):
         return ""
-    found = {_DAMAGE.get(what, what): n for what, n in recorded.faults.items() if n}
-    if not found:
-        return ""
-    listed = ", ".join(what if n == 1 else f"{what} {n} times" for what, n in found.items())
-    return f"not whole ({listed}); what could be read was taken, copy or record it again for the rest"
-
-
-_DAMAGE = {"truncated": "cut off at its end"}
+    found = [what if n == 1 else f"{what} {n} times" for what, n in recorded.faults.items() if n]
+    listed = ", ".join(found).replace("truncated", "cut off at its end")
+    rest = "what could be read was taken, copy or record it again for the rest"
+    return f"not whole ({listed}); {rest}" if found else ""
 
 
 class Summary:
@@ -157,14 +154,4 @@ def _shown(value: Any) -> str:
 
 def json_line(table: dict[str, Any]) -> str:
     """One line of JSON; NaN, which JSON does not have, is null."""
-
-    def plain(value: Any) -> Any:
-        if isinstance(value, float):
-            return value if math.isfinite(value) else None
-        if isinstance(value, dict):
-            return {k: plain(v) for k, v in value.items()}
-        if isinstance(value, list | tuple):
-            return [plain(v) for v in value]
-        return value
-
     return json.dumps(plain(table))

@@ -4,36 +4,25 @@
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import overload
+from dataclasses import replace
 
 import numpy as np
 
 from edge.faults.frame_counts import PinCounts
-from edge.faults.image_quality import ImageQuality, common_step_px, image_checks
+from edge.faults.image_quality import HALF_REL, ONE_LEVEL, ImageQuality
 from edge.faults.judge import Check, Facts, Judge
 from edge.faults.pin_visibility import PinVisibility
 from edge.faults.registry import FaultRegistry
+from edge.params import ASTRAY_REL
 from edge.params import PARAMS as RUNTIME
+from edge.pins.params import PARAMS as PINS
 from edge.sources.live import stalled_after_s
 from edge.types import Array, Clock, Features, Frame, FrameSource, LiveSource, Reading, Rest, Result
 from hostlink.clock import DRIFT_MAX
 from hostlink.wire import FaultCode as F
 from hostlink.wire import Status
 
-
-@dataclass(frozen=True, slots=True)
-class FaultParams:
-    """Parameters by name; evidence in docs/tuning.md."""
-
-    step_s: float = 0.5  # by which an image comes too early where its clock was set, and not late before
-    search_s: float = RUNTIME.wait_s  # a frame that takes longer is one whose pins are being searched for
-    moved_pitches: float = RUNTIME.still_pitches  # if all pins are off by more, the camera moved
-    load_pitches: float = RUNTIME.load_pitches  # motion of a pin beyond which it counts as overloaded
-    astray_rel: float = RUNTIME.astray_rel  # share of such pins, or of those whose drift is at its limit
-
-
-PARAMS = FaultParams()
+STEP_S = 0.5  # by which an image comes too early where its clock was set, and not late before
 _NOWHERE = np.empty((0, 3))
 NO_CALIBRATION = "no calibration file was given"
 
@@ -41,22 +30,33 @@ NO_CALIBRATION = "no calibration file was given"
 _MOVED = "the pins stand {off_px:.1f} px off the rest frame, all alike; tare"
 
 
-def fault_checks(p: FaultParams = PARAMS) -> tuple[Check, ...]:
+def fault_checks() -> tuple[Check, ...]:
     """All that is judged once a frame."""
+    dark = "mean level {level:.1%} of full scale, {rest_level:.1%} at rest"
     return (
         Check(F.CAMERA_LOST, "camera_lost", "{camera}"),
         Check(F.CAMERA_STALLED, "camera_stalled", "{camera}"),
-        *image_checks(),
+        Check(F.IMAGE_DARK, "level", dark, ONE_LEVEL, "full scale", below=True),
+        Check(F.IMAGE_DARK, "level_rel", dark, PINS.pin_share_min, "rest level", below=True),
+        Check(F.IMAGE_DARK, "black", "black"),
+        Check(
+            F.IMAGE_BRIGHT, "newly_saturated", "{saturated:.0%} of the image is at full scale",
+            1.0 - HALF_REL, "of the others",
+        ),
+        Check(
+            F.IMAGE_BLURRED, "sharpness", "sharpness {sharpness:.0%} of that at rest",
+            HALF_REL, "that at rest", below=True,
+        ),
         Check(F.CLOCK_STEP, "clock_stepped", "images' clock jumped by {clock_jump_s:+.3f} s"),
         Check(F.TRACKER_LOST, "failed", "image cannot be measured: {failure}"),
         Check(F.TRACKER_LOST, "unidentified", "pins cannot be identified"),
         Check(F.PINS_LOST, "pins_missing", "{why_missing}"),
         Check(
             F.OVERLOAD, "far_share", "{far_n} pins moved by more than {limit_px:.0f} px",
-            p.astray_rel, "of the pins",
+            ASTRAY_REL, "of the pins",
         ),
-        Check(F.CAMERA_MOVED, "off_pitches", _MOVED, p.moved_pitches, "pitches"),
-        Check(F.CAMERA_MOVED, "drifted_share", _MOVED, p.astray_rel, "of the pins"),
+        Check(F.CAMERA_MOVED, "off_pitches", _MOVED, RUNTIME.still_pitches, "pitches"),
+        Check(F.CAMERA_MOVED, "drifted_share", _MOVED, ASTRAY_REL, "of the pins"),
     )  # fmt: skip
 
 
@@ -81,6 +81,7 @@ class FaultDetector:
     source        reports the condition of its camera
     registry      receives the faults
     clock_ns      the host's monotonic clock
+    load_pitches  motion of a pin beyond which it counts as overloaded
     """
 
     def __init__(
@@ -88,15 +89,15 @@ class FaultDetector:
         source: FrameSource,
         registry: FaultRegistry,
         clock_ns: Callable[[], int],
-        params: FaultParams = PARAMS,
+        load_pitches: float = RUNTIME.load_pitches,
     ) -> None:
         self._source, self._registry, self._clock_ns = source, registry, clock_ns
         self._live = source if isinstance(source, LiveSource) else None
-        self._params = params
+        self._load_pitches = load_pitches
         self._facts = Facts()
         self._gap_ns = stalled_after_s(None) * 1e9  # no camera's is shorter
         self._calibrated = False
-        self._verdict = Judge(fault_checks(params), registry)
+        self._verdict = Judge(fault_checks(), registry)
         self._image = ImageQuality()
         self._pins: PinVisibility | None = None
         self._pitch_px = 0.0
@@ -159,7 +160,7 @@ class FaultDetector:
             ahead_ns, stepped = self._least_age_ns - age_ns, step_ns < 0
         else:
             ahead_ns, stepped = -step_ns, False
-        stepped |= ahead_ns >= self._params.step_s * 1e9
+        stepped |= ahead_ns >= STEP_S * 1e9
         facts.clock_stepped = stepped
         facts.clock_jump_s = (step_ns - (passed_ns if live else 0)) / 1e9
         if stepped or age_ns < self._least_age_ns:
@@ -170,40 +171,38 @@ class FaultDetector:
         if frame.sequence > before.sequence:
             self.gaps_n += frame.sequence - before.sequence - 1
 
-    @overload
-    def judge(self, frame: Frame, result: Result, drifted_share: float = 0.0) -> Result: ...
-
-    @overload
-    def judge(self, frame: Frame, result: None) -> None: ...
-
-    def judge(self, frame: Frame, result: Result | None, drifted_share: float = 0.0) -> Result | None:
+    def judge(self, frame: Frame, result: Result, drifted_share: float) -> Result:
         """Judge a frame that was computed; returns what may be sent of its result: all, nothing but the
         tracks, or not even their identities.
 
-        result         None: there is no rest frame yet
         drifted_share  of the pins whose learnt drift is at its limit
         """
         facts, pins = self._facts, self._pins
-        facts.failed, look_closer = False, False
-        if result is not None:
-            assert pins is not None
-            facts.why_missing = pins.problem(result.tracks)
-            facts.pins_missing = bool(facts.why_missing)
-            if pins.impossible and result.features is not None:
-                result = replace(
-                    result, tracks=replace(result.tracks, confidence=0.0), cells=None, features=None
-                )
-            facts.unidentified = result.features is None
-            look_closer = facts.unidentified or pins.needs_focus_check()
-            facts.far_share = 0.0
-            if result.features is not None:
-                self._note_motion(pins.counts, result.features, drifted_share)
-        self._note_image(frame, look_closer)
-        self._end()
+        assert pins is not None
+        facts.why_missing = pins.problem(result.tracks)
+        facts.pins_missing = bool(facts.why_missing)
+        if pins.impossible and result.features is not None:
+            result = replace(result, tracks=replace(result.tracks, confidence=0.0), cells=None, features=None)
+        facts.unidentified = result.features is None
+        facts.far_share = 0.0
+        if result.features is not None:
+            self._note_motion(pins.counts, result.features, drifted_share)
+        self.judge_image(frame, facts.unidentified or pins.needs_focus_check())
         blind = self.frozen or self._registry.status & _CAMERA_FAULT
-        if result is not None and (facts.unidentified or facts.pins_missing or blind):
+        if facts.unidentified or facts.pins_missing or blind:
             result = replace(result, reading=Reading({}, {}, _NOWHERE, calibrated=self._calibrated))
         return result
+
+    def judge_image(self, frame: Frame, look_closer: bool = False) -> None:
+        """Judge brightness; and focus, if due, or if pins are missing and brightness does not explain it."""
+        facts = self._facts
+        facts.failed = False
+        facts.black = self._live is not None and self._live.frame_condition == "black"
+        self._image.brightness(frame, facts)
+        due = look_closer or self._image.focus_due(frame)
+        if due and _DARK_OR_BRIGHT.isdisjoint(self._verdict.would_hold(facts)):
+            self._image.measure_focus(frame, facts)
+        self._end()
 
     def failed(self, why: str) -> None:
         """Judge a frame that could not be computed."""
@@ -217,21 +216,12 @@ class FaultDetector:
             facts.camera = f"{self._source.name}: {condition}"
         self._verdict(facts)
 
-    def _note_image(self, frame: Frame, look_closer: bool) -> None:
-        """Brightness; and focus, when it is due or pins are missing and brightness does not explain it."""
-        facts = self._facts
-        facts.black = self._live is not None and self._live.frame_condition == "black"
-        self._image.brightness(frame, facts)
-        due = look_closer or self._image.focus_due(frame)
-        if due and _DARK_OR_BRIGHT.isdisjoint(self._verdict.would_hold(facts)):
-            self._image.measure_focus(frame, facts)
-
     def slow(self, begun_ns: int | None) -> None:
         """Whether the current frame takes long, and the brightness of the next one. For another thread.
 
         begun_ns  when work on it began, our clock; None: there is none, or it need not be timed
         """
-        if begun_ns is not None and self._clock_ns() - begun_ns >= self._params.search_s * 1e9:
+        if begun_ns is not None and self._clock_ns() - begun_ns >= RUNTIME.wait_s * 1e9:
             self._registry.report(F.TRACKER_LOST, True, "the pins are being searched for")
             waiting = self._live.peek() if self._live is not None else None
             if waiting is not None:  # report its brightness without waiting for the search
@@ -246,9 +236,9 @@ class FaultDetector:
         An untouched tip shows by the places of its pins whether the camera moved; under a touch, the step
         common to all pins shows a knock.
         """
-        facts, p, in_contact = self._facts, self._params, features.in_contact
+        facts, in_contact = self._facts, features.in_contact
         before_px, self._motion_px = self._motion_px, features.displacement_px
-        far_px, limit_px = p.load_pitches * self._pitch_px, p.moved_pitches * self._pitch_px
+        far_px, limit_px = self._load_pitches * self._pitch_px, RUNTIME.still_pitches * self._pitch_px
         least_px = limit_px * (1.0 - RUNTIME.hysteresis_rel)
         far_n, middle_px = counts.moved(self._motion_px, far_px, least_px, in_contact)
         if in_contact:
@@ -282,3 +272,14 @@ class FaultDetector:
             self._skipped_n = skipped_n
             status |= _FRAMES_DROPPED
         return status
+
+
+def common_step_px(step_px: Array) -> Array | None:
+    """The common step of all pins, as when the camera is knocked; None: they did not move alike.
+
+    step_px   (n, 2) from one frame to the next; NaN where lost in either
+    """
+    common: Array = np.nanmedian(step_px, axis=0)
+    off_px = np.hypot(*(step_px - common).T)
+    alike = np.nanquantile(off_px, RUNTIME.most_rel) < HALF_REL * np.hypot(*common)
+    return common if alike else None

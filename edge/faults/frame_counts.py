@@ -37,7 +37,8 @@ def sample_levels(image: Image, step: int, top: int) -> tuple[int, int, int]:
         raise ValueError(f"a step of {step}: 1 or more is wanted")
     if image.itemsize == 1:
         return _sum_bytes(image, step, top)
-    return _sum_levels(np.array(image[::step, ::step], np.int32, order="C"), top)
+    samples = image[::step, ::step]
+    return int(samples.sum()), int(np.count_nonzero(samples >= top)), samples.size
 
 
 @cython.cfunc
@@ -57,19 +58,6 @@ def _sum_bytes(
             total += level
             full += level >= top
     return total, full, rows * columns
-
-
-@cython.cfunc
-def _sum_levels(samples: cython.int[:, ::1], top: cython.long) -> tuple[int, int, int]:
-    total: cython.longlong = 0
-    full: cython.Py_ssize_t = 0
-    x: cython.Py_ssize_t
-    y: cython.Py_ssize_t
-    for y in range(samples.shape[0]):
-        for x in range(samples.shape[1]):
-            total += samples[y, x]
-            full += samples[y, x] >= top
-    return total, full, samples.shape[0] * samples.shape[1]
 
 
 @cython.cclass
@@ -121,20 +109,19 @@ class PinCounts:
             raise ValueError(f"places ({self.rest_img.shape[0]}, 2) are wanted")
         if sigma_px.shape[0] != self.rest_img.shape[0]:
             raise ValueError(f"{self.rest_img.shape[0]} sigmas are wanted")
-        i: cython.Py_ssize_t
         seen_n: cython.Py_ssize_t = 0
         bad_n: cython.Py_ssize_t = 0
         new_n: cython.Py_ssize_t = 0
         far_n: cython.Py_ssize_t = 0
         bad: cython.bint
-        noise: cython.double = 0.0
+        noise = 0.0
         # With local names the loop need not load them again after each number that it writes.
         rest_img: cython.const[cython.double][:, ::1] = self.rest_img
         is_bad: cython.uchar[::1] = self.is_bad
         is_new: cython.uchar[::1] = self.is_new
         for i in range(xy_img.shape[0]):
-            dx: cython.double = xy_img[i, 0] - rest_img[i, 0]
-            dy: cython.double = xy_img[i, 1] - rest_img[i, 1]
+            dx = xy_img[i, 0] - rest_img[i, 0]
+            dy = xy_img[i, 1] - rest_img[i, 1]
             far_n += dx * dx + dy * dy > far_px * far_px
             if not isnan(dx):
                 seen_n += 1
@@ -144,14 +131,12 @@ class PinCounts:
             is_new[i] = bad and not is_bad[i]
             new_n += is_new[i]
             is_bad[i] = bad
-        mean_px: cython.double = noise / seen_n if seen_n else NAN
+        mean_px = noise / seen_n if seen_n else NAN
         return seen_n, bad_n, new_n, self._holes() if bad_n else 0, far_n, mean_px
 
     @cython.cfunc
     @cython.exceptval(check=False)
     def _holes(self) -> cython.Py_ssize_t:
-        i: cython.Py_ssize_t
-        k: cython.Py_ssize_t
         many: cython.Py_ssize_t = 0
         alone: cython.bint
         for i in range(self.near.shape[0]):
@@ -176,11 +161,9 @@ class PinCounts:
         """
         if motion_px.shape[0] != self.length2.shape[0] or motion_px.shape[1] != 2:
             raise ValueError(f"vectors ({self.length2.shape[0]}, 2) are wanted")
-        i: cython.Py_ssize_t
         m: cython.Py_ssize_t = 0
         far_n: cython.Py_ssize_t = 0
         long_n: cython.Py_ssize_t = 0
-        square: cython.double
         for i in range(motion_px.shape[0]):
             dx: cython.double = motion_px[i, 0]
             dy: cython.double = motion_px[i, 1]
@@ -196,7 +179,7 @@ class PinCounts:
                 long_n += square >= least_px * least_px
         if m == 0 or 2 * long_n < m:
             return far_n, 0.0
-        middle: cython.double = sqrt(select_kth(self.length2, m, m // 2))
+        middle = sqrt(select_kth(self.length2, m, m // 2))
         if m % 2 == 0:
             middle = 0.5 * (middle + sqrt(select_kth(self.length2, m, m // 2 - 1)))
         return far_n, middle
@@ -239,7 +222,6 @@ class FocusWindows:
         Raises  ValueError: no such image, a window that is not within it
         """
         _check_image(image)
-        w: cython.Py_ssize_t
         if out.shape[0] != self.corners.shape[0] or out.shape[1] != 2:
             raise ValueError(f"out ({self.corners.shape[0]}, 2) is wanted")
         for w in range(self.corners.shape[0]):
@@ -257,27 +239,21 @@ class FocusWindows:
             self.image16 = image
         else:
             self.image8 = image
-        level: float = self._measure(out, wide)
-        return level
+        return self._measure(out, wide)
 
     @cython.cfunc
     @cython.exceptval(check=False)
     def _measure(self, out: cython.double[:, ::1], wide: cython.bint) -> cython.double:
         n: cython.Py_ssize_t = self.side * self.side
-        w: cython.Py_ssize_t
         x: cython.Py_ssize_t
         y: cython.Py_ssize_t
         k: cython.Py_ssize_t
         column: cython.Py_ssize_t
         row: cython.Py_ssize_t
-        sum_: cython.double
-        energy: cython.double
-        dx: cython.double
-        dy: cython.double
-        total: cython.double = 0
+        total = 0.0
         for w in range(self.corners.shape[0]):
-            sum_ = 0
-            energy = 0
+            sum_ = 0.0
+            energy = 0.0
             k = 0
             for y in range(self.side):
                 for x in range(self.side):
@@ -296,15 +272,14 @@ class FocusWindows:
     @cython.cfunc
     @cython.exceptval(check=False)
     def _span_wide(self, n: cython.Py_ssize_t) -> cython.double:
-        low: cython.double = select_kth(self.levels, n, n // self.tail)
+        low = select_kth(self.levels, n, n // self.tail)
         return select_kth(self.levels, n, n - 1 - n // self.tail) - low
 
     @cython.cfunc
     @cython.exceptval(check=False)
     def _span(self, n: cython.Py_ssize_t) -> cython.double:
         """The same by counting: levels of 8 bits."""
-        i: cython.Py_ssize_t
-        below: cython.Py_ssize_t = 0
+        below: cython.Py_ssize_t
         low: cython.Py_ssize_t = 0
         high: cython.Py_ssize_t = 255
         for i in range(256):

@@ -1,36 +1,22 @@
-"""Does the image show pins as the rest frame did? Dark, overexposed, out of focus; and has the camera moved?
+"""How bright and how sharp an image is, against that of the rest frame; what is a fault: `fault_checks`.
 
 Focus is measured in windows as wide as the pitch: wherever the pins have moved, about one pin lies in each,
 so this needs no tracking. The measure is the energy of the gradient over the square of the contrast, which
 does not depend on brightness. It is not reported if the image is dark or overexposed: that explains it.
 """
 
-from dataclasses import dataclass
 from math import isqrt, nan
 
 import numpy as np
 
 from edge.faults.frame_counts import FocusWindows, sample_levels
-from edge.faults.judge import Check, Facts
+from edge.faults.judge import Facts
 from edge.params import PARAMS as RUNTIME
 from edge.pins.lens import rest_as_seen
 from edge.pins.params import PARAMS as PINS
-from edge.types import Array, Frame, Image, Rest
-from hostlink.wire import FaultCode as F
+from edge.types import Frame, Image, Rest
 
-
-@dataclass(frozen=True, slots=True)
-class ImageParams:
-    """Parameters by name; evidence in docs/tuning.md. `_rel`: a share of the rest frame's."""
-
-    least_rel: float = PINS.pin_share_min  # level, or contrast over level, below which nothing is shown
-    half_rel: float = 0.5  # sharpness, or pixels that are not saturated, below which the image is spoilt; of
-    # the common step by which pins differ from it, when the camera moved
-    focus_period_s: float = RUNTIME.check_s  # between measurements of the focus
-    alike_share: float = RUNTIME.most_rel  # of the pins that make a common step
-
-
-PARAMS = ImageParams()
+HALF_REL = 0.5  # sharpness, or pixels that are not saturated, of the rest frame's, below which it is spoilt
 #: One grey level of 8 bits, of full scale: an image with a lower mean is black.
 ONE_LEVEL = 1 / 255
 _SAMPLE_N = RUNTIME.sample_n
@@ -45,16 +31,15 @@ def level_of(image: Image, bits: int) -> tuple[float, float]:
 
 
 class ImageQuality:
-    """Measures images against the rest frame, once there is one; `image_checks` says what is a fault."""
+    """Measures images against the rest frame, once there is one."""
 
-    def __init__(self, params: ImageParams = PARAMS) -> None:
-        self._params = params
+    def __init__(self) -> None:
         self._focus: FocusWindows | None = None
         self._seen = np.empty((0, 2))
         self._rest = (0.0, 0.0, 0.0)
         self._noise_energy = 0.0
         self._level = self._saturated = 0.0
-        self._period_ns = round(params.focus_period_s * 1e9)
+        self._period_ns = round(RUNTIME.check_s * 1e9)
         self._due_ns = -1  # at once
 
     def learn(self, rest: Rest, frame: Frame) -> None:
@@ -73,7 +58,7 @@ class ImageQuality:
         self._due_ns = -1  # at once
 
     def brightness(self, frame: Frame, facts: Facts) -> None:
-        """Write what `image_checks` names of the brightness. Changes no state of its own; for any thread."""
+        """Write what `fault_checks` names of the brightness. Changes no state of its own; for any thread."""
         facts.level, facts.saturated = level_of(frame.image, frame.bits)
         below = 1.0 - self._saturated  # bright skin round dark pins may be saturated
         facts.rest_level = self._level
@@ -90,7 +75,7 @@ class ImageQuality:
         self._due_ns = frame.capture_ns + self._period_ns
         energy, contrast, level = self._windows(self._focus, frame.image)
         rest_energy, rest_contrast, rest_level = self._rest
-        flat = contrast / max(level, 1.0) < self._params.least_rel * rest_contrast / max(rest_level, 1.0)
+        flat = contrast / max(level, 1.0) < PINS.pin_share_min * rest_contrast / max(rest_level, 1.0)
         facts.sharpness = 0.0 if flat else energy / rest_energy if rest_energy > 0.0 else 1.0
 
     def _windows(self, windows: FocusWindows, image: Image) -> tuple[float, float, float]:
@@ -99,32 +84,3 @@ class ImageQuality:
         contrast = np.maximum(self._seen[:, 1], 1.0)
         energy = (self._seen[:, 0] - self._noise_energy) / contrast**2
         return float(np.median(energy)), float(np.median(contrast)), level
-
-
-def image_checks(p: ImageParams = PARAMS) -> tuple[Check, ...]:
-    """Brightness, the camera's own "black", and focus."""
-    dark = "mean level {level:.1%} of full scale, {rest_level:.1%} at rest"
-    return (
-        Check(F.IMAGE_DARK, "level", dark, ONE_LEVEL, "full scale", below=True),
-        Check(F.IMAGE_DARK, "level_rel", dark, p.least_rel, "rest level", below=True),
-        Check(F.IMAGE_DARK, "black", "black"),
-        Check(
-            F.IMAGE_BRIGHT, "newly_saturated", "{saturated:.0%} of the image is at full scale",
-            1.0 - p.half_rel, "of the others",
-        ),
-        Check(
-            F.IMAGE_BLURRED, "sharpness", "sharpness {sharpness:.0%} of that at rest",
-            p.half_rel, "that at rest", below=True,
-        ),
-    )  # fmt: skip
-
-
-def common_step_px(step_px: Array, params: ImageParams = PARAMS) -> Array | None:
-    """The common step of all pins, as when the camera is knocked; None: they did not move alike.
-
-    step_px   (n, 2) from one frame to the next; NaN where lost in either
-    """
-    common: Array = np.nanmedian(step_px, axis=0)
-    off_px = np.hypot(*(step_px - common).T)
-    alike = np.nanquantile(off_px, params.alike_share) < params.half_rel * np.hypot(*common)
-    return common if alike else None

@@ -9,45 +9,26 @@
   explanations are compared by their likelihoods.
 """
 
-from dataclasses import dataclass
 from math import log, sqrt
 
 import numpy as np
 
 from edge.faults.frame_counts import PinCounts
-from edge.faults.image_quality import PARAMS as IMAGE
+from edge.faults.image_quality import HALF_REL
 from edge.features.params import PARAMS as FEATURES
 from edge.geometry.lattice import N_RING
 from edge.geometry.neighbours import nearest_of
+from edge.params import ASTRAY_REL
 from edge.params import PARAMS as RUNTIME
 from edge.types import Index, Mask, Rest, Tracks
 
-
-@dataclass(frozen=True, slots=True)
-class PinVisibilityParams:
-    """Thresholds; evidence in docs/tuning.md. `_rel`: a share; pins are counted over the rest frame's."""
-
-    seen_rel: float = 0.8  # smallest share of the pins
-    hole_rel: float = 0.01  # largest share of them that are lost with all their neighbours
-    noisy_ratio: float = FEATURES.noise_ratio_max  # a pin with so many times the usual sigma counts as lost
-    drop_rel: float = RUNTIME.most_rel  # of the baseline share; with fewer, too many vanished at once
-    back_rel: float = RUNTIME.hysteresis_rel  # of the same, above it: until so many are back
-    # good frames in a row until values are sent again: those that slip is taken over are good then
-    settled_frames_n: int = FEATURES.slip_span_frames
-    baseline_frames_n: int = FEATURES.noise_frames_n  # over which the baseline is learnt
-    forget_rel: float = RUNTIME.astray_rel  # weight of a frame in it while too few are seen, of a good one's
-    corrupt_confidence: float = Tracks.LOW_CONFIDENCE  # that pins vanished side by side not by chance
-    still_pitches: float = RUNTIME.still_pitches  # largest motion in a frame that counts as static
-    far_rel: float = RUNTIME.astray_rel  # share of the pins so far away: identities are wrong
-    blurred_rel: float = IMAGE.half_rel  # sharpness of a blurred image, which may show in its pins' noise
-
-    @property
-    def far_pitches(self) -> float:
-        """Skin cannot move further: twice as far as where a pin counts as overloaded."""
-        return 2.0 * RUNTIME.load_pitches
-
-
-PARAMS = PinVisibilityParams()
+SEEN_REL = 0.8  # smallest share of the rest frame's pins
+HOLE_REL = 0.01  # largest share of them that are lost with all their neighbours
+#: Good frames in a row until values are sent again: those that slip is taken over are good then.
+SETTLED_N = FEATURES.slip_span_frames
+BASELINE_N = FEATURES.noise_frames_n  # frames over which the baseline is learnt
+DROP_REL = RUNTIME.most_rel  # of the baseline share; with fewer, too many vanished at once
+BACK_REL = DROP_REL + RUNTIME.hysteresis_rel * DROP_REL  # until so many are back
 
 
 class PinVisibility:
@@ -57,17 +38,17 @@ class PinVisibility:
     impossible  the pins moved further than skin can: the pattern was matched to itself rotated
     """
 
-    def __init__(self, rest: Rest, params: PinVisibilityParams = PARAMS) -> None:
-        self._params = params
+    def __init__(self, rest: Rest) -> None:
         self._reason = ""
-        self._good_n = params.settled_frames_n
+        self._good_n = SETTLED_N
         self._baseline_share = 1.0
         self._baseline_px = float(np.nanmean(rest.pins.sigma_px))
         self._near = nearest_of(rest.xy_img, rest.xy_img, N_RING + 1)[1]
         self.counts = PinCounts(rest.xy_img, self._near)
         self._before = rest.xy_img
         self._pitch_px = rest.pattern.pitch_px
-        self._far_px = params.far_pitches * self._pitch_px
+        # Skin cannot move further: twice as far as where a pin counts as overloaded.
+        self._far_px = 2.0 * RUNTIME.load_pitches * self._pitch_px
         self._n = len(rest)
         self._seen_n = 0
         self._noise_px = 0.0
@@ -75,61 +56,55 @@ class PinVisibility:
 
     def problem(self, tracks: Tracks) -> str:
         """Count a frame's pins. Why they allow no values for it; empty: they do."""
-        p, n = self._params, self._n
+        n = self._n
         seen_n, _, new_n, hole_n, far_n, self._noise_px = self.counts.seen(
-            tracks.xy_img, tracks.sigma_px, p.noisy_ratio * self._baseline_px, self._far_px
+            tracks.xy_img, tracks.sigma_px, FEATURES.noise_ratio_max * self._baseline_px, self._far_px
         )
         self._seen_n = seen_n
-        self.impossible = far_n > p.far_rel * n
+        self.impossible = far_n > ASTRAY_REL * n
         identified = tracks.confidence >= Tracks.LOW_CONFIDENCE and not self.impossible
         share = seen_n / n
-        corrupt = new_n > 1 and self._image_corrupt(tracks)
+        why = ""
+        if share < SEEN_REL:
+            why = "only {counted}"
+        elif hole_n > HOLE_REL * n:
+            why = "{counted}; around {hole_n} of the others no pin is seen either"
+        elif new_n > 1 and self._image_corrupt(tracks):
+            why = "{counted}; pins vanished side by side while their neighbours stood still"
+        elif share < (BACK_REL if self._reason else DROP_REL) * self._baseline_share:
+            why = "{counted}, {usual:.0%} usually: too many vanished at once"
         self._before = tracks.xy_img
-        few = share < p.seen_rel or hole_n > p.hole_rel * n or corrupt
-        least = p.drop_rel * (1.0 + p.back_rel) if self._reason else p.drop_rel
-        suddenly = share < least * self._baseline_share
-        weight = p.forget_rel if few or suddenly else 1.0
-        self._baseline_share += weight * (share - self._baseline_share) / p.baseline_frames_n
-        if few or suddenly or not identified:
-            self._good_n = 0
+        self._baseline_share += (ASTRAY_REL if why else 1.0) * (share - self._baseline_share) / BASELINE_N
+        if not why and not identified:
+            why = "the pins could not be identified; waiting for several good frames"
+        self._good_n = 0 if why else self._good_n + 1
+        if why:
             counted = f"{seen_n} of {n} pins are seen"
-            if share < p.seen_rel:
-                self._reason = f"only {counted}"
-            elif hole_n > p.hole_rel * n:
-                self._reason = f"{counted}; around {hole_n} of the others no pin is seen either"
-            elif corrupt:
-                self._reason = f"{counted}; pins vanished side by side while their neighbours stood still"
-            elif suddenly:
-                self._reason = f"{counted}, {self._baseline_share:.0%} usually: too many vanished at once"
-            else:
-                self._reason = "the pins could not be identified; waiting for several good frames"
-        else:
-            self._good_n += 1
-            if self._good_n >= p.settled_frames_n:
-                self._reason = ""
+            self._reason = why.format(counted=counted, hole_n=hole_n, usual=self._baseline_share)
+        elif self._good_n >= SETTLED_N:
+            self._reason = ""
         return self._reason
 
     def _image_corrupt(self, tracks: Tracks) -> bool:
         """Whether pins vanished side by side since the last frame while those around them did not move."""
-        p, before = self._params, self._before
+        before = self._before
         gone, bad = self.counts.new.view(np.bool_), self.counts.bad.view(np.bool_)
-        if _evidence_of_place(gone, self._near) <= log(p.corrupt_confidence / (1.0 - p.corrupt_confidence)):
+        if _evidence_of_place(gone, self._near) <= log(Tracks.LOW_CONFIDENCE / (1.0 - Tracks.LOW_CONFIDENCE)):
             return False
         around = self._near[gone, 1:]
         rest = np.unique(around[~bad[around]])
         step = tracks.xy_img[rest] - before[rest]
         length_px = np.hypot(step[:, 0], step[:, 1])
         length_px = length_px[np.isfinite(length_px)]
-        return not length_px.size or float(np.median(length_px)) < p.still_pitches * self._pitch_px
+        return not length_px.size or float(np.median(length_px)) < RUNTIME.still_pitches * self._pitch_px
 
     def needs_focus_check(self) -> bool:
         """Whether pins are missing, or seen with more noise than the baseline."""
-        p = self._params
-        if self._seen_n < (1.0 - RUNTIME.astray_rel) * self._n:
+        if self._seen_n < (1.0 - ASTRAY_REL) * self._n:
             return True
         # A centroid's sigma is as the root of the gradient's energy.
-        noisy = self._noise_px * sqrt(p.blurred_rel) > self._baseline_px
-        self._baseline_px += (self._noise_px - self._baseline_px) / p.baseline_frames_n
+        noisy = self._noise_px * sqrt(HALF_REL) > self._baseline_px
+        self._baseline_px += (self._noise_px - self._baseline_px) / BASELINE_N
         return noisy
 
 

@@ -1,24 +1,21 @@
 """Touch features from pin positions, cell areas and the rest frame.
 
-    plan                  what a demand needs
-    extract               the order of the steps, in one call a frame
+    extract               what a demand needs; the order of the steps, in one call a frame
     contact_detector      is the tip in contact? if not, nothing further is computed
     pin_motion            motion since rest, pins in the contact, torsion, noise of a pin; areas, volume
-    slip, vibration       of the pins in the contact
+    slip_and_vibration    slip and vibration of the pins in the contact, from frame to frame
     modes                 the motion as polynomial coefficients that turn with the tip
     surface               the grid over the tip, and the constant matrices onto it (`quantized_operator`)
-    contact_field         a frame's fields on that grid; their volume
-    contacts              from the field to the contacts, and where each is, by the pins round it:
-      regions             peaks, and which of them make one contact; its area and axes
+    contact_field         a frame's fields on that grid, and their peaks
+    contacts              which peaks make one contact; its area, axes, and place, by the pins round it
       several             what fits of a few contacts decide; can be left out
     params                every chosen number
 
 The modules of this package are one stage and may import each other.
 """
 
-from edge.features.extract import FeatureExtractor
+from edge.features.extract import FeatureExtractor, FeaturePlan
 from edge.features.modes import MODE_NAMES
-from edge.features.plan import FeaturePlan
 from edge.features.several import Fits
 
 __all__ = ["MODE_NAMES", "FeatureExtractor", "FeaturePlan", "Fits"]

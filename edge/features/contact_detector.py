@@ -1,3 +1,4 @@
+# cython: infer_types=True
 """Is the tip in contact? Decided by the cells' area changes and their noise, which is learnt while it is
 untouched.
 
@@ -98,12 +99,12 @@ class ContactDetector:
         xy           (n, 2) float64, px, where the pins are; finite
         sigma_px     noise of one coordinate of a pin's motion since rest
         """
-        highest: cython.double = self._highest_mean(area_change)
+        highest = self._highest_mean(area_change)
         if isnan(highest):
             return self._in_contact  # a dark frame is no evidence
-        predicted: cython.double = sigma_px / self._pitch_px
-        noise: cython.double = self._ring_noise * predicted * self._ring_noise_ratio
-        limit: cython.double = self._limit_sigma() * noise
+        predicted = sigma_px / self._pitch_px
+        noise = self._ring_noise * predicted * self._ring_noise_ratio
+        limit = self._limit_sigma() * noise
         self._begins = self._raise_sigma * noise
         self._in_contact = highest > limit and self._is_coherent(xy, limit)
         if not self._in_contact:
@@ -116,7 +117,7 @@ class ContactDetector:
         xy      (n, 2) float64, px, where the pins are; NaN where lost
         Raises  ValueError: sizes that do not fit
         """
-        n: cython.Py_ssize_t = self._n
+        n = self._n
         if xy.shape[0] != n or xy.shape[1] != 2:
             raise ValueError(f"xy ({n}, 2) is wanted")
         if not self._in_contact:
@@ -133,11 +134,11 @@ class ContactDetector:
         xy        (n, 2) float64, px, where the pins are; NaN where lost
         sigma_px  noise of one coordinate of a pin's motion since rest
         """
-        shift_x: cython.double = self._median_motion(xy, 0)
-        shift_y: cython.double = self._median_motion(xy, 1)
+        shift_x = self._median_motion(xy, 0)
+        shift_y = self._median_motion(xy, 1)
         if isnan(shift_x) or isnan(shift_y):
             return self._in_contact
-        n: cython.Py_ssize_t = self._n
+        n = self._n
         highest: cython.double = 0.0
         self._forget_medians()
         for i in range(n):
@@ -146,7 +147,7 @@ class ContactDetector:
                 size = hypot(self._middle[i, 0], self._middle[i, 1]) * self._root[known]
                 if size > highest:
                     highest = size
-        limit: cython.double = self._limit_sigma() * self._median_noise * sigma_px / sqrt(self._width)
+        limit = self._limit_sigma() * self._median_noise * sigma_px / sqrt(self._width)
         self._in_contact = highest > limit
         return self._in_contact
 
@@ -155,16 +156,13 @@ class ContactDetector:
 
     def _highest_mean(self, area_change: Array) -> float:
         """Highest mean over a ring, scaled down where not all of it is known; NaN if no cell is known."""
-        j: cython.Py_ssize_t
-        known: cython.Py_ssize_t
-        total: cython.double
-        highest: cython.double = 0.0  # times the pins of a ring
+        highest = 0.0  # times the pins of a ring
         nothing: cython.bint = True
         ring: cython.ushort[:, ::1] = self._ring
-        width: cython.Py_ssize_t = self._width
+        width = self._width
         self._peak_row = 0
         for i in range(self._n):
-            total = 0.0
+            total: cython.double = 0.0
             for k in range(width):
                 total += area_change[ring[i, k]]
             if isnan(total):
@@ -191,7 +189,7 @@ class ContactDetector:
 
         The ring of the highest mean is tried first, then all.
         """
-        at_peak: cython.double = self._clear_sigma / self._raise_sigma * limit
+        at_peak = self._clear_sigma / self._raise_sigma * limit
         self._forget_medians()
         for i in range(self._width):
             if self._median_area_change(xy, self._ring[self._peak_row, i]) > at_peak:
@@ -209,7 +207,6 @@ class ContactDetector:
 
     def _median_area_change(self, xy: Array, i: cython.Py_ssize_t) -> float:
         """Area change at pin i by the slope of the ring medians round it."""
-        j: cython.Py_ssize_t
         xx: cython.double = 0.0
         xy_: cython.double = 0.0
         yx: cython.double = 0.0
@@ -226,8 +223,7 @@ class ContactDetector:
 
     def _ring_median(self, xy: Array, i: cython.Py_ssize_t, shift_x: float, shift_y: float) -> int:
         """Median of the motion, less a shift, over ring i, by component; how many of its pins are known."""
-        to: cython.Py_ssize_t
-        known: cython.Py_ssize_t = 0
+        known = 0
         for k in range(self._width):
             j = self._ring[i, k]
             x = xy[j, 0] - self._rest[j, 0] - shift_x
@@ -257,7 +253,7 @@ class ContactDetector:
 
     def _median_motion(self, xy: Array, component: cython.Py_ssize_t) -> float:
         """Of the known pins; NaN where fewer than `min_ring_known` are."""
-        known: cython.Py_ssize_t = 0
+        known = 0
         for i in range(self._n):
             if isfinite(xy[i, component]):
                 self._values[known] = xy[i, component] - self._rest[i, component]
@@ -270,12 +266,11 @@ class ContactDetector:
         """
         known: cython.Py_ssize_t = 0
         known_rings: cython.Py_ssize_t = 0
-        total: cython.double
         # In each frame as many rings as hold each cell about once, in turn. About zero rather than about the
         # median: drift is noise too.
         self._turn = (self._turn + 1) % self._width
         for i in range(self._turn, self._n, self._width):
-            total = 0.0
+            total: cython.double = 0.0
             for k in range(self._width):
                 total += area_change[self._ring[i, k]]
             if isfinite(area_change[i]):
@@ -291,7 +286,7 @@ class ContactDetector:
 
     def _moved(self, learnt: float, sizes: Array, n: cython.Py_ssize_t, predicted: float) -> float:
         """A learnt ratio, moved towards that of the first n sizes to the predicted noise."""
-        ratio: cython.double = 1.0
+        ratio = 1.0
         if n == 0:
             return learnt
         if predicted > 0.0:

@@ -40,7 +40,6 @@ cdef class ContactField:
     cdef float[::1] _detrended  # that is the motion less its plane, px
     cdef float[::1] _height_row  # results of their rows
     cdef float[::1] _divergence_row
-    cdef bint _is_whole  # the first is of all points, not of the active ones
     cdef int[::1] _near  # points near each pin, pin after pin
     cdef int[::1] _near_start  # (n + 1,)
     cdef unsigned char[::1] _is_active  # (k,)
@@ -53,6 +52,31 @@ cdef class ContactField:
     cpdef void set_area_change(self, const double[::1] change) except *
     cpdef void find(self, const double[:, ::1] xy) except *
     cpdef void find_curl(self, const int[::1] which, Py_ssize_t n) noexcept
-    cpdef void write_surface(self, const int[::1] at, double[::1] out) except *
+    cpdef object whole_surface(self)
     cdef void _find_active(self) noexcept
     cdef void _detrend(self, const double[:, ::1] xy) noexcept
+
+
+@cython.final
+cdef class PeakFinder:
+    cdef readonly Py_ssize_t width
+    cdef readonly int[::1] place
+    cdef readonly float[::1] grid
+    cdef readonly int[::1] active
+    cdef readonly Py_ssize_t n_active
+    cdef readonly int[::1] mark
+    cdef readonly Py_ssize_t n_peaks
+    cdef readonly int[::1] at
+    cdef readonly int[::1] point
+    cdef readonly float[::1] height
+    cdef int[::1] _around  # (8,) from a place to its neighbours
+    cdef int[::1] _stack
+
+    cpdef void set_field(self, const float[::1] field, const int[::1] active, Py_ssize_t n_active) noexcept
+    cpdef Py_ssize_t find(self, const float[::1] noise, float noise_factor, float least) noexcept
+    cpdef void forget_searches(self) noexcept
+    cpdef Py_ssize_t first_connected(self, Py_ssize_t j, float given, bint any_will_do) noexcept
+    cdef bint _is_peak(self, int place, Py_ssize_t n) noexcept
+    cdef void _insert(self, Py_ssize_t p, float h) noexcept
+    cdef bint _is_maximum(self, Py_ssize_t here) noexcept
+    cdef void _mark_plateau(self, Py_ssize_t start) noexcept

@@ -1,3 +1,4 @@
+# cython: infer_types=True
 """Features of one frame: the demand decides what is computed.
 
     tracks, cells --> motion, area change --> contact detector --no contact--> zeros
@@ -30,18 +31,17 @@ from __future__ import annotations
 import cython
 import numpy as np
 
+from edge.features.modes import Modes
 from edge.features.params import PARAMS, FeatureParams, largest_noise
-from edge.features.plan import FeaturePlan, Quantity
+from edge.features.several import Fits
 from edge.features.surface import Surface
-from edge.types import Array, Cells, Complex, ContactRegion, Features, Mask, Rest, Tracks
+from edge.types import Array, Cells, Complex, ContactRegion, Feature, Features, Mask, Rest, Tracks
 
 if cython.compiled:
     from cython.cimports.edge.features.contact_detector import ContactDetector
     from cython.cimports.edge.features.contacts import ContactFinder
-    from cython.cimports.edge.features.modes import Modes
-    from cython.cimports.edge.features.pin_motion import AreaChange, PinMotion
-    from cython.cimports.edge.features.slip import Slip
-    from cython.cimports.edge.features.vibration import Vibration
+    from cython.cimports.edge.features.pin_motion import AreaChange, ModeProduct, PinMotion
+    from cython.cimports.edge.features.slip_and_vibration import Slip, Vibration
     from cython.cimports.libc.math import NAN, sqrt
 else:
     from math import nan as NAN  # noqa: N812
@@ -49,12 +49,10 @@ else:
 
     from edge.features.contact_detector import ContactDetector
     from edge.features.contacts import ContactFinder
-    from edge.features.modes import Modes
-    from edge.features.pin_motion import AreaChange, PinMotion
-    from edge.features.slip import Slip
-    from edge.features.vibration import Vibration
+    from edge.features.pin_motion import AreaChange, ModeProduct, PinMotion
+    from edge.features.slip_and_vibration import Slip, Vibration
 
-__all__ = ["FeatureExtractor"]
+__all__ = ["FeatureExtractor", "FeaturePlan"]
 
 #: Fields of `Features` that follow from areas: volume, surface, grid, contacts; and from the pins in the
 #: contact: torsion, slip and its probability, vibration and the end of its band.
@@ -62,6 +60,43 @@ _OfAreas = tuple[float | None, Array | None, tuple[Array, Array] | None, tuple[C
 _OfPins = tuple[float | None, float | None, float | None, float | None, float | None]
 _NO_AREAS: _OfAreas = (None, None, None, None)
 _NO_PINS: _OfPins = (None, None, None, None, None)
+
+
+@cython.final
+@cython.cclass
+class FeaturePlan:
+    """What is computed of a frame for a demand: what its features need (`Feature.needs`).
+
+    moments        False: the contacts' moments are not wanted; they are NaN
+    fits           the contacts that are wanted as fitted to the pins' motion
+    modes_at_rest  False: modes are not wanted of an untouched tip
+    """
+
+    shear: cython.bint
+    modes: cython.bint
+    volume: cython.bint
+    surface: cython.bint
+    contacts: cython.bint
+    torsion: cython.bint
+    slip: cython.bint
+    vibration: cython.bint
+    moments: cython.bint
+    fits: cython.int
+    modes_at_rest: cython.bint
+
+    def __init__(
+        self,
+        demand: frozenset[Feature],
+        *,
+        moments: bool = True,
+        fits: Fits = Fits.ALL,
+        modes_at_rest: bool = True,
+    ) -> None:
+        needs = {need for feature in demand for need in feature.needs}
+        self.shear, self.modes, self.volume = "shear" in needs, "modes" in needs, "volume" in needs
+        self.surface, self.contacts = "surface" in needs, "contacts" in needs
+        self.torsion, self.slip, self.vibration = "torsion" in needs, "slip" in needs, "vibration" in needs
+        self.moments, self.fits, self.modes_at_rest = moments, fits, modes_at_rest
 
 
 @cython.final
@@ -78,24 +113,12 @@ class FeatureExtractor:
     _grid: int | None
     _params: FeatureParams
     _finder: ContactFinder
-    _plan: FeaturePlan  # of the last frame; what follows is what it says
-    _volume: cython.bint
-    _picture: cython.bint
-    _contacts: cython.bint
-    _shear: cython.bint
-    _modes_wanted: cython.bint
-    _modes_at_rest: cython.bint
-    _torsion: cython.bint
-    _slip_wanted: cython.bint
-    _vibration_wanted: cython.bint
-    _moments: cython.bint
-    _fits: cython.int
-    _untouched_areas: _OfAreas
-    _untouched_pins: _OfPins
+    _plan: FeaturePlan  # of the last frame
     _motion: PinMotion
     _area_change: AreaChange
     _detector: ContactDetector
     _modes: Modes
+    _mode_product: ModeProduct
     _slip: Slip
     _vibration: Vibration
     _rest_xy: cython.const[cython.double][:, ::1]
@@ -125,6 +148,7 @@ class FeatureExtractor:
         self._area_change = AreaChange(rest.xy_img, rest.pattern.pitch_px, rest_area_px2)
         self._detector = ContactDetector(rest, params)
         self._modes, self._vibration = Modes(rest), Vibration(rest.xy_img, params)
+        self._mode_product = ModeProduct(self._modes.of_all)
         self._slip = Slip(rest, self._motion, params)
         self._rest_xy = np.ascontiguousarray(rest.xy_img)
         self._filled_px, self._filled_change = np.empty((n, 2)), np.empty(n)
@@ -133,12 +157,11 @@ class FeatureExtractor:
         self._largest_noise = largest_noise(n)
         self._rest_variance = float(np.median(rest.pins.sigma_px)) ** 2
         self._contact_sigma, self._min_area_change = params.contact_sigma, params.min_area_change
-        self._finder = None
-        self._take_plan(FeaturePlan(frozenset()))
+        self._finder, self._plan = None, FeaturePlan(frozenset())
 
     def prepare(self, plan: FeaturePlan) -> None:
         """Make now what otherwise the first contact would wait for (70 ms)."""
-        if Quantity.CONTACTS in plan.needs:
+        if plan.contacts:
             self._made()
 
     @cython.cfunc
@@ -179,32 +202,34 @@ class FeatureExtractor:
         Raises         ValueError: sizes that do not fit
         """
         if plan is not self._plan:
-            self._take_plan(plan)
+            self._plan = plan
             self.forget_contacts()
-        n_seen: cython.Py_ssize_t = self._motion.since_rest(tracks.xy_img, tracks.sigma_px)
-        now_px: cython.double = self._motion.sigma_px
-        sigma_px: cython.double = sqrt(now_px * now_px + self._rest_variance)
+        n_seen = self._motion.since_rest(tracks.xy_img, tracks.sigma_px)
+        now_px = self._motion.sigma_px
+        sigma_px = sqrt(now_px * now_px + self._rest_variance)
         is_filled: cython.bint = n_seen < self._n and cells is not None and self._fill(cells.xy_img, n_seen)
         change: cython.double[::1] = self._change_since_rest(cells, is_filled)
         in_contact: cython.bint = contact_holds
         if not contact_holds:
             in_contact = self._detects(cells is not None, change, sigma_px)
         modes_px = None
-        if self._modes_wanted and (in_contact or self._modes_at_rest):
+        if plan.modes and (in_contact or plan.modes_at_rest):
             modes_px = self._modes_of(None if n_seen == self._n else tracks.seen, is_filled)
         of_areas, of_pins = _NO_AREAS, _NO_PINS
         if in_contact:
-            noise: cython.double = self._detector.cell_noise(sigma_px)
-            if cells is not None and (self._volume or self._picture or self._contacts):
+            noise = self._detector.cell_noise(sigma_px)
+            if cells is not None and (plan.volume or plan.surface or plan.contacts):
                 of_areas = self._of_areas(change, tracks.seen, sigma_px, noise)
-            if self._torsion or self._slip_wanted or self._vibration_wanted:
+            if plan.torsion or plan.slip or plan.vibration:
                 of_pins = self._of_contact_pins(sigma_px, now_px, noise, capture_ns)
         else:
             self._slip.forget()
             self._vibration.forget()
             self.forget_contacts()
-            of_areas = _NO_AREAS if cells is None else self._untouched_areas
-            of_pins = self._untouched_pins
+            if cells is not None:
+                of_areas = 0.0 if plan.volume else None, None, None, () if plan.contacts else None
+            slip, vibration = 0.0 if plan.slip else None, 0.0 if plan.vibration else None
+            of_pins = 0.0 if plan.torsion else None, slip, slip, vibration, None
         gap, gap_img = 0.0 if n_seen == self._n else NAN, None
         if cells is not None:
             gap, gap_img = cells.gap, cells.gap_img
@@ -213,28 +238,13 @@ class FeatureExtractor:
             self._change_array.copy(),
             self._motion_array.copy(),
             in_contact,
-            self._mean_array.copy() if self._shear else None,
+            self._mean_array.copy() if plan.shear else None,
             modes_px,
             *of_areas,
             *of_pins,
             gap,
             gap_img,
         )
-
-    @cython.cfunc
-    def _take_plan(self, plan: FeaturePlan) -> object:
-        needs = plan.needs
-        self._plan, self._modes_at_rest = plan, plan.modes_at_rest
-        self._moments, self._fits = plan.moments, plan.fits
-        self._shear, self._modes_wanted = Quantity.SHEAR in needs, Quantity.MODES in needs
-        self._volume, self._picture = Quantity.VOLUME in needs, Quantity.SURFACE in needs
-        self._contacts, self._torsion = Quantity.CONTACTS in needs, Quantity.TORSION in needs
-        self._slip_wanted, self._vibration_wanted = Quantity.SLIP in needs, Quantity.VIBRATION in needs
-        none = {True: 0.0, False: None}
-        slip, vibration = none[self._slip_wanted], none[self._vibration_wanted]
-        self._untouched_areas = (none[self._volume], None, None, () if self._contacts else None)
-        self._untouched_pins = (none[self._torsion], slip, slip, vibration, None)
-        return None
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -250,19 +260,18 @@ class FeatureExtractor:
     def _modes_of(self, seen: Mask | None, is_filled: cython.bint) -> Complex:
         """Of all pins, if lost ones are predicted or none is lost (None); else of the seen ones."""
         if is_filled:
-            return self._modes.fit(self._filled_px)
+            return self._mode_product.fit(self._filled_px)
         if seen is None:
-            return self._modes.fit(self._motion.motion)
+            return self._mode_product.fit(self._motion.motion)
         if len(seen) != self._n:
             raise ValueError(f"seen ({self._n},) is wanted")
-        return self._modes.fit(self._motion.motion, seen)
+        return self._modes.fit(self._motion_array, seen)
 
     @cython.cfunc
     @cython.exceptval(-1)
     def _fill(self, xy: cython.const[cython.double][:, ::1], n_seen: cython.Py_ssize_t) -> cython.int:
         """Put lost pins where they are predicted; whether their motion is, too: most are seen."""
-        i: cython.Py_ssize_t
-        n: cython.Py_ssize_t = self._n
+        n = self._n
         x: cython.double = 0.0
         y: cython.double = 0.0
         if xy.shape[0] != n or xy.shape[1] != 2:
@@ -298,15 +307,15 @@ class FeatureExtractor:
         """Those of a frame in contact; noise: one sigma of a cell's area change."""
         volume = picture = grid = contacts = None
         self._area_change.fill(change, self._motion.xy)
-        if self._volume:
+        if self._plan.volume:
             volume = self._area_change.volume(self._largest_noise * noise)
-        if self._picture or self._contacts:
+        if self._plan.surface or self._plan.contacts:
             finder: ContactFinder = self._made()
             finder.field.set_area_change(self._area_change.values)
-            if self._picture:
+            if self._plan.surface:
                 picture, grid = finder.surface.picture(), finder.surface.grid_img
-            if self._contacts:
-                contacts = finder.find(seen, sigma_px, self._moments, self._fits)
+            if self._plan.contacts:
+                contacts = finder.find(seen, sigma_px, self._plan.moments, self._plan.fits)
         return volume, picture, grid, contacts
 
     @cython.cfunc
@@ -320,13 +329,13 @@ class FeatureExtractor:
         """Those of a frame in contact."""
         torsion = slip = probability = rms = to_hz = None
         motion: PinMotion = self._motion
-        least: cython.double = max(self._contact_sigma * noise, self._min_area_change)
+        least = max(self._contact_sigma * noise, self._min_area_change)
         motion.find_contact(self._change, least)
-        if self._torsion:
+        if self._plan.torsion:
             torsion = motion.torsion()
-        if self._slip_wanted:
+        if self._plan.slip:
             self._slip.update(self._change, sigma_px)
             slip, probability = self._slip.slip_px, self._slip.probability
-        if self._vibration_wanted:
+        if self._plan.vibration:
             rms, to_hz = self._vibration.update(motion.motion, motion.pins, motion.n_pins, now_px, capture_ns)
         return torsion, slip, probability, rms, to_hz

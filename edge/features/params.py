@@ -15,6 +15,9 @@ RING_NOISE = 4.0 / (7.0 * 3.0**0.5)
 #: Noise of a median over that of a mean, of normal noise.
 MEDIAN_NOISE = (0.5 * pi) ** 0.5
 
+#: The size of the tables of contacts: as many as a sample can count.
+CONTACTS_MAX = 14
+
 
 def largest_noise(n: int) -> float:
     """What n values of normal noise hardly exceed, in standard deviations; so high that one among n passes a
@@ -46,7 +49,6 @@ class FeatureParams:
     shallow_rel: float = 0.3  # of a peak: what is lower is outside of its contact, a valley less deep is none
     min_oriented_elongation: float = 1.5  # ratio of the axes above which a direction is given
     place_radius_pitch: float = 2.0  # pins within this radius of the middle make a contact's place
-    place_radius_axis: float = 1.25  # ... or within this many semi-axes, if that is more
 
     # --- contacts fitted to the pins' motion: one or two?
     close_pitch: float = 2.5  # closer contacts may be one region; a contact's surroundings

@@ -25,6 +25,16 @@ cdef class PinMotion:
 
 
 @cython.final
+cdef class ModeProduct:
+    cdef float[:, ::1] _rows  # (n, ROW), real part where a >= b in a mode's powers, there imaginary part of (b, a)
+    cdef int[::1] _mirror
+    cdef double complex[::1] _result
+    cdef object _result_array  # the same memory
+
+    cpdef object fit(self, const double[:, ::1] motion)
+
+
+@cython.final
 cdef class AreaChange:
     cdef readonly double[::1] values
     cdef Py_ssize_t _n

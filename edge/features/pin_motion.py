@@ -1,3 +1,4 @@
+# cython: infer_types=True
 """Motion of the pins, and area changes of their cells: mean motion, the pins in the contact, torsion, what a
 rigid load does not explain; volume.
 
@@ -31,10 +32,11 @@ from __future__ import annotations
 import cython
 import numpy as np
 
+from edge.features.modes import MODE_MIRROR
 from edge.geometry.lattice import residual_stencil, slope_stencil
 from edge.geometry.neighbours import weighted_rows
 from edge.geometry.select import SIGMA_OF_MAD
-from edge.types import Array, Mask, Rest
+from edge.types import Array, Complex, Mask, Rest
 
 if cython.compiled:
     from cython.cimports.edge.geometry.neighbours import weighted_sums
@@ -54,7 +56,8 @@ _FLAT = cython.declare(cython.double, 1e-12)
 #: Squared semi-axes of the contact's ellipse in variances: two standard deviations, a uniform disc's own
 #: edge.
 _ELLIPSE = cython.declare(cython.double, 4.0)
-
+#: Modes, padded to whole vectors.
+ROW = 24
 #: Standard deviation of normal noise over the median of its size.
 _SIGMA_OF_MAD = cython.declare(cython.double, SIGMA_OF_MAD)
 
@@ -92,10 +95,10 @@ class PinMotion:
         sigma_px  (n,) float64; of the seen pins finite
         Raises    ValueError: sizes that do not fit
         """
-        n: cython.Py_ssize_t = self._n
+        n = self._n
         if xy.shape[0] != n or xy.shape[1] != 2 or sigma_px.shape[0] != n:
             raise ValueError(f"xy ({n}, 2) and sigma_px ({n},) are wanted")
-        n_seen: cython.Py_ssize_t = 0
+        n_seen = 0
         x: cython.double = 0.0
         y: cython.double = 0.0
         sigma: cython.double = 0.0
@@ -151,7 +154,7 @@ class PinMotion:
             xx = xx / total - x * x
             xy = xy / total - x * y
             yy = yy / total - y * y
-        det: cython.double = xx * yy - xy * xy
+        det = xx * yy - xy * xy
         pins: cython.int[::1] = self.pins
         is_ellipse: cython.bint = total > 0.0 and det > _FLAT
         for i in range(self._n):
@@ -172,8 +175,7 @@ class PinMotion:
         """
         rows: cython.int[::1] = self.pins
         motion: cython.double[:, ::1] = self.motion
-        i: cython.Py_ssize_t
-        used: cython.Py_ssize_t = 0
+        used = 0
         x: cython.double = 0.0
         y: cython.double = 0.0
         for p in range(self.n_pins):
@@ -224,8 +226,7 @@ class PinMotion:
         rows: cython.int[::1] = self.pins
         now: cython.double[:, ::1] = self.motion
         disc: cython.double[:, ::1] = self._disc
-        i: cython.Py_ssize_t
-        used: cython.Py_ssize_t = 0
+        used = 0
         dx: cython.double
         dy: cython.double
         left: cython.double = 0.0
@@ -269,9 +270,6 @@ class PinMotion:
     def _solve_plane(self) -> None:
         """Gauss-Jordan on `_g`: its right sides become the coefficients of 1, x, y for each component."""
         g: cython.double[:, ::1] = self._g
-        r: cython.Py_ssize_t
-        c: cython.Py_ssize_t
-        row: cython.Py_ssize_t
         g[1, 0], g[2, 0], g[2, 1] = g[0, 1], g[0, 2], g[1, 2]
         for r in range(3):
             pivot = g[r, r]
@@ -282,6 +280,46 @@ class PinMotion:
                     factor = g[row, r]
                     for c in range(r, 5):
                         g[row, c] -= factor * g[r, c]
+
+
+@cython.final
+@cython.cclass
+class ModeProduct:
+    """The modes of all n pins' motion: a product with `Modes.of_all` in single precision, whose error is 1e-7
+    of the motion.
+
+    Mode (b, a) is the conjugate of mode (a, b): real sums, of the latter's real and imaginary part, give the
+    coefficients of both.
+    """
+
+    def __init__(self, of_all: Complex) -> None:
+        rows = np.zeros((of_all.shape[1], ROW), np.float32)
+        for column, mirror in enumerate(MODE_MIRROR):
+            rows[:, column] = of_all[column].real if column <= mirror else -of_all[mirror].imag
+        self._rows = rows
+        self._mirror = np.array(MODE_MIRROR, np.int32)
+        self._result_array = self._result = np.zeros(len(MODE_MIRROR), np.complex128)
+
+    def fit(self, motion: Array) -> Complex:
+        """Coefficients (21,) complex128 px of the motion (n, 2) float64 px."""
+        of_x: cython.float[24] = [0.0] * 24  # these stay in registers until all pins are in: ROW numbers each
+        of_y: cython.float[24] = [0.0] * 24
+        rows: cython.const[cython.float][:, ::1] = self._rows
+        for i in range(rows.shape[0]):
+            x = cython.cast(cython.float, motion[i, 0])
+            y = cython.cast(cython.float, motion[i, 1])
+            for j in range(24):
+                of_x[j] += rows[i, j] * x
+                of_y[j] += rows[i, j] * y
+        for j in range(self._mirror.shape[0]):
+            m = self._mirror[j]
+            if j == m:
+                self._result[j] = of_x[j] + 1j * of_y[j]
+            elif j < m:
+                self._result[j] = (of_x[j] + of_y[m]) + 1j * (of_y[j] - of_x[m])
+                self._result[m] = (of_x[j] - of_y[m]) + 1j * (of_y[j] + of_x[m])
+        result: Complex = self._result_array.copy()
+        return result
 
 
 @cython.final
@@ -338,7 +376,6 @@ class AreaChange:
 
     def _between(self, xy: Array, i: cython.Py_ssize_t) -> float:
         """Area change at pin i by the motion of its ring: the determinant of the gradient, less 1."""
-        j: cython.Py_ssize_t
         xx: cython.double = 0.0
         xy_: cython.double = 0.0
         yx: cython.double = 0.0
@@ -376,9 +413,8 @@ class PinNoise:
         seen     (n,) bool
         Returns  px, one sigma; 0 where no pin is seen
         """
-        n: cython.Py_ssize_t = self._rest.shape[0]
-        i: cython.Py_ssize_t
-        n_sizes: cython.Py_ssize_t = 0
+        n = self._rest.shape[0]
+        n_sizes = 0
         motion: cython.float[::1] = self._motion
         residual: cython.float[::1] = self._residual
         sizes: cython.double[::1] = self._sizes

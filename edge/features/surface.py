@@ -33,7 +33,6 @@ class Surface:
     x_img, y_img      (g,) px: places of the grid's columns and rows; `grid_img` are both
     step_px           distance of neighbouring grid points
     inside            (g, g) bool: within the tip's circle; "the k points" are these, row by row
-    index             (g, g) which of the k points; -1 outside
     points_img        (k, 2) px
     divergence_noise  (k,) float32, noise of `divergence` per px of a pin's
     field             what computes the fields
@@ -48,18 +47,14 @@ class Surface:
         if size is None:
             wanted = round(2.0 * radius / pattern.pitch_px * params.grid_steps_per_pitch) + 1
             size = max(wanted, params.grid_min)
-        self.size = size
         self.pitch_px = pattern.pitch_px
         self.rest_img = np.ascontiguousarray(rest.xy_img)
         line = np.linspace(-radius, radius, size)
         self.step_px = float(line[1] - line[0])
         self.grid_img = self.x_img, self.y_img = line + pattern.centre_img[0], line + pattern.centre_img[1]
         self.inside: Mask = line[None, :] ** 2 + line[:, None] ** 2 <= radius * radius
-        self._flat = np.flatnonzero(self.inside).astype(np.int32)
-        self._empty_grid = np.full(size * size, np.nan)
-        self.index = np.full((size, size), -1, dtype=np.intp)
-        self.index[self.inside] = np.arange(len(self._flat))
-        self.points_img = np.column_stack([self.x_img[self._flat % size], self.y_img[self._flat // size]])
+        row, column = np.nonzero(self.inside)
+        self.points_img = np.column_stack([self.x_img[column], self.y_img[row]])
         value, along_x, along_y = thin_plate_operators(rest.xy_img, self.points_img)
         # x and y interleaved, like the motion's rows: one product.
         divergences = np.stack([along_x, along_y], axis=2).reshape(len(value), -1)
@@ -68,6 +63,6 @@ class Surface:
 
     def picture(self) -> Array:
         """The surface through the area changes set in `field`: (g, g) float64, NaN beyond the circle; new."""
-        grid = self._empty_grid.copy()
-        self.field.write_surface(self._flat, grid)
-        return grid.reshape(self.size, self.size)
+        grid = np.full(self.inside.shape, np.nan)
+        grid[self.inside] = self.field.whole_surface()
+        return grid

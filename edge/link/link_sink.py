@@ -13,6 +13,7 @@
   file descriptor that is closed under a waiting reader may be reused for another file.
 - At the start a medium that cannot be opened is the user's mistake: SinkError. Later it is counted.
 - Faults are reported from a thread of their own: the loop may be in a search, and the worker in a write.
+  It is woken by what is lost or back, and looks every `check_s` while something may stall.
 """
 
 import logging
@@ -25,10 +26,9 @@ from itertools import count
 from typing import Any
 
 from edge.errors import SinkError
-from edge.link.medium import Medium, MediumError, MediumFull, MediumKeeper
+from edge.link.medium import Medium, MediumError, MediumFull
 from edge.link.params import PARAMS, LinkParams
-from edge.link.send_queue import SendQueue
-from edge.link.stall_watch import StallWatch
+from edge.link.send_queue import SendQueue, Spaced
 from hostlink.link_guard import LinkGuard
 from hostlink.wire import FaultCode, State
 
@@ -83,12 +83,18 @@ class LinkSink(ABC):
         self.on_faults: Callable[[], None] | None = None
         self.guard = LinkGuard(name)
         self._params = params
+        self._open_medium = open_medium
+        self._tried_s = time.monotonic()
         try:
-            self._medium = MediumKeeper(open_medium, params.retry_s)
+            self._medium: Medium | None = open_medium()  # None: lost
         except MediumError as error:
             raise SinkError(f"{name}: {error}") from None
+        self._lost = False  # and nothing was sent since: a medium that opens may still not take frames
+        self._failed: Medium | None = None  # to be closed before another one is opened
         self._queue = SendQueue(params.samples_n, params.control_n)
-        self._stall = StallWatch(params.stall_s)
+        self._refused_s: float | None = None  # since when nothing was accepted
+        self._writing_since_s: float | None = None  # begin of the present write
+        self._fault_event = threading.Event()  # faults may have changed
         self._changed = threading.Condition()  # guards medium, queue and counters
         self._writing = threading.Lock()  # one write at a time, none while the medium changes
         self._reading = threading.Lock()  # held by the reader while it is inside of the medium
@@ -96,7 +102,7 @@ class LinkSink(ABC):
         self._numbers = count()
         self._counters = SinkCounters()
         self._counting = threading.Lock()
-        self._budget: ReadBudget | None = None
+        self._budget = ReadBudget(0.0, time.monotonic(), params)  # the thread that it counts is to begin
         self._threads = [
             threading.Thread(
                 target=self.guard.run,
@@ -105,7 +111,7 @@ class LinkSink(ABC):
                 daemon=True,
             )
             for what, step, finish in (
-                ("writer", self._write_or_reopen, self._close_current),
+                ("writer", self._write_or_reopen, lambda: self._close_medium(self._medium)),
                 ("reader", self._read, None),
                 ("watch", self._watch, None),
             )
@@ -121,12 +127,14 @@ class LinkSink(ABC):
 
     @property
     def up(self) -> bool:
-        # A medium that opens may still not take frames: the first frame sent proves it.
-        return self._medium.current is not None and not self._medium.lost and not self._stall.stalled
+        if self._medium is None or self._lost:
+            return False
+        idle_s = [s for s in (self._refused_s, self._writing_since_s) if s is not None]
+        return not idle_s or time.monotonic() - min(idle_s) <= self._params.stall_s
 
     @property
     def faults(self) -> frozenset[FaultCode]:
-        medium = self._medium.current
+        medium = self._medium
         if medium is not None and medium.bus_off:
             return frozenset({FaultCode.BUS_OFF})
         return frozenset() if self.up else frozenset({FaultCode.LINK_DOWN})
@@ -143,7 +151,7 @@ class LinkSink(ABC):
 
     def send(self, state: State) -> bool:
         number = next(self._numbers)  # dropped samples have a number too: the host counts them as lost
-        medium = self._medium.current
+        medium = self._medium
         if medium is None or self._closing:
             self._count("dropped")
             return False
@@ -157,7 +165,7 @@ class LinkSink(ABC):
             return sent
         with self._changed:
             # If the medium was lost meanwhile, queued samples would be old when the link is back.
-            kept = self._medium.current is medium and self._queue.put_sample(items)
+            kept = self._medium is medium and self._queue.put_sample(items)
             self._changed.notify_all()
         if not kept:
             self._count("dropped")
@@ -166,32 +174,24 @@ class LinkSink(ABC):
     def post(self, item: Any) -> None:
         """Send an answer, an emergency or a heartbeat: ahead of the samples, in the order given."""
         with self._changed:
-            if self._medium.current is not None:
+            if self._medium is not None:
                 self._queue.put_control(item)
                 self._changed.notify_all()
 
-    def post_block(self, items: Sequence[Any], spacing_s: float) -> None:
-        """Send items of an answer when no sample waits, in place of those of the last call that still wait.
+    def post_spaced(self, kind: Spaced, items: Sequence[Any], spacing_s: float) -> bool:
+        """Send items when no sample waits, in place of those of the last call that still wait.
 
-        spacing_s  as for `send_detail`
-        """
-        with self._changed:
-            if self._medium.current is not None:
-                self._queue.put_spaced("block", items, spacing_s)
-                self._changed.notify_all()
-
-    def send_detail(self, items: Sequence[Any], spacing_s: float) -> bool:
-        """Send items of the lowest priority, when nothing else waits; False: skipped and counted.
-
+        kind       "block": of an answer; "detail": if nothing else waits
         spacing_s  least time between two of the items: a sample cannot overtake what lies in the driver's
                    queue, so there must never be more than one
+        Returns    False: detail was skipped, and counted
         """
         with self._changed:
-            free = self._medium.current is not None and not self._queue.waiting
+            free = self._medium is not None and (kind == "block" or not self._queue.waiting)
             if free:
-                self._queue.put_spaced("detail", items, spacing_s)
+                self._queue.put_spaced(kind, items, spacing_s)
                 self._changed.notify_all()
-        if not free:
+        if not free and kind == "detail":
             self._count("detail_skipped")
         return free
 
@@ -213,7 +213,7 @@ class LinkSink(ABC):
         with self._changed:
             self._closing = True
             self._changed.notify_all()
-        self._stall.wake()
+        self._fault_event.set()
         end_s = time.monotonic() + self._params.close_s
         for thread in self._threads:
             if thread is not threading.current_thread():
@@ -226,51 +226,57 @@ class LinkSink(ABC):
         with self._counting:
             setattr(self._counters, what, getattr(self._counters, what) + n)
         if what == "dropped" and n:
-            self._stall.dropped()
+            self._refuse(time.monotonic())
+
+    def _refuse(self, since_s: float) -> None:
+        """Note that the medium has accepted nothing since then."""
+        if self._refused_s is None:
+            self._refused_s = since_s
+            self._fault_event.set()
 
     def _write(self, medium: Medium, items: Sequence[Any]) -> bool:
         """Write all items of one sample; the caller holds `_writing`."""
-        if medium is not self._medium.current:
+        if medium is not self._medium:
             return False
-        bus_off, stall = medium.bus_off, self._stall
-        began_s = stall.writing_since_s = time.monotonic()
-        if not medium.instant:
-            stall.may_block(began_s)
+        bus_off = medium.bus_off
+        began_s = self._writing_since_s = time.monotonic()
         try:
             for item in items:
                 medium.write(item)
         except MediumFull:
-            stall.refused(began_s)
+            self._refuse(began_s)
             return False
         except (Exception, SystemExit) as error:  # noqa: BLE001 - of a driver: whatever it is, the medium has failed
             self._lose(medium, error)
             return False
         finally:
-            stall.writing_since_s = None
-        reconnected, self._medium.lost = self._medium.lost, False
-        if reconnected:
+            self._writing_since_s = None
+        if self._lost:
             self._count("reconnects")
             log.info("%s: link reconnected", self.name)
-        stall.left(began_s, recovered=reconnected or bus_off)
+        recovered = self._lost or bus_off or self._refused_s is not None
+        self._lost, self._refused_s = False, None
+        if recovered:
+            self._fault_event.set()
         return True
 
     def _lose(self, medium: Medium, error: BaseException) -> None:
         if not isinstance(error, MediumError):
             self.guard.note(error)
         with self._changed:
-            was_lost = self._medium.lost
-            if not self._medium.lose(medium):
+            if self._medium is not medium:
                 return
-            if not was_lost:
+            if not self._lost:
                 log.warning("%s: %s", self.name, error)
+            self._medium, self._failed, self._lost = None, medium, True
             dropped_n = self._queue.clear()
             self._changed.notify_all()
-        self._stall.wake()
+        self._fault_event.set()
         self._count("dropped", dropped_n)
 
     def _recover(self) -> None:
         """A thread's step has failed as nobody foresaw: begin anew with another medium, after a pause."""
-        medium = self._medium.current
+        medium = self._medium
         if medium is not None:
             self._lose(medium, MediumError("unforeseen error"))
         self._pause(self._params.retry_s)
@@ -281,13 +287,13 @@ class LinkSink(ABC):
             self._changed.wait_for(lambda: self._closing, seconds)
 
     def _write_or_reopen(self) -> None:
-        if self._medium.current is None:
+        if self._medium is None:
             self._reopen()
             return
         items = self._next_items()
         if items is None:
             return
-        medium, written = self._medium.current, False
+        medium, written = self._medium, False
         try:
             with self._writing:
                 written = medium is not None and self._write(medium, items)
@@ -300,30 +306,32 @@ class LinkSink(ABC):
     def _next_items(self) -> Sequence[Any] | None:
         """Wait for something to send; returns the most urgent."""
         with self._changed:
-            if self._medium.current is None or self._closing:
+            if self._medium is None or self._closing:
                 return None
             wait_s = self._queue.wait_s(time.monotonic())
             if wait_s != 0.0:
                 self._changed.wait(wait_s)
-            if self._medium.current is None or self._closing:
+            if self._medium is None or self._closing:
                 return None
             return self._queue.take(time.monotonic())
 
     def _reopen(self) -> None:
         with self._changed:
-            failed = self._medium.take_failed()
+            failed, self._failed = self._failed, None
         self._close_medium(failed)
-        self._pause(self._medium.pause_s)
-        medium = None if self._closing else self._medium.try_open()
-        if medium is None:
+        # SocketCAN opens on an interface that is down, and fails at once: do not retry without a pause.
+        self._pause(self._tried_s + self._params.retry_s - time.monotonic())
+        if self._closing:
             return
-        self._stall.reopened()
+        self._tried_s = time.monotonic()
+        try:
+            medium = self._open_medium()
+        except MediumError:
+            return
         with self._changed:
-            self._medium.current = medium
+            self._medium, self._refused_s = medium, None
             self._changed.notify_all()
-
-    def _close_current(self) -> None:
-        self._close_medium(self._medium.current)
+        self._fault_event.set()
 
     def _close_medium(self, medium: Medium | None) -> None:
         if medium is not None:
@@ -333,31 +341,32 @@ class LinkSink(ABC):
     # ---- fault watch ------------------------------------------------------------------------------
 
     def _watch(self) -> None:
-        self._stall.wait()
+        medium = self._medium
+        may_stall = self._refused_s is not None or (medium is not None and not medium.instant)
+        self._fault_event.wait(self._params.check_s if may_stall else None)
+        self._fault_event.clear()
         if not self._closing and self.on_faults is not None and not self.guard.call(self.on_faults):
             self._pause(self._params.retry_s)
-            self._stall.wake()  # they must be reported some time
+            self._fault_event.set()  # they must be reported some time
 
     # ---- the reader -------------------------------------------------------------------------------
 
     def _read(self) -> None:
         """Wait for a medium and read once."""
-        if self._budget is None:  # made in the thread whose time it counts
-            self._budget = ReadBudget(time.thread_time(), time.monotonic(), self._params)
         with self._changed:
-            self._changed.wait_for(lambda: self._closing or self._medium.current is not None)
-            medium = self._medium.current
+            self._changed.wait_for(lambda: self._closing or self._medium is not None)
+            medium = self._medium
         if self._closing or medium is None:
             return
         with self._reading:
             message, bus_off = None, medium.bus_off
             try:
-                if medium is self._medium.current:
+                if medium is self._medium:
                     message = medium.read(self._params.read_s)
             except (Exception, SystemExit) as error:  # noqa: BLE001 - the same
                 self._lose(medium, error)
         if medium.bus_off != bus_off:
-            self._stall.wake()
+            self._fault_event.set()
         if message is not None and self.on_message is not None:
             self.guard.call(self.on_message, message)
         pause_s = self._budget.pause_s(time.thread_time(), time.monotonic())

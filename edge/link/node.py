@@ -15,30 +15,31 @@ import threading
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
+from edge.link.commands import CanCommands, SerialCommands
 from edge.link.link_sink import LinkSink, SinkCounters
-from edge.link.nmt import NmtCommand, NmtState
+from edge.link.nmt import LEADS_TO, NmtCommand, NmtState
 from edge.link.object_server import Device, ObjectServer
 from edge.link.params import PARAMS
-from edge.link.ports import CanPort, SerialPort
 from edge.link.settings import SettingsFile
 from edge.link.sinks import CanFdSink, CanSink, SerialSink
-from hostlink.wire import FAULTS, FEATURE_BITS, CanIds, FaultCode, State, Status, pack_detail, pack_emergency
+from hostlink.wire import FAULTS, FEATURE_BITS, FaultCode, Kind, State, Status, pack_detail, pack_emergency
+from hostlink.wire.canid import NODES_MAX
 
 _FAULTS = {fault.code: fault for fault in FAULTS}
-_STANDARD_IDS = CanIds()
 
 
 class Node:
     """One finger on one link, which it closes.
 
     settings  where settings live; several nodes of one finger may share one
-    node      CANopen node number on a serial line; on CAN it is the sink's
-    number    the one of the two that holds
+    number    CANopen node number, the sink's
+    state     as a master has set it
     """
 
     def __init__(
-        self, sink: CanSink | SerialSink, device: Device, settings: SettingsFile | None = None, node: int = 1
+        self, sink: CanSink | SerialSink, device: Device, settings: SettingsFile | None = None
     ) -> None:
         self.sink: LinkSink = sink
         self.name = sink.name
@@ -55,32 +56,18 @@ class Node:
         self._detail_frames = 0
         self._active: set[FaultCode] = set()
         self._link_faults: frozenset[FaultCode] = frozenset()
-        self.number = sink.node if isinstance(sink, CanSink) else node
-        ids = sink.ids if isinstance(sink, CanSink) else None
+        self.number, self.state = sink.node, NmtState.INITIALISING
         self.objects = ObjectServer(
-            device, self._settings, self.number, ids or _STANDARD_IDS, self._changed, self._statistics
+            device, self._settings, sink.node, sink.ids, self._changed, self._statistics
         )
-        self._port: CanPort | SerialPort
-        if isinstance(sink, CanSink):
-            self._port = CanPort(sink, self.objects, self._on_nmt, self._on_sync)
-        else:
-            self._port = SerialPort(sink, self.number, self.objects, self._on_nmt, self._on_sync)
+        self._commands = CanCommands(sink, self) if isinstance(sink, CanSink) else SerialCommands(sink, self)
         sink.on_faults = self.watch_link
         self._changed("features")
         self._start()
 
     @property
-    def up(self) -> bool:
-        return self.sink.up
-
-    @property
     def counters(self) -> SinkCounters:
         return self.sink.counters
-
-    @property
-    def state(self) -> NmtState:
-        """As a master has set it."""
-        return self._port.state
 
     def send(self, state: State) -> bool:
         """Send a sample if it is due; True: it was sent. A sample that is not due is neither sent nor
@@ -119,7 +106,7 @@ class Node:
             return False
         segments = pack_detail(sample, rows, self._detail_counter)
         items = [sink.encode_detail(segment) for segment in segments]
-        if not sink.send_detail(items, sink.frame_s(len(segments[0])) / PARAMS.spaced_rel):
+        if not sink.post_spaced("detail", items, sink.frame_s(len(segments[0])) / PARAMS.spaced_rel):
             return False
         self._detail_counter += len(segments)
         return True
@@ -141,7 +128,8 @@ class Node:
         self.objects.error_register = register
         emcy = _FAULTS[code].emcy if active else 0
         named = int(code) if self._active else 0
-        self._port.send_emergency(pack_emergency(emcy, register, named, int(status)))
+        data = pack_emergency(emcy, register, named, int(status))
+        self.sink.post(self._commands.item(Kind.EMERGENCY, data))
 
     def watch_link(self) -> None:
         """Report the link's current faults; called by the sink when they may have changed."""
@@ -159,8 +147,21 @@ class Node:
                 self._send_emergency(code, True)
 
     def _start(self) -> None:
-        self._port.boot(self._settings.values.heartbeat_ms)
-        self._port.state = NmtState.OPERATIONAL
+        """Send the boot-up message, and be operational, with heartbeat."""
+        self._set_heartbeat(0)
+        self.state = NmtState.INITIALISING
+        self.sink.post(self._heartbeat())
+        self.state = NmtState.OPERATIONAL
+        self._set_heartbeat(self._settings.values.heartbeat_ms)
+
+    def _set_heartbeat(self, period_ms: int) -> None:
+        """Send the state each period from now on; 0: not."""
+        # Fingers that begin together would else send theirs in the same moment for ever.
+        phase = self.number / (NODES_MAX + 1)
+        self.sink.every(period_ms / 1000.0, self._heartbeat if period_ms else None, phase)
+
+    def _heartbeat(self) -> Any:
+        return self._commands.item(Kind.HEARTBEAT, bytes((self.state,)))
 
     def _send(self, state: State) -> bool:
         dropped_n = self.sink.dropped_n
@@ -188,7 +189,8 @@ class Node:
         self._next_us += period_us
         return True
 
-    def _on_sync(self) -> None:
+    def sync(self) -> None:
+        """A SYNC has come: send the latched sample, if it is its turn."""
         every = self.objects.transmission[1]
         if every == 254 or self.state is not NmtState.OPERATIONAL:
             return
@@ -202,7 +204,12 @@ class Node:
             waited_us = (time.monotonic() - since_s) * 1e6
             self._send(replace(state, latency_us=state.latency_us + waited_us))
 
-    def _on_nmt(self, command: NmtCommand) -> None:
+    def command(self, number: int) -> None:
+        """Take a master's command, if there is such a one."""
+        if number not in list(NmtCommand):
+            return
+        command = NmtCommand(number)
+        self.state = LEADS_TO[command]
         if command in (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION):
             if command is NmtCommand.RESET_NODE:
                 self._settings.values = self._settings.load()
@@ -214,7 +221,7 @@ class Node:
     def _changed(self, setting: str) -> None:
         values = self._settings.values
         if setting == "heartbeat_ms":
-            self._port.set_heartbeat(values.heartbeat_ms)
+            self._set_heartbeat(values.heartbeat_ms)
         elif setting == "features":
             names = frozenset(name for name, bit in FEATURE_BITS.items() if values.features & bit)
             self._device.set_features(names)

@@ -186,25 +186,23 @@ class ObjectServer:
         if name.endswith("_cob_id"):
             base = int(getattr(self._ids, name.removesuffix("_cob_id")))
             return base + (self._node if obj.node_id else 0)
-        if name == "settings_stored":
-            return self._settings.is_stored
+        own: dict[str, Value] = {
+            "settings_stored": self._settings.is_stored,
+            "refusal": self.refusal,
+            "error_register": self.error_register,
+            "error_n": len(self._errors),
+            **self._link(),
+        }
+        if name in own:
+            return own[name]
         if obj.index == 0x2032 and obj.sub:
             return self._device.rest_frame()[name]
-        if name == "refusal":
-            return self.refusal
-        if name == "error_register":
-            return self.error_register
-        if name == "error_n":
-            return len(self._errors)
         if obj.index == 0x1003:
             return self._errors[obj.sub - 1] if obj.sub <= len(self._errors) else None
         if name.endswith("_transmission"):
             return self.transmission[obj.index - 0x1800 + 1]
         if name == "calibration":
             return self._device.calibration_bytes() or None
-        link = self._link()
-        if name in link:
-            return link[name]
         if name == "serial_short":
             serial = str(self._described()["serial_number"])
             return int.from_bytes(sha256(serial.encode()).digest()[:4], "big")
@@ -213,9 +211,9 @@ class ObjectServer:
         return self._described().get(name, obj.default)
 
     def _described(self) -> Mapping[str, Value]:
-        """The device's description, at most `described_s` old."""
+        """The device's description, at most `check_s` old."""
         now_s = time.monotonic()
-        if now_s - self._described_s > PARAMS.described_s:
+        if now_s - self._described_s > PARAMS.check_s:
             self._description, self._described_s = self._device.describe(), now_s
         return self._description
 

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from edge.params import PARAMS as RUNTIME
+from hostlink.wire.e2e import P5_COUNTERS
 
 
 @dataclass(frozen=True, slots=True)
@@ -12,16 +13,16 @@ class LinkParams:
     # --- a medium that fails
     retry_s: float = RUNTIME.announced_s
     stall_s: float = RUNTIME.stall_s  # nothing leaves for this long: the link counts as down
+    check_s: float = RUNTIME.check_s  # between looks at the link and at the device, which cost the loop time
     write_s: float = 0.2  # a medium that accepts nothing for this long is full
     close_s: float = RUNTIME.close_s  # for the queue, and again for the threads
 
     # --- send queue
     samples_n: int = 4  # older ones are not worth sending
-    control_n: int = 256  # answers, also those that are kept for repetitions
+    control_n: int = P5_COUNTERS  # answers that wait or are known: no two have the same counter
 
     # --- answers
     spaced_rel: float = 0.3  # share of the link's time for detail, and for block transfers, at most
-    described_s: float = RUNTIME.check_s  # a description is made anew after this: it costs the loop some time
     idle_s: float = RUNTIME.patience_s  # a client that is silent for so long is gone, and its transfer
 
     # --- reading

@@ -20,25 +20,20 @@ from collections.abc import Callable, Sequence
 from edge.limits import FILE_BYTES
 from edge.link.object_server import Aborted, ObjectServer, size_of
 from edge.link.params import PARAMS
-from edge.link.sdo_transfer import BlockDownload, BlockTransfer, BlockUpload, Transfer
+from edge.link.sdo_transfer import BlockDownload, BlockTransfer, BlockUpload, SegmentTransfer, Transfer
 from hostlink.wire import Abort
 from hostlink.wire.sdo import (
     ANSWER_TO,
     EXPEDITED,
     HEAD,
-    LAST,
-    SEGMENT,
     SEGMENTS,
     SIZE_GIVEN,
     SPECIFIER,
-    TOGGLE,
     Block,
     Sdo,
     expedited,
     goes_on,
     pack_abort,
-    pack_segment,
-    segment_data,
 )
 
 DOWNLOAD_MAX = FILE_BYTES  # bounds the memory that a client can take
@@ -58,7 +53,7 @@ class SdoServer:
         self,
         objects: ObjectServer,
         send: Callable[[bytes], None],
-        send_block: Callable[[Sequence[bytes]], None],
+        send_block: Callable[[Sequence[bytes]], object],
         clock_s: Callable[[], float] = time.monotonic,
     ) -> None:
         self._objects, self._clock_s = objects, clock_s
@@ -66,12 +61,10 @@ class SdoServer:
         self._transfer: Transfer | None = None
         self._repeated = _NO_REPEAT
         self._written: dict[bytes, float] = {}  # short writes that were done, and when last asked for
-        self._newest = b""
+        self._present = self._previous = b""  # requests
         self._handlers = {
-            Sdo.DOWNLOAD_SEGMENT: self._download_segment,
             Sdo.DOWNLOAD: self._download,
             Sdo.UPLOAD: self._upload,
-            Sdo.UPLOAD_SEGMENT: self._upload_segment,
             Sdo.ABORT: self._aborted,
             Sdo.BLOCK_UPLOAD: self._block_upload,
             Sdo.BLOCK_DOWNLOAD: self._block_download,
@@ -85,114 +78,53 @@ class SdoServer:
     def request(self, data: bytes) -> None:
         """Handle the 8 bytes of a request."""
         data = bytes(data)
+        self._previous, self._present = self._present, data
         segment, answer = self._repeated
         if data == segment:
             self._send(answer)
             return
         command, index, sub = HEAD.unpack_from(data)
-        handler = self._handlers.get(command & SPECIFIER)
-        block = None if command == Sdo.ABORT else self._block()
-        try:
-            if block is not None and self._go_on(block, data):
-                return
-            block = None
-            if handler is None:
-                raise Aborted(Abort.COMMAND)
-            handler(command, index, sub, data)
-        except Aborted as error:
-            if block is not None or command & SPECIFIER in SEGMENTS:
-                transfer = self._transfer
+        specifier, transfer = command & SPECIFIER, self._transfer
+        if transfer is not None and command != Sdo.ABORT:
+            try:
+                if self._go_on(transfer, data):
+                    return
+            except Aborted as error:
                 self.reset()
-                index, sub = (transfer.index, transfer.sub) if transfer else (0, 0)
-            elif goes_on(command):
-                index, sub = 0, 0
+                self._send(pack_abort(transfer.index, transfer.sub, error.code))
+                return
+        nameless = specifier in SEGMENTS or goes_on(command)
+        try:
+            if nameless or specifier not in self._handlers:
+                raise Aborted(Abort.TOGGLE if specifier in SEGMENTS else Abort.COMMAND)
+            self._handlers[specifier](command, index, sub, data)
+        except Aborted as error:
+            index, sub = (0, 0) if nameless else (index, sub)
             self._send(pack_abort(index, sub, error.code))
-        self._newest = data
 
-    def _upload(self, command: int, index: int, sub: int, data: bytes) -> None:
-        self._answer_upload(index, sub, self._read(index, sub))
-
-    def _block_upload(self, command: int, index: int, sub: int, data: bytes) -> None:
-        if goes_on(command):
-            raise Aborted(Abort.COMMAND)
-        value, crc = self._read(index, sub), command & Block.CRC
-        self._begin(
-            BlockUpload(index, sub, False, bytearray(value), len(value), has_crc=crc > 0, n_max=data[4])
-        )
-        head = HEAD.pack(ANSWER_TO[Sdo.BLOCK_UPLOAD] | Block.SIZE_GIVEN | crc, index, sub)
-        self._send(head + len(value).to_bytes(4, "little"))
-
-    def _block_download(self, command: int, index: int, sub: int, data: bytes) -> None:
-        if goes_on(command):
-            raise Aborted(Abort.COMMAND)
-        size = int.from_bytes(data[4:8], "little") if command & Block.SIZE_GIVEN else None
-        self._check_length(size or 0)
-        crc = command & Block.CRC
-        self._begin(BlockDownload(index, sub, True, bytearray(), size, has_crc=crc > 0))
-        head = HEAD.pack(ANSWER_TO[Sdo.BLOCK_DOWNLOAD] | crc, index, sub)
-        self._send(head + Block.DOWNLOAD_N.to_bytes(4, "little"))
-
-    def _block(self) -> BlockTransfer | None:
-        """The block transfer under way; one whose client has disappeared ends here."""
-        transfer = self._transfer
-        if isinstance(transfer, BlockTransfer) and self._clock_s() - transfer.last_used_s >= PARAMS.idle_s:
-            self.reset()
-        return self._transfer if isinstance(self._transfer, BlockTransfer) else None
-
-    def _go_on(self, block: BlockTransfer, data: bytes) -> bool:
-        """Answer a frame of a block transfer; False: this is another request, and to be answered."""
-        answers = block.take(data)
+    def _go_on(self, transfer: Transfer, data: bytes) -> bool:
+        """Answer a frame of the transfer under way; False: this is another request, and to be answered."""
+        answers, now_s = transfer.take(data), self._clock_s()
+        in_blocks = isinstance(transfer, BlockTransfer)
         if answers is None:
-            return block.moved
-        block.moved, block.last_used_s = True, self._clock_s()
-        self._check_length(len(block.data))
-        if block.done:
-            if block.writes:
-                self._objects.write(block.index, block.sub, bytes(block.data))
-                self._repeated = (data, answers[0])
+            if in_blocks and now_s - transfer.last_used_s >= PARAMS.idle_s:
+                self.reset()  # its client has disappeared
+                return False
+            return in_blocks and transfer.moved
+        transfer.moved, transfer.last_used_s = True, now_s
+        written = transfer.writes and transfer.done
+        if transfer.writes:
+            self._check_length(len(transfer.data))
+        if written:
+            self._objects.write(transfer.index, transfer.sub, bytes(transfer.data))
+        if transfer.done:
             self._transfer = None
-        if answers:
+        if written or not in_blocks:
+            self._repeated = (data, answers[0])
+            self._send(answers[0])
+        elif answers:
             self._send_block(answers)
         return True
-
-    def _read(self, index: int, sub: int) -> bytes:
-        value = self._objects.read(index, sub)
-        if not value:
-            raise Aborted(Abort.NO_DATA)
-        return value
-
-    def _answer_upload(self, index: int, sub: int, value: bytes) -> None:
-        if len(value) <= 4:
-            self._send(expedited(ANSWER_TO[Sdo.UPLOAD], index, sub, value))
-            return
-        self._begin(Transfer(index, sub, False, bytearray(value), len(value)))
-        head = HEAD.pack(ANSWER_TO[Sdo.UPLOAD] | SIZE_GIVEN, index, sub)
-        self._send(head + len(value).to_bytes(4, "little"))
-
-    def _download(self, command: int, index: int, sub: int, data: bytes) -> None:
-        if command & EXPEDITED:
-            size = 4 - (command >> 2 & 3) if command & SIZE_GIVEN else size_of(index, sub)
-            self._write_once(index, sub, data, size)
-        else:
-            size = int.from_bytes(data[4:8], "little")
-            self._check_length(size if command & SIZE_GIVEN else 0)
-            announced = size if command & SIZE_GIVEN else None
-            self._begin(Transfer(index, sub, True, bytearray(), announced))
-        self._send(HEAD.pack(ANSWER_TO[Sdo.DOWNLOAD], index, sub) + bytes(4))
-
-    def _write_once(self, index: int, sub: int, data: bytes, size: int) -> None:
-        """Write a short value, but not again where the request is a repetition."""
-        now_s = self._clock_s()
-        ago_s = now_s - self._written.pop(data, -math.inf)
-        if any(data[4 + size :]):
-            repeats = ago_s < PARAMS.repeat_s
-        else:  # no client waits for less than a quarter of the time after which it counts as gone
-            repeats = data == self._newest and PARAMS.idle_s / 4 < ago_s < PARAMS.idle_s
-        if not repeats:
-            self._objects.write(index, sub, data[4 : 4 + size])
-        self._written[data] = now_s
-        if len(self._written) > PARAMS.control_n:
-            del self._written[next(iter(self._written))]
 
     def _begin(self, transfer: Transfer) -> None:
         other, transfer.last_used_s = self._transfer, self._clock_s()
@@ -202,54 +134,69 @@ class SdoServer:
                 raise Aborted(Abort.NOT_NOW)
         self._transfer, self._repeated = transfer, _NO_REPEAT
 
-    def _current(self, command: int, writes: bool) -> Transfer:
-        """The transfer that this segment belongs to."""
-        transfer = self._transfer
-        if transfer is None or transfer.writes != writes:
-            raise Aborted(Abort.TOGGLE)
-        if command & TOGGLE != transfer.toggle:
-            raise Aborted(Abort.TOGGLE)
-        transfer.toggle ^= TOGGLE
-        transfer.moved = True
-        transfer.last_used_s = self._clock_s()
-        return transfer
+    def _upload(self, command: int, index: int, sub: int, data: bytes) -> None:
+        value = self._read(index, sub)
+        if len(value) <= 4:
+            self._send(expedited(ANSWER_TO[Sdo.UPLOAD], index, sub, value))
+            return
+        self._begin(SegmentTransfer(index, sub, False, bytearray(value)))
+        self._send_head(ANSWER_TO[Sdo.UPLOAD] | SIZE_GIVEN, index, sub, len(value))
 
-    def _upload_segment(self, command: int, index: int, sub: int, data: bytes) -> None:
-        transfer = self._current(command, writes=False)
-        part = bytes(transfer.data[:SEGMENT])
-        del transfer.data[:SEGMENT]
-        head = ANSWER_TO[Sdo.UPLOAD_SEGMENT] | command & TOGGLE
-        if not transfer.data:
-            head |= LAST
-            self._transfer = None
-        self._answer_segment(data, pack_segment(head, part))
+    def _download(self, command: int, index: int, sub: int, data: bytes) -> None:
+        if command & EXPEDITED:
+            size = 4 - (command >> 2 & 3) if command & SIZE_GIVEN else size_of(index, sub)
+            self._write_once(index, sub, data, size)
+        else:
+            announced = self._announced(data, command & SIZE_GIVEN)
+            self._begin(SegmentTransfer(index, sub, True, bytearray(), announced))
+        self._send_head(ANSWER_TO[Sdo.DOWNLOAD], index, sub, 0)
 
-    def _download_segment(self, command: int, index: int, sub: int, data: bytes) -> None:
-        transfer = self._current(command, writes=True)
-        transfer.data += segment_data(data)
-        size = len(transfer.data)
-        self._check_length(size)
-        last = bool(command & LAST)
-        if transfer.size is not None and (size > transfer.size or (last and size < transfer.size)):
-            raise Aborted(Abort.LENGTH)
-        if last:
-            self._objects.write(transfer.index, transfer.sub, bytes(transfer.data))
-            self._transfer = None
-        self._answer_segment(
-            data, bytes((ANSWER_TO[Sdo.DOWNLOAD_SEGMENT] | command & TOGGLE,)) + bytes(SEGMENT)
-        )
+    def _block_upload(self, command: int, index: int, sub: int, data: bytes) -> None:
+        value, crc = self._read(index, sub), command & Block.CRC
+        self._begin(BlockUpload(index, sub, False, bytearray(value), has_crc=crc > 0, n_max=data[4]))
+        self._send_head(ANSWER_TO[Sdo.BLOCK_UPLOAD] | Block.SIZE_GIVEN | crc, index, sub, len(value))
 
-    def _answer_segment(self, segment: bytes, answer: bytes) -> None:
-        self._repeated = (segment, answer)
-        self._send(answer)
-
-    def _check_length(self, size: int) -> None:
-        if size > DOWNLOAD_MAX:
-            self._objects.refusal = TOO_LONG
-            raise Aborted(Abort.LENGTH)
+    def _block_download(self, command: int, index: int, sub: int, data: bytes) -> None:
+        announced, crc = self._announced(data, command & Block.SIZE_GIVEN), command & Block.CRC
+        self._begin(BlockDownload(index, sub, True, bytearray(), announced, has_crc=crc > 0))
+        self._send_head(ANSWER_TO[Sdo.BLOCK_DOWNLOAD] | crc, index, sub, Block.DOWNLOAD_N)
 
     def _aborted(self, command: int, index: int, sub: int, data: bytes) -> None:
         """The client aborts; not answered."""
         transfer = self._transfer
         if transfer is not None and (index, sub) in ((transfer.index, transfer.sub), (0, 0)):
             self.reset()
+
+    def _send_head(self, command: int, index: int, sub: int, number: int) -> None:
+        self._send(HEAD.pack(command, index, sub) + number.to_bytes(4, "little"))
+
+    def _read(self, index: int, sub: int) -> bytes:
+        value = self._objects.read(index, sub)
+        if not value:
+            raise Aborted(Abort.NO_DATA)
+        return value
+
+    def _write_once(self, index: int, sub: int, data: bytes, size: int) -> None:
+        """Write a short value, but not again where the request is a repetition."""
+        now_s = self._clock_s()
+        ago_s = now_s - self._written.pop(data, -math.inf)
+        if any(data[4 + size :]):
+            repeats = ago_s < PARAMS.repeat_s
+        else:  # no client waits for less than a quarter of the time after which it counts as gone
+            repeats = data == self._previous and PARAMS.idle_s / 4 < ago_s < PARAMS.idle_s
+        if not repeats:
+            self._objects.write(index, sub, data[4 : 4 + size])
+        self._written[data] = now_s
+        if len(self._written) > PARAMS.control_n:
+            del self._written[next(iter(self._written))]
+
+    def _announced(self, data: bytes, given: int) -> int | None:
+        """The length of the value to come; None: not known."""
+        size = int.from_bytes(data[4:8], "little") if given else None
+        self._check_length(size or 0)
+        return size
+
+    def _check_length(self, size: int) -> None:
+        if size > DOWNLOAD_MAX:
+            self._objects.refusal = TOO_LONG
+            raise Aborted(Abort.LENGTH)

@@ -12,21 +12,65 @@ from dataclasses import dataclass
 
 from edge.link.object_server import Aborted
 from hostlink.wire import Abort
-from hostlink.wire.sdo import ANSWER_TO, SEGMENT, SPECIFIER, Block, Sdo, goes_on
+from hostlink.wire.sdo import (
+    ANSWER_TO,
+    LAST,
+    SEGMENT,
+    SEGMENTS,
+    SPECIFIER,
+    TOGGLE,
+    Block,
+    Sdo,
+    goes_on,
+    pack_segment,
+    segment_data,
+)  # fmt: skip
 
 
 @dataclass(slots=True)
-class Transfer:
-    """A value being transferred. With blocks, it knows itself what its client's frames ask for."""
+class Transfer(ABC):
+    """A value being transferred, which knows itself what its client's frames ask for."""
 
     index: int
     sub: int
     writes: bool  # the client writes (download); else it reads
     data: bytearray  # received so far, or still to be sent
     size: int | None = None  # announced; None: it was not
-    toggle: int = 0
     moved: bool = False  # a segment was transferred
+    done: bool = False  # nothing is left to do but to write what was received
     last_used_s: float = 0.0
+
+    @abstractmethod
+    def take(self, frame: bytes) -> Sequence[bytes] | None:
+        """The answers to a frame; None: it is not of this transfer. Raises Aborted."""
+
+
+@dataclass(slots=True)
+class SegmentTransfer(Transfer):
+    """Each segment has its answer, in both directions."""
+
+    toggle: int = 0
+
+    def take(self, frame: bytes) -> Sequence[bytes] | None:
+        command, specifier = frame[0], frame[0] & SPECIFIER
+        if specifier not in SEGMENTS:
+            return None
+        own = Sdo.DOWNLOAD_SEGMENT if self.writes else Sdo.UPLOAD_SEGMENT
+        if specifier != own or command & TOGGLE != self.toggle:
+            raise Aborted(Abort.TOGGLE)
+        self.toggle ^= TOGGLE
+        head = ANSWER_TO[specifier] | command & TOGGLE
+        if not self.writes:
+            part = bytes(self.data[:SEGMENT])
+            del self.data[:SEGMENT]
+            self.done = not self.data
+            return (pack_segment(head | (LAST if self.done else 0), part),)
+        self.data += segment_data(frame)
+        self.done = command & LAST > 0
+        size = len(self.data)
+        if self.size is not None and (size > self.size or (self.done and size < self.size)):
+            raise Aborted(Abort.LENGTH)
+        return (bytes((head,)) + bytes(SEGMENT),)
 
 
 @dataclass(slots=True)
@@ -35,16 +79,10 @@ class BlockTransfer(Transfer, ABC):
 
     has_crc  the client knows the CRC
     n        segments of this sub-block that were sent, or received in order
-    done     nothing is left to do but to write what was received
     """
 
     has_crc: bool = False
     n: int = 0
-    done: bool = False
-
-    @abstractmethod
-    def take(self, frame: bytes) -> Sequence[bytes] | None:
-        """The answers to a frame; None: it is not of this transfer. Raises Aborted."""
 
 
 @dataclass(slots=True)

@@ -15,13 +15,6 @@ Kind = Literal["control", "sample", Spaced]
 
 
 @dataclass(slots=True)
-class _Periodic:
-    period_s: float
-    make: Callable[[], Any]
-    due_s: float
-
-
-@dataclass(slots=True)
 class _Spaced:
     items: deque[Any] = field(default_factory=deque)
     spacing_s: float = 0.0
@@ -39,7 +32,8 @@ class SendQueue:
         self._control: deque[Any] = deque(maxlen=control_n)
         self._samples: deque[Sequence[Any]] = deque()
         self._spaced: dict[Spaced, _Spaced] = {"block": _Spaced(), "detail": _Spaced()}
-        self._periodic: _Periodic | None = None
+        self._make: Callable[[], Any] | None = None  # what is sent periodically
+        self._period_s = self._due_s = 0.0
         self._in_hand: Kind | None = None
 
     @property
@@ -80,27 +74,24 @@ class SendQueue:
 
         phase  0..1, when in each period, counted from the clock's zero
         """
-        if make is None:
-            self._periodic = None
-            return
-        due_s = (math.floor(now_s / period_s - phase) + 1.0 + phase) * period_s
-        self._periodic = _Periodic(period_s, make, due_s)
+        self._make, self._period_s = make, period_s
+        if make is not None:
+            self._due_s = (math.floor(now_s / period_s - phase) + 1.0 + phase) * period_s
 
     def wait_s(self, now_s: float) -> float | None:
         """Time until there is an item to take; None: until one is put."""
         if self._samples or self._control:
             return 0.0
-        due = [] if self._periodic is None else [self._periodic.due_s]
+        due = [] if self._make is None else [self._due_s]
         due += [group.due_s for group in self._spaced.values() if group.items]
         return max(0.0, min(due) - now_s) if due else None
 
     def take(self, now_s: float) -> Sequence[Any] | None:
         """The most urgent items, to be written now; None: nothing is due. `done` follows."""
-        series = self._periodic
-        if series is not None and now_s >= series.due_s:
-            passed_n = math.floor((now_s - series.due_s) / series.period_s) + 1  # a stall keeps the phase
-            series.due_s += passed_n * series.period_s
-            self._control.append(series.make())
+        if self._make is not None and now_s >= self._due_s:
+            passed_n = math.floor((now_s - self._due_s) / self._period_s) + 1  # a stall keeps the phase
+            self._due_s += passed_n * self._period_s
+            self._control.append(self._make())
         if self._control:
             self._in_hand = "control"
             return (self._control.popleft(),)
@@ -128,8 +119,6 @@ class SendQueue:
     def clear(self) -> int:
         """Drop all that waits; returns the number of samples."""
         samples_n = len(self._samples)
-        self._samples.clear()
-        self._control.clear()
-        for group in self._spaced.values():
-            group.items.clear()
+        for items in (self._samples, self._control, *(group.items for group in self._spaced.values())):
+            items.clear()
         return samples_n

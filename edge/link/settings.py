@@ -22,36 +22,33 @@ log = logging.getLogger(__name__)
 _STORED = {o.name: o for o in OBJECTS if o.stored and o.type != "domain"}
 
 
-def _default(name: str) -> float:
-    value = _STORED[name].default
-    assert isinstance(value, int | float), name
-    return value
+def _default(name: str) -> Any:
+    return _STORED[name].default
 
 
 @dataclass(frozen=True, slots=True)
 class NodeSettings:
     """One set of settings; names, units and limits are the object table's."""
 
-    heartbeat_ms: int = int(_default("heartbeat_ms"))
+    heartbeat_ms: int = _default("heartbeat_ms")
     rate_hz: float = _default("rate_hz")
-    divider: int = int(_default("divider"))
-    features: int = int(_default("features"))
-    detail_divider: int = int(_default("detail_divider"))
+    divider: int = _default("divider")
+    features: int = _default("features")
+    detail_divider: int = _default("detail_divider")
 
 
 class SettingsFile:
-    """Loads and stores the settings. `path` None: in memory only."""
+    """Loads and stores the settings.
+
+    path       None: in memory only
+    is_stored  whether values survive a restart: there is a file for them
+    """
 
     def __init__(self, path: Path | None = None, defaults: NodeSettings | None = None) -> None:
-        self._path = path
+        self._path, self.is_stored = path, path is not None
         self._defaults = defaults or NodeSettings()
         self._failed: tuple[str, float] | None = None
         self.values = self.load()
-
-    @property
-    def is_stored(self) -> bool:
-        """Whether values survive a restart: there is a file for them."""
-        return self._path is not None
 
     def load(self) -> NodeSettings:
         """The file's settings; defaults if it cannot be used."""
@@ -59,48 +56,47 @@ class SettingsFile:
             return self._defaults
         try:
             raw = limits.read_bounded(self._path, limits.FILE_BYTES)
-            table = limits.decode_json(raw, dict[str, int | float])
-            values: dict[str, Any] = {name: checked(name, value) for name, value in table.items()}
-            return replace(self._defaults, **values)
+            return _changed(self._defaults, limits.decode_json(raw, dict[str, int | float]))
         except FileNotFoundError:
             return self._defaults
         except (OSError, ValueError) as error:
             log.warning("%s: settings cannot be used (%s); starting with defaults", self._path, error)
             return self._defaults
 
-    def change(self, **changes: float) -> NodeSettings:
+    def change(self, **changes: float) -> None:
         """Change and store. Raises ValueError: out of limits; OutputError: not stored; nothing is changed."""
-        changed: dict[str, Any] = {name: checked(name, value) for name, value in changes.items()}
-        values = replace(self.values, **changed)
-        self._store(values)
-        self.values = values
-        return values
+        self._use(_changed(self.values, changes))
 
-    def restore_defaults(self) -> NodeSettings:
+    def restore_defaults(self) -> None:
         """Back to defaults, in the file too. Raises OutputError."""
-        self._store(self._defaults)
-        self.values = self._defaults
-        return self.values
+        self._use(self._defaults)
 
     def trouble(self) -> str:
         """Empty, or why the last settings could not be stored, for a second after that."""
         message, at_s = self._failed or ("", 0.0)
         return message if message and time.monotonic() - at_s < PARAMS.patience_s else ""
 
-    def _store(self, values: NodeSettings) -> None:
-        if self._path is None:
-            return
+    def _use(self, values: NodeSettings) -> None:
+        if self._path is not None:
+            self._store(self._path, values)
+        self.values = values
+
+    def _store(self, path: Path, values: NodeSettings) -> None:
         try:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            with writing(self._path, overwrite=True, through_link=False) as unfinished:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with writing(path, overwrite=True, through_link=False) as unfinished:
                 unfinished.write_bytes(msgspec.json.format(msgspec.json.encode(asdict(values))) + b"\n")
-        except OutputError as error:
-            self._failed = (str(error), time.monotonic())
-            raise
-        except OSError as error:
-            self._failed = (f"{self._path}: cannot be written: {error.strerror}", time.monotonic())
-            raise OutputError(self._failed[0]) from None
+        except (OutputError, OSError) as error:
+            why = f"{path}: cannot be written: {error.strerror}" if isinstance(error, OSError) else str(error)
+            self._failed = (why, time.monotonic())
+            raise OutputError(why) from None
         self._failed = None
+
+
+def _changed(values: NodeSettings, changes: dict[str, int | float]) -> NodeSettings:
+    """Raises ValueError: out of limits, or no such setting."""
+    known: dict[str, Any] = {name: checked(name, value) for name, value in changes.items()}
+    return replace(values, **known)
 
 
 def checked(name: str, value: float) -> float:

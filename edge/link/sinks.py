@@ -37,9 +37,6 @@ class Sink(Protocol):
     name: str
 
     @property
-    def up(self) -> bool: ...
-
-    @property
     def counters(self) -> SinkCounters: ...
 
     def send(self, state: State) -> bool:
@@ -68,8 +65,6 @@ class MemorySink:
         self.name = name
         self.states: deque[State] = deque(maxlen=keep)
         self._sent = 0
-
-    up = True
 
     @property
     def counters(self) -> SinkCounters:
@@ -139,9 +134,13 @@ class SerialSink(LinkSink):
     """COBS frames on a serial line. Items are bytes; incoming messages are (type, counter, body).
 
     Damaged frames are dropped: the host repeats its request.
+
+    node  CANopen node number
+    ids   the objects that ask for identifiers read these
     """
 
-    def __init__(self, name: str, open_medium: Callable[[], Medium]) -> None:
+    def __init__(self, name: str, open_medium: Callable[[], Medium], node: int = NODE_DEFAULT) -> None:
+        self.node, self.ids = node, CanIds()
         self._buffer = bytearray()
         self.corrupt_n = 0
         self.on_frame: Callable[[Message, int, bytes], None] | None = None
@@ -185,7 +184,7 @@ class SerialSink(LinkSink):
                 self.on_frame(kind, counter, body)
 
 
-def open_sink(spec: str, node: int | None = None, ids: CanIds | None = None) -> Sink:
+def open_sink(spec: str, node: int = NODE_DEFAULT, ids: CanIds | None = None) -> Sink:
     """The sink at an address such as `can:can0`, `serial:/dev/ttyACM0?baud=921600`, `memory:`.
 
     node    CANopen node number if the address names none
@@ -197,12 +196,13 @@ def open_sink(spec: str, node: int | None = None, ids: CanIds | None = None) -> 
         raise SinkError(str(error)) from None
     if address.scheme == "memory":
         return MemorySink(keep=1000)  # 1 MB
+    node = address.node or node
     if not address.is_can:
-        line = SerialSink(str(address), opener(address))
+        line = SerialSink(str(address), opener(address), node)
         line.baud = address.baud
         return line
     kind: type[CanSink] = CanFdSink if address.fd else CanClassicSink
-    ids, node = ids or CanIds(), address.node or node or NODE_DEFAULT
+    ids = ids or CanIds()
     wanted = (ids.nmt, ids.sync, ids.of(Kind.SDO_REQUEST, node))
     bus = kind(str(address), opener(address, wanted), node, ids)
     bus.bitrate, bus.dbitrate = address.bitrate or BITRATE, address.dbitrate or DBITRATE

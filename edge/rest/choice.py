@@ -21,34 +21,14 @@ from edge.params import PARAMS as RUNTIME
 from edge.pins import CentroidRefiner, detect, take_rest
 from edge.rest.tare import PARAMS as TARE
 from edge.rest.tare import TareRefused, take_rest_frame
-from edge.rest.tip_match import match_rest
+from edge.rest.tip_match import SHARED_MIN, match_rest
 from edge.tracking import Tracker
 from edge.types import Array, Frame, FrameSource, Image, Lens, Mask, Pins, Polarity, Rest, Tracks
 from hostlink.wire import RestFrameReason
 
-
-@dataclass(frozen=True, slots=True)
-class RestChoiceParams:
-    """Parameters of the choice; evidence in docs/tuning.md.
-
-    touched_rel  share of the images that may show a touch: the quantile of a cell's area over the others is
-                 untouched, and so is an image that shows the same cells as as many as they are; two at least,
-                 because any image may have a double
-    agree_rel    an image may be chosen if so many others agree with it, of the largest number that do
-    """
-
-    touched_rel: float = RUNTIME.most_rel
-    agree_rel: float = RUNTIME.most_rel
-
-    @property
-    def images_n(self) -> int:
-        """Images that are compared, at least, evenly over the recording; at most twice as many. With fewer,
-        those untouched would not be two.
-        """
-        return round(2.0 / (1.0 - self.touched_rel))
-
-
-PARAMS = RestChoiceParams()
+#: Share of the images that may show a touch: the quantile of a cell's area over the others is untouched, and
+#: so is an image that shows the same cells as as many as they are; two at least, as any may have a double.
+TOUCHED_REL = RUNTIME.most_rel
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +45,7 @@ class RestChoice:
     @property
     def trusted(self) -> bool:
         """Whether it shows the untouched tip, as far as a recording can show it."""
-        return self.agree_n >= _agree_min_n(self.compared_n, PARAMS)
+        return self.agree_n >= _agree_min_n(self.compared_n)
 
     @property
     def message(self) -> str:
@@ -81,14 +61,13 @@ class RestChoice:
 def choose_rest(
     images: Sequence[Image],
     polarity: Polarity = Polarity.FOUND,
-    params: RestChoiceParams = PARAMS,
     lens: Lens | None = None,
 ) -> RestChoice:
     """The least deformed of some images, in any order. Raises NoPins: no image shows pins."""
     start, rest = _first_with_pins(images, polarity, lens)
-    found = _compare(images, rest, params)
+    found = _compare(images, rest)
     if not found.agrees[found.index, start]:  # the touch in it may have hidden pins
-        again = _compare(images, take_rest([images[found.index]], polarity, lens), params)
+        again = _compare(images, take_rest([images[found.index]], polarity, lens))
         found = again if again.known_n >= found.known_n else found
     return RestChoice(
         found.index,
@@ -113,11 +92,11 @@ class _Comparison:
         return int(np.isfinite(self.deformation).sum())
 
 
-def _compare(images: Sequence[Image], rest: Rest, params: RestChoiceParams) -> _Comparison:
+def _compare(images: Sequence[Image], rest: Rest) -> _Comparison:
     area, sigma, seen = _cells(images, rest)
     known = np.isfinite(sigma)
     area = area[:, np.isfinite(area[known]).any(axis=0)]  # a pin may be seen in no other image
-    untouched = np.nanquantile(area[known], 1.0 - params.touched_rel, axis=0)
+    untouched = np.nanquantile(area[known], 1.0 - TOUCHED_REL, axis=0)
     deformation = np.full(len(area), np.nan)
     deformation[known] = _rms(area[known] - untouched)
     agrees = np.zeros((len(area), len(area)), bool)
@@ -126,15 +105,15 @@ def _compare(images: Sequence[Image], rest: Rest, params: RestChoiceParams) -> _
         agrees[k, known] = _rms(area[known] - area[k]) < CONTACT.noise_ratio_max * noise
     agree_n = agrees.sum(axis=1) - 1
     candidates = known
-    if agree_n.max() >= _agree_min_n(int(known.sum()) - 1, params):
-        candidates = known & (agree_n >= params.agree_rel * agree_n.max())
-    candidates = candidates & (seen >= TARE.kept_rel * np.median(seen[candidates]))
+    if agree_n.max() >= _agree_min_n(int(known.sum()) - 1):
+        candidates = known & (agree_n >= RUNTIME.most_rel * agree_n.max())
+    candidates = candidates & (seen >= SHARED_MIN * np.median(seen[candidates]))
     return _Comparison(int(np.argmin(np.where(candidates, deformation, np.inf))), deformation, agrees)
 
 
-def _agree_min_n(compared_n: int, params: RestChoiceParams) -> float:
+def _agree_min_n(compared_n: int) -> float:
     """Other images that must show the same cells."""
-    return max(2.0, (1.0 - params.touched_rel) * compared_n)
+    return max(2.0, (1.0 - TOUCHED_REL) * compared_n)
 
 
 def _rms(change: Array) -> Array:
@@ -206,9 +185,7 @@ class GivenRest:
     untouched: bool | None
 
 
-def rest_of_source(
-    source: FrameSource, how: str, calibration: Calibration | None = None, params: RestChoiceParams = PARAMS
-) -> GivenRest:
+def rest_of_source(source: FrameSource, how: str, calibration: Calibration | None = None) -> GivenRest:
     """The rest frame of a recording that is read twice.
 
     how     "auto", "none" (the calibration's rest pins, moved), or the number of an image, from 0
@@ -220,8 +197,9 @@ def rest_of_source(
         raise SourceError("--rest none: needs --calibration, which has the rest pins; or give --rest auto")
     try:
         if how in ("auto", "none"):
-            images, step = _thinned(source, params.images_n)
-            choice = choose_rest(images, source.polarity, params, source.lens)
+            # With fewer images, those untouched would not be two.
+            images, step = _thinned(source, round(2.0 / (1.0 - TOUCHED_REL)))
+            choice = choose_rest(images, source.polarity, source.lens)
             index = choice.index * step
             message, untouched = f"image {index}: {choice.message}", choice.trusted
         else:

@@ -8,8 +8,9 @@ Requests come from any thread; everything else is the loop's.
 
 import threading
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from dataclasses import dataclass, field
+from functools import partial
 
 from edge.calibration import Calibration
 from edge.errors import RequestRefused
@@ -43,16 +44,8 @@ class TareRequest:
     done: Future[TareOutcome] = field(default_factory=Future)  # gets the outcome
 
 
-@dataclass(frozen=True, slots=True)
-class Prepared:
-    """Result of a job: a rest frame, and the stages that measure against it.
-
-    frame  the last image that it was made from
-    """
-
-    rest_frame: RestFrame
-    pipeline: Pipeline
-    frame: Frame
+#: Result of a job: a rest frame, the stages that measure against it, the last image that it was made from.
+Prepared = tuple[RestFrame, Pipeline, Frame]
 
 
 class TareState:
@@ -72,7 +65,6 @@ class TareState:
         self._frames_n = frames_n
         self._lock = threading.Lock()
         self._job: Future[Prepared] | None = None
-        self._executor: ThreadPoolExecutor | None = None
 
     @property
     def busy(self) -> bool:
@@ -112,16 +104,12 @@ class TareState:
 
     def start(self, job: Callable[[], Prepared]) -> None:
         """Check the collected images: at once, or in another thread."""
-        self.frames = None
+        self.frames, self._job = None, Future()
+        work = partial(_run, job, self._job)
         if self.in_thread:
-            self._executor = self._executor or ThreadPoolExecutor(1, "tare")
-            self._job = self._executor.submit(job)
-            return
-        self._job = Future()
-        try:
-            self._job.set_result(job())
-        except Exception as error:  # noqa: BLE001  (`result` raises it)
-            self._job.set_exception(error)
+            threading.Thread(target=work, name="tare", daemon=True).start()
+        else:
+            work()
 
     @property
     def checking(self) -> bool:
@@ -138,9 +126,6 @@ class TareState:
         job, self._job = self._job, None
         return job.result()
 
-    def restart(self) -> None:
-        self.frames = []
-
     def finish(self, state: RestFrameState, reason: RestFrameReason, message: str) -> None:
         """Complete the request, if there is one."""
         with self._lock:
@@ -153,9 +138,13 @@ class TareState:
 
     def close(self) -> None:
         """No more images come: refuse requests. A job under way is abandoned."""
-        if self._executor is not None:
-            self._executor.shutdown(wait=False, cancel_futures=True)
-            self._executor = None
         self._job = None
         if self.request is not None:
             self.finish(RestFrameState.REFUSED, RestFrameReason.NO_IMAGES, "the program ends")
+
+
+def _run(job: Callable[[], Prepared], outcome: Future[Prepared]) -> None:
+    try:
+        outcome.set_result(job())
+    except Exception as error:  # noqa: BLE001  (`TareState.result` raises it)
+        outcome.set_exception(error)

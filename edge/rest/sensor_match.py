@@ -18,7 +18,7 @@ from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from edge.geometry.lattice import N_RING
 from edge.geometry.layout import LAYOUTS, pin_layout
-from edge.rest.tip_match import PARAMS as TIP
+from edge.rest.tip_match import SHARED_MIN
 from edge.sensors import KnownSensor
 from edge.types import Array, Complex, Mask, Rest
 
@@ -177,7 +177,7 @@ def _match(sensor: KnownSensor, rest: Rest) -> LayoutMatch | None:
 
 
 def _fits(match: LayoutMatch) -> bool:
-    return match.pins_on >= TIP.shared_min and match.sites_filled >= TIP.shared_min and match.residual < CLEAR
+    return match.pins_on >= SHARED_MIN and match.sites_filled >= SHARED_MIN and match.residual < CLEAR
 
 
 def mm_per_px(sensor: KnownSensor, rest: Rest) -> float | None:

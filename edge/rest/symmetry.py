@@ -14,18 +14,7 @@ from edge.cells import Tessellator
 from edge.errors import DegenerateLayout
 from edge.types import Array, Complex, Rest, Tracks
 
-
-@dataclass(frozen=True, slots=True)
-class SymmetryParams:
-    """Parameters by name; evidence in docs/tuning.md, "Rest frame".
-
-    asymmetry_max  rms relative area that lens and mount make
-    """
-
-    asymmetry_max: float = 0.03
-
-
-PARAMS = SymmetryParams()
+ASYMMETRY_MAX = 0.03  # rms relative area that lens and mount make
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +27,7 @@ class RestSymmetry:
     @property
     def in_contact(self) -> bool:
         """Whether something touches the tip, as far as that can be seen."""
-        return self.asymmetry > max(PARAMS.asymmetry_max, self.irregularity)
+        return self.asymmetry > max(ASYMMETRY_MAX, self.irregularity)
 
     @property
     def message(self) -> str:

@@ -29,8 +29,7 @@ from edge.geometry.select import SIGMA_OF_MAD
 from edge.params import PARAMS as RUNTIME
 from edge.pins import CentroidRefiner, take_rest
 from edge.rest.symmetry import symmetry_of
-from edge.rest.tip_match import PARAMS as TIP
-from edge.rest.tip_match import in_order_of, match_rest
+from edge.rest.tip_match import SHARED_MIN, in_order_of, match_rest
 from edge.tracking import Tracker
 from edge.types import Image, Lens, Pins, Polarity, Rest, Tracks
 from hostlink.wire import RestFrameReason
@@ -41,14 +40,10 @@ LET_GO = "let go, or force the tare"
 
 @dataclass(frozen=True, slots=True)
 class TareParams:
-    """Thresholds of the tare; evidence in docs/tuning.md.
-
-    kept_rel   smallest share of the last rest frame's pins that must be found, without a calibration
-    """
+    """Thresholds of the tare; evidence in docs/tuning.md."""
 
     frames_n: int = 8  # images that the rest frame is made from
     steady_px: float = 0.5  # largest motion of 90 % of the pins from the first image to the last
-    kept_rel: float = TIP.shared_min
     polarity: Polarity = Polarity.FOUND  # of the pins, as far as it is known
     lens: Lens | None = None  # whose distortion is removed from the pins' places
 
@@ -115,10 +110,11 @@ def take_rest_frame(
         check(_touch_shown(calibration.rest, tracks, "the calibration's"))
         rest = matched
     elif reference is not None:
-        check(_changed(reference, rest, params))
+        check(_changed(reference, rest))
     else:
         check(_begins(rest, first, last))
-        check(_lopsided(rest))
+        if (symmetry := symmetry_of(rest)).in_contact:
+            check(TareRefused(Reason.TOUCHED, f"something touches the tip ({symmetry.message})", LET_GO))
     if not problems:
         return RestFrame(rest)
     return RestFrame(rest, problems[0].reason, "; ".join(problem.problem for problem in problems))
@@ -162,17 +158,9 @@ def _begins(rest: Rest, first: Pins, last: Pins) -> TareRefused | None:
     return None
 
 
-def _lopsided(rest: Rest) -> TareRefused | None:
-    """Whether the cells are as no untouched tip's are."""
-    symmetry = symmetry_of(rest)
-    if symmetry.in_contact:
-        return TareRefused(Reason.TOUCHED, f"something touches the tip ({symmetry.message})", LET_GO)
-    return None
-
-
-def _changed(reference: Rest, rest: Rest, params: TareParams) -> TareRefused | None:
+def _changed(reference: Rest, rest: Rest) -> TareRefused | None:
     """Whether the rest frame shows a touch, or fewer pins, against the last accepted one."""
-    if len(rest) < params.kept_rel * len(reference):
+    if len(rest) < SHARED_MIN * len(reference):
         return TareRefused(
             Reason.TOO_FEW_PINS,
             f"{len(rest)} pins, {len(reference)} at the last one",

@@ -4,8 +4,6 @@ A camera that was taken out and put back shifts and rotates all pins alike, a li
 best common shift, rotation and zoom is deformation: a touch, or another tip.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from edge.calibration import Calibration
@@ -14,16 +12,8 @@ from edge.params import PARAMS as RUNTIME
 from edge.tracking import Tracker
 from edge.types import Lens, Pins, Rest, Tracks
 
-
-@dataclass(frozen=True, slots=True)
-class TipMatchParams:
-    """Limits within which two rest frames show the same tip. Evidence: docs/tuning.md, "Calibration"."""
-
-    shared_min: float = RUNTIME.most_rel  # of the pins of each that the other has too
-    deformation_max: float = RUNTIME.still_pitches  # 95 % quantile after shift, rotation and zoom
-
-
-PARAMS = TipMatchParams()
+#: Share of the pins of each of two rest frames of the same tip that the other has too.
+SHARED_MIN = RUNTIME.most_rel
 
 
 def in_order_of(calibration: Calibration, rest: Rest) -> Rest:
@@ -80,11 +70,11 @@ def _check_lens(made_with: Lens | None, now: Lens | None) -> None:
 def _check_counts(tracks: Tracks, known_n: int, seen_n: int) -> None:
     """Raises CalibrationError: the pins of one are not those of the other."""
     found_n = tracks.n_seen
-    if tracks.confidence < Tracks.LOW_CONFIDENCE or found_n < PARAMS.shared_min * known_n:
+    if tracks.confidence < Tracks.LOW_CONFIDENCE or found_n < SHARED_MIN * known_n:
         raise CalibrationError(
             f"the calibration belongs to another tip: {found_n} of its {known_n} pins were found"
         )
-    if found_n < PARAMS.shared_min * seen_n:
+    if found_n < SHARED_MIN * seen_n:
         raise CalibrationError(
             f"the calibration has {known_n} pins, the camera sees {seen_n}: "
             "its file lacks pins of this tip, or belongs to another one; fit it again"
@@ -109,7 +99,7 @@ def _check_deformation(made_with: Rest, tracks: Tracks) -> None:
     design = np.column_stack([z, np.ones_like(z)])
     residual = w - design @ np.linalg.lstsq(design, w, rcond=None)[0]
     deformation = float(np.quantile(np.abs(residual), 0.95))
-    deformation_max = PARAMS.deformation_max * made_with.pattern.pitch_px
+    deformation_max = RUNTIME.still_pitches * made_with.pattern.pitch_px
     if deformation > deformation_max:
         raise CalibrationError(
             f"the pattern of pins is deformed by {deformation:.1f} px against the calibration's (limit "

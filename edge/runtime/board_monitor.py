@@ -8,11 +8,9 @@ import shutil
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from math import isnan, nan
 from pathlib import Path
 
-from edge.faults.judge import Check
 from edge.faults.registry import FaultRegistry
 from edge.limits import FILE_BYTES
 from edge.params import PARAMS as RUNTIME
@@ -22,15 +20,6 @@ from hostlink.wire import FaultCode
 HOT_DEGC = 80.0
 
 
-@dataclass(frozen=True, slots=True)
-class BoardParams:
-    """Parameters by name; evidence in docs/tuning.md."""
-
-    period_s: float = RUNTIME.check_s  # between checks
-    hot_degc: float = HOT_DEGC  # the board is too hot
-
-
-PARAMS = BoardParams()
 #: A calibration and the settings are written beside the old ones before they replace them.
 STORED_BYTES = FILE_BYTES + FILE_BYTES  # calibration and settings
 
@@ -70,6 +59,8 @@ class BoardMonitor:
 
     thermometer  gives degC, or NaN
     storage      each gives "" or why something cannot be written: a folder, a recorder, settings
+    hot_degc     from here on the board is too hot
+    period_s     between checks
     checks       called each time; each reports on its own
     """
 
@@ -78,16 +69,15 @@ class BoardMonitor:
         registry: FaultRegistry,
         thermometer: Callable[[], float] | None = None,
         storage: Sequence[Callable[[], str]] = (),
-        params: BoardParams = PARAMS,
+        hot_degc: float = HOT_DEGC,
+        period_s: float = RUNTIME.check_s,
     ) -> None:
         self._registry = registry
         self._thermometer = thermometer or Thermometer()
         self.storage = list(storage)
         self.checks: list[Callable[[], None]] = []
-        self._params = params
-        self._temperature = Check(
-            FaultCode.OVER_TEMPERATURE, "degc", "{degc:.0f} degC", params.hot_degc, "degC"
-        )
+        self._period_s = period_s
+        self._hot_degc = hot_degc
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="board monitor", daemon=True)
         self.temperature_degc = nan
@@ -98,8 +88,9 @@ class BoardMonitor:
 
     def check(self) -> None:
         self.temperature_degc = self._thermometer()
-        hot = self.temperature_degc >= self._temperature.limit(self._registry.holds(self._temperature.code))
-        self._registry.report(self._temperature.code, hot, f"{self.temperature_degc:.0f} degC")
+        away = RUNTIME.hysteresis_rel if self._registry.holds(FaultCode.OVER_TEMPERATURE) else 0.0
+        hot = self.temperature_degc >= (1.0 - away) * self._hot_degc
+        self._registry.report(FaultCode.OVER_TEMPERATURE, hot, f"{self.temperature_degc:.0f} degC")
         problems = "; ".join(filter(None, (problem() for problem in self.storage)))
         self._registry.report(FaultCode.DISK_FULL, bool(problems), problems)
         for check in self.checks:
@@ -108,8 +99,8 @@ class BoardMonitor:
     def close(self) -> None:
         self._closing.set()
         if self._thread.is_alive():
-            self._thread.join(self._params.period_s + 0.5)
+            self._thread.join(RUNTIME.close_s)
 
     def _run(self) -> None:
-        while not self._closing.wait(self._params.period_s):
+        while not self._closing.wait(self._period_s):
             self.check()

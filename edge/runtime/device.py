@@ -32,7 +32,7 @@ class LoopDevice:
         self.reboot_wanted = False
 
     def describe(self) -> Mapping[str, int | float | str | bytes]:
-        statistics, calibration = self._loop.statistics(), self._loop.calibration
+        statistics, calibration = self._loop.statistics(), self._loop.measurement.calibration
         return {
             "serial_number": self._serial_number,
             "software_version": _version(),
@@ -49,15 +49,15 @@ class LoopDevice:
 
     def clock_us(self) -> int | None:
         """The clock that stamps the images, now; None if that is the camera's or a recording's own."""
-        last = self._loop.last
+        last = self._loop.measurement.last
         if last is None or last.frame.clock not in (Clock.HOST, Clock.DRIVER):
             return None
         return time.monotonic_ns() // 1000
 
     def tare(self, force: bool) -> None:
-        if self._loop.in_contact and not force:
+        if self._loop.measurement.in_contact and not force:
             raise RequestRefused("something touches the tip; let go, or force the tare")
-        self._loop.request_tare(force)
+        self._loop.measurement.tare.ask(force)
 
     def rest_frame(self) -> Mapping[str, int | float | str | bytes]:
         outcome = self._loop.measurement.tare.outcome
@@ -69,7 +69,7 @@ class LoopDevice:
         }
 
     def calibration_bytes(self) -> bytes:
-        calibration = self._loop.calibration
+        calibration = self._loop.measurement.calibration
         return calibration.encoded if calibration else b""
 
     def upload_calibration(self, data: bytes) -> None:
@@ -81,7 +81,7 @@ class LoopDevice:
                 "give one of this tip and camera"
             )
         store = self._store
-        self._loop.request_tare(
+        self._loop.measurement.tare.ask(
             calibration=calibration, store=None if store is None else lambda: store.replace(calibration)
         )
 

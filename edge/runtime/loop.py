@@ -12,12 +12,10 @@ Rules
 - A frame whose pins cannot be identified is sent with its status bits and without values, never skipped:
   the host must see that the finger is alive but has no values.
 - Without images the loop wakes all the same: faults are announced within 0.1 s, and samples without values
-  are sent every `keepalive_s`. Signals and commands only set a flag; the loop acts on it within that time.
+  are sent every `check_s`. Signals and commands only set a flag; the loop acts on it within that time.
 - The garbage collector runs at fixed times: objects of the start-up are frozen, a frame makes no cycles,
   and now and then, after a sample has left, garbage of other threads is collected.
 """
-
-from __future__ import annotations
 
 import gc
 import logging
@@ -25,21 +23,18 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass
+from contextlib import contextmanager
 from math import nan
 from threading import Event
-from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Any, TypeVar
 
 from edge.calibration import Calibration
 from edge.faults.detector import FaultDetector
 from edge.faults.registry import FaultRegistry
-from edge.frame import Pipeline
 from edge.link.sample import to_state
 from edge.link.sinks import Sink
 from edge.params import PARAMS as RUNTIME
 from edge.recording.session import RecordingSession
-from edge.rest.request import TareRequest
 from edge.runtime.board_monitor import BoardMonitor
 from edge.runtime.measurement import LoopConfig, Measurement
 from edge.runtime.statistics import LoopStatistics, StatisticsCollector
@@ -53,18 +48,6 @@ log = logging.getLogger(__name__)
 T = TypeVar("T")
 
 
-@dataclass(frozen=True, slots=True)
-class LoopParams:
-    """Parameters by name; evidence in docs/tuning.md."""
-
-    drain_s: float = RUNTIME.patience_s  # how long a recording waits for a blocked link
-    wait_s: float = RUNTIME.wait_s  # longest wait for an image before faults and commands are handled
-    keepalive_s: float = RUNTIME.check_s  # samples without images: "the slow rate" of the fault table
-    no_images_s: float = RUNTIME.patience_s  # a requested tare is refused after so long without images
-    garbage_s: float = RUNTIME.rarely_s  # between collections of other threads' cycles (viewers, requests)
-
-
-PARAMS = LoopParams()
 _OUR_CLOCKS = Clock.HOST, Clock.DRIVER
 
 #: Called with each result and its sample: viewer, detail stream, summary. Must return at once.
@@ -105,7 +88,7 @@ class Loop:
         self.frame: Frame | None = None  # the newest, with or without a result
         config = config or LoopConfig()
         self._counters = StatisticsCollector()
-        self._detector = FaultDetector(source, self.faults, clock_ns, config.limits)
+        self._detector = FaultDetector(source, self.faults, clock_ns, config.load_pitches)
         self.measurement = Measurement(
             source, calibration, config, self.faults, self._detector, self._counters
         )
@@ -114,7 +97,7 @@ class Loop:
         self._clock_ns = clock_ns
         self._commands: deque[tuple[Callable[[], Any], Future[Any]]] = deque()
         self._stop = Event()
-        self._garbage = _GarbageCollection(clock_ns)
+        self._garbage_due_ns = clock_ns() + round(RUNTIME.rarely_s * 1e9)
         self._sample = 0
         self._keepalive_due_ns = 0
         self._frame_begun_ns: int | None = None  # when work on the current frame began
@@ -126,23 +109,6 @@ class Loop:
         future: Future[T] = Future()
         self._commands.append((command, future))
         return future
-
-    def request_tare(
-        self,
-        force: bool = False,
-        calibration: Calibration | None = None,
-        store: Callable[[], None] | None = None,
-    ) -> TareRequest:
-        """Have a new rest frame taken from the next images; `done` of the returned request gets the outcome.
-
-        The present rest frame and calibration stay in use until the new ones are accepted.
-
-        force        take it although it shows a touch
-        calibration  to be used from this rest frame on
-        store        called when the rest frame is good, before it is used. Raises OSError
-        Raises       RequestRefused
-        """
-        return self.measurement.tare.ask(force, calibration, store)
 
     def stop(self) -> None:
         """End the loop after the current frame. May be called from a signal handler; closes nothing."""
@@ -163,33 +129,6 @@ class Loop:
             faults={code.name: n for code, n in self.faults.appeared.items()},
         )
 
-    # ---- what is measured: passed on to `Measurement` --------------------------------------
-
-    @property
-    def calibration(self) -> Calibration | None:
-        """The calibration in use."""
-        return self.measurement.calibration
-
-    @property
-    def pipeline(self) -> Pipeline | None:
-        """The computing stages; None: there is no rest frame yet."""
-        return self.measurement.pipeline
-
-    @property
-    def last(self) -> Result | None:
-        """The last result; None: there was none yet."""
-        return self.measurement.last
-
-    @property
-    def in_contact(self) -> bool:
-        """Whether the last frame showed a touch; a tare now would be wrong."""
-        return self.measurement.in_contact
-
-    @property
-    def tares_n(self) -> int:
-        """Rest frames taken since the start."""
-        return self.measurement.tares_n
-
     # ---- the loop -----------------------------------------------------------------------------------
 
     def run(self, frames_max: int | None = None) -> LoopStatistics:
@@ -203,14 +142,14 @@ class Loop:
             self._board.checks += [self._detector.camera, self._check_frame_time]
             self._board.start()
         try:
-            with self._garbage:
+            with _garbage_left():
                 for frame in self._frames():
                     self._run_commands()
                     if frame is None:
                         self._keep_alive()
                     else:
                         self.step(frame)
-                    self._end_cycle()
+                    _call_each(self.tick_callbacks)
                     if self._stop.is_set() or self.frames_n == frames_max:
                         break
                 if not self._stop.is_set():
@@ -229,8 +168,9 @@ class Loop:
         if not isinstance(source, LiveSource):
             yield from source
             return
+        wait_s = RUNTIME.wait_s
         while True:
-            frame = source.read(PARAMS.wait_s)
+            frame = source.read(wait_s)
             if frame is None and source.ended:
                 return
             yield frame
@@ -245,10 +185,10 @@ class Loop:
             return  # a slow camera: not late yet
         if self.faults.status == status_before and now_ns < self._keepalive_due_ns:
             return
-        self._keepalive_due_ns = now_ns + round(PARAMS.keepalive_s * 1e9)
+        self._keepalive_due_ns = now_ns + round(RUNTIME.check_s * 1e9)
         self._counters.counts.keepalives_n += 1
         frame, since_ns = self._detector.last or (None, now_ns)
-        if now_ns - since_ns > PARAMS.no_images_s * 1e9:
+        if now_ns - since_ns > RUNTIME.patience_s * 1e9:
             self.measurement.no_images()
         # On the camera's clock, like all samples: its last time plus the time since.
         capture_ns = frame.capture_ns + now_ns - since_ns if frame else now_ns
@@ -257,7 +197,7 @@ class Loop:
     def _check_frame_time(self) -> None:
         """Called from the board's thread: whether the current frame takes long."""
         # A recording waits for its search; and the first frame after a tare has to search.
-        if not self.measurement.tare.busy and self.last is not None and self.source.live:
+        if not self.measurement.tare.busy and self.measurement.last is not None and self.source.live:
             self._detector.slow(self._frame_begun_ns)
 
     def step(self, frame: Frame) -> State:
@@ -286,8 +226,9 @@ class Loop:
             self.session.take(frame, result, state)
         if result is not None and self.result_callbacks:
             _call_each(self.result_callbacks, result, state)
-        if begun_ns > self._garbage.due_ns:
-            self._garbage.collect(begun_ns)
+        if begun_ns > self._garbage_due_ns:
+            self._garbage_due_ns = begun_ns + round(RUNTIME.rarely_s * 1e9)
+            gc.collect()  # of other threads
         return state
 
     def _send(self, result: Result | None, capture_ns: int, latency_us: float) -> State:
@@ -303,13 +244,9 @@ class Loop:
         self._sample += 1
         for sink in self.sinks:
             if not self.source.live:  # a recording is sent as fast as the link takes it, without loss
-                sink.drain(PARAMS.drain_s)
+                sink.drain(RUNTIME.patience_s)
             counts.sent_n += sink.send(state)
         return state
-
-    def _end_cycle(self) -> None:
-        """After each cycle, with or without an image."""
-        _call_each(self.tick_callbacks)
 
     def _run_commands(self) -> None:
         while self._commands:
@@ -332,28 +269,16 @@ def _call_each(callbacks: list[Any], *arguments: Any) -> None:
             callbacks.remove(callback)
 
 
-class _GarbageCollection:
-    """Garbage collection at fixed times: off while the loop runs, except in `collect`."""
-
-    def __init__(self, clock_ns: Callable[[], int]) -> None:
-        self.due_ns = clock_ns() + round(PARAMS.garbage_s * 1e9)
-        self._was_enabled = True
-
-    def __enter__(self) -> Self:
-        gc.collect()
-        gc.freeze()
-        self._was_enabled = gc.isenabled()
-        gc.disable()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if self._was_enabled:
+@contextmanager
+def _garbage_left() -> Iterator[None]:
+    """No collection of garbage but those that are asked for, and these skip what is there now."""
+    gc.collect()
+    gc.freeze()
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
             gc.enable()
         gc.unfreeze()
-
-    def collect(self, now_ns: int) -> None:
-        """Collect garbage of other threads, after the sample has left; frozen objects are skipped."""
-        self.due_ns = now_ns + round(PARAMS.garbage_s * 1e9)
-        gc.collect()

@@ -4,8 +4,6 @@ Everything here runs in the loop's thread except `_job`. The rest frame and the 
 together, and only after the new ones have been tried.
 """
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,10 +14,10 @@ from edge.calibration import Calibration
 from edge.drift import PARAMS as DRIFT
 from edge.drift import Drift, DriftParams
 from edge.errors import CalibrationError, EdgeError, SourceError
-from edge.faults.detector import NO_CALIBRATION, FaultDetector, FaultParams
-from edge.faults.detector import PARAMS as FAULTS
+from edge.faults.detector import NO_CALIBRATION, FaultDetector
 from edge.faults.registry import FaultRegistry
 from edge.frame import Pipeline
+from edge.params import PARAMS as RUNTIME
 from edge.rest.request import Prepared, TareRequest, TareState
 from edge.rest.tare import PARAMS, RestFrame, TareParams, TareRefused, take_rest_frame
 from edge.runtime.process import give_back_memory
@@ -27,8 +25,6 @@ from edge.runtime.statistics import StatisticsCollector
 from edge.types import Feature, Frame, FrameSource, Rest, Result
 from hostlink.output_file import OutputError
 from hostlink.wire import FaultCode, RestFrameReason, RestFrameState
-
-__all__ = ["LoopConfig", "Measurement"]
 
 log = logging.getLogger(__name__)
 
@@ -39,20 +35,13 @@ class _SizeChanged(EdgeError):
 
 @dataclass(frozen=True, slots=True)
 class LoopConfig:
-    """What is computed, and limits; `edge.config` is the user's side of it.
+    """What is computed, and limits; `edge.config` is the user's side of it."""
 
-    demand  features that are computed
-    several  whether contacts of one frame are fitted together
-    tare    how the rest frame is taken and checked
-    drift   how slow drift is learnt
-    limits  beyond which a fault is raised
-    """
-
-    demand: frozenset[Feature] = frozenset(Feature) - {Feature.SURFACE}
-    several: bool = True
+    demand: frozenset[Feature] = frozenset(Feature) - {Feature.SURFACE}  # features that are computed
+    several: bool = True  # whether contacts of one frame are fitted together
     tare: TareParams = PARAMS
     drift: DriftParams = DRIFT
-    limits: FaultParams = FAULTS
+    load_pitches: float = RUNTIME.load_pitches  # motion of a pin beyond which it counts as overloaded
 
 
 class Measurement:
@@ -103,24 +92,14 @@ class Measurement:
 
     # ---- settings -----------------------------------------------------------------------------------
 
-    def set_demand(self, demand: frozenset[Feature]) -> None:
-        """Compute these features from the next frame on."""
-        self.demand = demand
-        self._set_demand()
-
-    def set_shown(self, features: frozenset[Feature]) -> None:
-        """Compute these features too, for viewers."""
-        self._shown = features
-        self._set_demand()
-
-    def _set_demand(self) -> None:
+    def set_demand(
+        self, demand: frozenset[Feature] | None = None, shown: frozenset[Feature] | None = None
+    ) -> None:
+        """Compute these features from the next frame on, and those that viewers see; None: as before."""
+        self.demand = self.demand if demand is None else demand
+        self._shown = self._shown if shown is None else shown
         if self.pipeline is not None:
             self.pipeline.demand = self.demand | self._shown
-
-    def forget_drift(self) -> None:
-        """Measure from the rest frame as it was taken, until drift is learnt again."""
-        if self.drift is not None:
-            self.drift.forget()
 
     # ---- frames -------------------------------------------------------------------------------------
 
@@ -151,7 +130,7 @@ class Measurement:
         self._counters.counts.failed_n += 1
         self._detector.failed(str(error))
         if self.tare.frames is not None:
-            self.tare.restart()
+            self.tare.frames = []
         if self.pipeline is not None:
             self.pipeline.forget()
 
@@ -163,7 +142,7 @@ class Measurement:
         if self.tare.busy or self.tare.request is not None:
             self._tare(frame)
         if self.pipeline is None:
-            self._detector.judge(frame, None)
+            self._detector.judge_image(frame)
             return None
         if self._detector.after_gap:
             self.pipeline.forget()
@@ -176,21 +155,32 @@ class Measurement:
         """Measure against this rest frame, taken from `frame`, instead of one from the first images."""
         self.tare.frames = None
         pipeline = Pipeline(rest, self.calibration, several=self._config.several)
-        self._accept_tare(Prepared(RestFrame(rest), pipeline, frame))
+        self._accept_tare(RestFrame(rest), pipeline, frame)
 
     # ---- tare ---------------------------------------------------------------------------------------
 
     def _tare(self, frame: Frame) -> None:
         """Collect this image for a requested rest frame, and use one that is ready."""
-        tare = self.tare
-        frames = tare.collect(frame, usable=not self._detector.frozen)
+        frames = self.tare.collect(frame, usable=not self._detector.frozen)
         if frames is not None:
-            request = tare.request or TareRequest(0)
-            tare.start(lambda: self._job(frames, request))
-        if not tare.checked:
-            return
+            self._check_rest(frames)
+        if self.tare.checked:
+            self._end_tare()
+
+    def _check_rest(self, frames: Sequence[Frame]) -> None:
+        request = self.tare.request or TareRequest(0)
+
+        def job() -> Prepared:
+            try:
+                return self._prepare(frames, request)
+            finally:
+                give_back_memory()
+
+        self.tare.start(job)
+
+    def _end_tare(self) -> None:
         try:
-            prepared = tare.result()
+            prepared = self.tare.result()
         except TareRefused as error:
             self._refuse_tare(error)
         except (OSError, OutputError) as error:
@@ -201,14 +191,7 @@ class Measurement:
             log.exception("a rest frame could not be taken")
             self._refuse_tare(TareRefused(RestFrameReason.OTHER, str(error)))
         else:
-            self._accept_tare(prepared)
-
-    def _job(self, frames: Sequence[Frame], request: TareRequest) -> Prepared:
-        """`_prepare`, and what it has taken meanwhile is given back."""
-        try:
-            return self._prepare(frames, request)
-        finally:
-            give_back_memory()
+            self._accept_tare(*prepared)
 
     def _prepare(self, frames: Sequence[Frame], request: TareRequest) -> Prepared:
         """Take and check the rest frame, make its stages, and store the calibration that comes with it.
@@ -228,7 +211,7 @@ class Measurement:
             pipeline.prepare(self.demand)
         if request.store is not None:
             request.store()
-        return Prepared(rest_frame, pipeline, frames[-1])
+        return rest_frame, pipeline, frames[-1]
 
     def _take_rest_frame(
         self, frames: Sequence[Frame], calibration: Calibration | None, force: bool = False
@@ -252,15 +235,14 @@ class Measurement:
             return calibration, rest_frame
         raise error
 
-    def _accept_tare(self, prepared: Prepared) -> None:
+    def _accept_tare(self, found: RestFrame, pipeline: Pipeline, frame: Frame) -> None:
         """Use this rest frame and its calibration from now on."""
-        found, self.pipeline = prepared.rest_frame, prepared.pipeline
-        self.calibration = self.pipeline.calibration
-        self._set_demand()
-        self.pipeline.drift = Drift(found.rest, self._config.drift)
+        self.pipeline, self.calibration = pipeline, pipeline.calibration
+        self.set_demand()
+        pipeline.drift = Drift(found.rest, self._config.drift)
         self._shape = found.rest.pattern.size_px[::-1]
         self.tares_n += 1
-        self._detector.learn(found.rest, prepared.frame, self.calibration is not None)
+        self._detector.learn(found.rest, frame, self.calibration is not None)
         if found.reason is RestFrameReason.NONE:
             self._reference = found.rest
             state = RestFrameState.ACCEPTED
@@ -280,7 +262,7 @@ class Measurement:
             self._faults.report(FaultCode.CALIBRATION_FOREIGN, True, str(error))  # until one is accepted
         self.tare.finish(RestFrameState.REFUSED, error.reason, str(error))
         if self.pipeline is None:
-            self.tare.restart()
+            self.tare.frames = []
 
     def no_images(self) -> None:
         """The camera has given none for long: refuse a requested rest frame."""
@@ -292,8 +274,5 @@ class Measurement:
         """A recording shorter than the tare: use all its images. Raises SourceError, CalibrationError."""
         frames = self.tare.frames
         if self.pipeline is None and frames is not None and not self._source.live:
-            self.tare.start(lambda: self._prepare(frames, TareRequest(0)))
-            try:
-                self._accept_tare(self.tare.result())
-            except TareRefused as error:
-                self._refuse_tare(error)
+            self._check_rest(frames)
+            self._end_tare()

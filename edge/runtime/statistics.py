@@ -13,11 +13,7 @@ from edge.types import Array
 
 @dataclass(slots=True)
 class LoopStatistics:
-    """Statistics since the loop started. `edge.cli.summary.LABELS` has a label for each.
-
-    pins_seen_min_n, pins_seen_median_n  pins seen in a frame, of the last `latencies_n` frames
-    compute_us          image taken up to sample ready: median, 99 %, 99.9 % of the last `latencies_n` frames
-    """
+    """Statistics since the loop started. `edge.cli.summary.LABELS` has a label for each."""
 
     frames_n: int = 0  # images that were processed
     lost_by_camera_n: int = 0  # gaps in the camera's numbering: images that never reached this process
@@ -28,10 +24,11 @@ class LoopStatistics:
     keepalives_n: int = 0  # samples without values, sent while no image came
     sent_n: int = 0  # samples that left, summed over the sinks
     pins_n: int = 0  # pins of the rest frame
-    pins_seen_min_n: int = 0
+    pins_seen_min_n: int = 0  # pins seen in a frame, of the last `latencies_n` frames
     pins_seen_median_n: int = 0
     drift_px: float = 0.0  # largest slow drift that is subtracted now
     rate_hz: float = 0.0  # frames a second
+    #: Image taken up to sample ready: median, 99 %, 99.9 % of the last `latencies_n` frames.
     compute_us: tuple[float, float, float] = (0.0, 0.0, 0.0)
     latency_us: tuple[float, float, float] = (0.0, 0.0, 0.0)  # capture to sample sent, likewise
     faults: dict[str, int] = field(default_factory=dict)  # how often each fault appeared

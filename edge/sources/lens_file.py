@@ -4,7 +4,7 @@ from pathlib import Path
 
 from edge import limits
 from edge.errors import SourceError
-from edge.types import FrameSource, Lens, MeasuredSource
+from edge.types import FrameSource, Lens
 
 #: In a source's address: what the camera's maker measured.
 FACTORY = "factory"
@@ -34,7 +34,7 @@ def lens_for(source: FrameSource, text: str) -> Lens | None:
     if not text:
         return None
     if text == FACTORY:
-        lens = source.factory_lens if isinstance(source, MeasuredSource) else None
+        lens = getattr(source, "factory_lens", None)
         if lens is None:
             raise SourceError(
                 f"{source.name}: its maker's measurement of the lens is not known; give lens=FILE"

@@ -31,14 +31,23 @@ class View:
     scale: float  # canvas px for one image px
     size: tuple[int, int]  # (width, height) of a panel, canvas px
     mm_per_px: float = 0.0  # for the scale bar; 0: in px
+    palette: Palette = PAPER
 
     @classmethod
-    def of(cls, xy_img: Array, pitch_px: float, height: int = 640, mm_per_px: float = 0.0) -> View:
+    def of(
+        cls,
+        xy_img: Array,
+        pitch_px: float,
+        height: int = 640,
+        mm_per_px: float = 0.0,
+        palette: Palette = PAPER,
+    ) -> View:
         """A square round all pins, with space for the boundary cells and for pins that move."""
         low, high = np.nanmin(xy_img, axis=0), np.nanmax(xy_img, axis=0)
         side = float((high - low).max()) + 4 * pitch_px
         corner = (low + high) / 2 - side / 2
-        return cls((float(corner[0]), float(corner[1])), height / side, (height, height), mm_per_px)
+        at = (float(corner[0]), float(corner[1]))
+        return cls(at, height / side, (height, height), mm_per_px, palette)
 
     def canvas(self, xy_img: Array) -> Array:
         """(n, 2) canvas px, pixel centres on integers."""
@@ -54,53 +63,46 @@ def _fixed(xy: Array) -> NDArray[np.int32]:
     return np.rint(np.clip(xy, -16000, 16000) * _ONE).astype(np.int32)
 
 
-def draw_touch(
-    view: View,
-    polygons: Sequence[Array],
-    tracks: Tracks,
-    features: Features | None,
-    palette: Palette = PAPER,
-) -> Canvas:
+def draw_touch(view: View, polygons: Sequence[Array], tracks: Tracks, features: Features | None) -> Canvas:
     """Cells shaded by area change, pins, local and global shear, contact stars.
 
     polygons  (k, 2) px, row i the cell of pin i; empty where there is none
     """
+    palette = view.palette
     canvas = np.full((view.size[1], view.size[0], 3), palette.paper, np.uint8)
     if features is not None:
-        _cells(canvas, view, polygons, cell_colours(features.area_change, palette), palette)
-        _local_shear(canvas, view, tracks, features, palette)
+        _cells(canvas, view, polygons, cell_colours(features.area_change, palette))
+        _local_shear(canvas, view, tracks, features)
     seen = tracks.xy_img[tracks.seen]
     for x, y in view.fixed(seen).tolist():
         cv2.circle(canvas, (x, y), round(0.004 * view.size[1] * _ONE), palette.pin, -1, cv2.LINE_AA, _SHIFT)
     if features is not None:
-        _global_shear(canvas, view, tracks, features, palette)
+        _global_shear(canvas, view, tracks, features)
         for contact in features.contacts or ():
-            _star(canvas, view, contact.xy_img, palette)
+            _star(canvas, view, contact.xy_img)
     return canvas
 
 
-def _cells(
-    canvas: Canvas, view: View, polygons: Sequence[Array], colours: NDArray[np.uint8], palette: Palette
-) -> None:
+def _cells(canvas: Canvas, view: View, polygons: Sequence[Array], colours: NDArray[np.uint8]) -> None:
     corners = [view.fixed(p) if len(p) >= 3 and np.isfinite(p).all() else None for p in polygons]
     for corner, colour in zip(corners, colours.tolist(), strict=True):
         if corner is not None:
             cv2.fillPoly(canvas, [corner], colour, cv2.LINE_AA, _SHIFT)
     outlines = [corner for corner in corners if corner is not None]
-    cv2.polylines(canvas, outlines, True, palette.edge, 1, cv2.LINE_AA, _SHIFT)
+    cv2.polylines(canvas, outlines, True, view.palette.edge, 1, cv2.LINE_AA, _SHIFT)
 
 
-def _local_shear(canvas: Canvas, view: View, tracks: Tracks, features: Features, palette: Palette) -> None:
+def _local_shear(canvas: Canvas, view: View, tracks: Tracks, features: Features) -> None:
     """Motion of each pin since rest, `local_gain` times as long; its dot is the tail."""
     motion = features.displacement_px
     known = np.isfinite(motion).all(axis=1) & tracks.seen
     start = tracks.xy_img[known]
     ends = np.stack([view.fixed(start), view.fixed(start + PARAMS.local_gain * motion[known])], axis=1)
     width = max(1, round(view.size[1] / 480))
-    cv2.polylines(canvas, list(ends), False, palette.local, width, cv2.LINE_AA, _SHIFT)
+    cv2.polylines(canvas, list(ends), False, view.palette.local, width, cv2.LINE_AA, _SHIFT)
 
 
-def _arrow(canvas: Canvas, tail: Array, head: Array, width_px: float, colour: Bgr, halo: Bgr) -> None:
+def _arrow(canvas: Canvas, tail: Array, head: Array, width_px: float, palette: Palette) -> None:
     """A filled arrow with a halo, canvas px; none where it is too short to have a direction.
 
     OpenCV's own has a head that scales with its length.
@@ -125,11 +127,11 @@ def _arrow(canvas: Canvas, tail: Array, head: Array, width_px: float, colour: Bg
         ]
     )
     shape = [_fixed(outline)]
-    cv2.polylines(canvas, shape, True, halo, max(2, round(width_px)), cv2.LINE_AA, _SHIFT)
-    cv2.fillPoly(canvas, shape, colour, cv2.LINE_AA, _SHIFT)
+    cv2.polylines(canvas, shape, True, palette.halo, max(2, round(width_px)), cv2.LINE_AA, _SHIFT)
+    cv2.fillPoly(canvas, shape, palette.shear, cv2.LINE_AA, _SHIFT)
 
 
-def _global_shear(canvas: Canvas, view: View, tracks: Tracks, features: Features, palette: Palette) -> None:
+def _global_shear(canvas: Canvas, view: View, tracks: Tracks, features: Features) -> None:
     if features.shear_px is None or not np.isfinite(features.shear_px).all():
         return
     rest = tracks.xy_img - features.displacement_px
@@ -137,23 +139,21 @@ def _global_shear(canvas: Canvas, view: View, tracks: Tracks, features: Features
         return
     tail = view.canvas(np.nanmean(rest, axis=0))
     head = tail + PARAMS.global_gain * view.scale * features.shear_px
-    _arrow(canvas, tail, head, view.size[1] / 100, palette.shear, palette.halo)
+    _arrow(canvas, tail, head, view.size[1] / 100, view.palette)
 
 
-def _star(canvas: Canvas, view: View, xy_img: Array, palette: Palette) -> None:
+def _star(canvas: Canvas, view: View, xy_img: Array) -> None:
     """The paper's asterisk."""
     centre = view.canvas(xy_img)
     angles = np.arange(3) * np.pi / 3 + np.pi / 6
     arm = view.size[1] / 40 * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     lines = [_fixed(np.stack([centre - a, centre + a])) for a in arm]
     width = max(2, round(view.size[1] / 200))
-    cv2.polylines(canvas, lines, False, palette.halo, 2 * width + 1, cv2.LINE_AA, _SHIFT)
-    cv2.polylines(canvas, lines, False, palette.contact, width, cv2.LINE_AA, _SHIFT)
+    cv2.polylines(canvas, lines, False, view.palette.halo, 2 * width + 1, cv2.LINE_AA, _SHIFT)
+    cv2.polylines(canvas, lines, False, view.palette.contact, width, cv2.LINE_AA, _SHIFT)
 
 
-def draw_camera(
-    view: View, image: Image, bits: int = 8, tracks: Tracks | None = None, palette: Palette = PAPER
-) -> Canvas:
+def draw_camera(view: View, image: Image, bits: int = 8, tracks: Tracks | None = None) -> Canvas:
     """The camera's image in the same view, with a ring round every pin that is tracked."""
     grey = image if image.dtype == np.uint8 else (image >> max(0, bits - 8)).astype(np.uint8)
     s = view.scale
@@ -198,36 +198,33 @@ def picture(
     tracks: Tracks,
     polygons: Sequence[Array],
     features: Features | None,
-    *,
-    palette: Palette = PAPER,
     caption: str = "",
 ) -> Canvas:
     """Both panels side by side, with legend, scale bar and caption; BGR, same size for every frame."""
-    touch = draw_touch(view, polygons, tracks, features, palette)
-    camera = draw_camera(view, frame.image, frame.bits, tracks, palette)
     width, height = view.size
     gap, foot = max(4, height // 80), round(0.12 * height)
-    canvas = np.full((height + foot, 2 * width + gap, 3), palette.paper, np.uint8)
-    canvas[:height, :width] = touch
-    canvas[:height, width + gap :] = camera
-    _legend(canvas[height:, :width], view, palette)
-    _caption(canvas[height:, width + gap :], frame, tracks, features, caption, palette)
+    canvas = np.full((height + foot, 2 * width + gap, 3), view.palette.paper, np.uint8)
+    canvas[:height, :width] = draw_touch(view, polygons, tracks, features)
+    canvas[:height, width + gap :] = draw_camera(view, frame.image, frame.bits, tracks)
+    _legend(canvas[height:, :width], view)
+    size = 0.17 * foot
+    for line, text in enumerate((*_about(frame, tracks, features), caption)):
+        at = (width + gap + 0.02 * width, height + (0.30 + 0.29 * line) * foot)
+        _text(canvas, at, text, size, view.palette.ink)
     return canvas
 
 
-def _text(canvas: Canvas, at: tuple[float, float], text: str, size: float, colour: Bgr) -> float:
-    """Left end of the base line at `at`; size is the height of a capital. Returns the width."""
+def _text(canvas: Canvas, at: tuple[float, float], text: str, size: float, colour: Bgr) -> None:
+    """Left end of the base line at `at`; size is the height of a capital."""
     scale = size / 21.0  # FONT_HERSHEY_SIMPLEX at scale 1 has capitals of 21 px
     weight = max(1, round(size / 11))
-    (width, _), _ = cv2.getTextSize(text, _FONT, scale, weight)
     cv2.putText(canvas, text, (round(at[0]), round(at[1])), _FONT, scale, colour, weight, cv2.LINE_AA)
-    return float(width)
 
 
-def _legend(foot: Canvas, view: View, palette: Palette) -> None:
+def _legend(foot: Canvas, view: View) -> None:
     """Colour bar of the area change, scale bar, and the factors of the vectors."""
     h, w = foot.shape[:2]
-    size, full = h * 0.17, PARAMS.full_change
+    palette, size, full = view.palette, h * 0.17, PARAMS.full_change
     bar = cell_colours(np.linspace(-full, full, round(0.34 * w)), palette)
     top, bottom, left = round(0.18 * h), round(0.36 * h), round(0.03 * w)
     foot[top:bottom, left : left + len(bar)] = bar
@@ -253,7 +250,7 @@ def _legend(foot: Canvas, view: View, palette: Palette) -> None:
     _text(foot, (x1 + 1.3 * glyph, y + 0.4 * size), f"pin motion x{PARAMS.local_gain:g}", size, palette.ink)
     y2 = bottom + 1.2 * size
     tail = np.array([x1, y2])
-    _arrow(foot, tail, tail + np.array([glyph, 0.0]), h / 16, palette.shear, palette.halo)
+    _arrow(foot, tail, tail + np.array([glyph, 0.0]), h / 16, palette)
     _text(
         foot, (x1 + 1.3 * glyph, y2 + 0.4 * size), f"mean motion x{PARAMS.global_gain:g}", size, palette.ink
     )
@@ -267,21 +264,16 @@ def _round_length(wanted_px: float, mm_per_px: float) -> tuple[str, float]:
     return ("mm" if mm_per_px else "px"), float(value)
 
 
-def _caption(
-    foot: Canvas, frame: Frame, tracks: Tracks, features: Features | None, caption: str, palette: Palette
-) -> None:
-    h, w = foot.shape[:2]
-    size = h * 0.17
+def _about(frame: Frame, tracks: Tracks, features: Features | None) -> tuple[str, str]:
+    """Two lines on what the picture shows."""
     first = f"frame {frame.sequence}   pins {tracks.n_seen} of {len(tracks.seen)}"
     if tracks.confidence < Tracks.LOW_CONFIDENCE:
         first += "   identities unsure"
-    second = "no features"
-    if features is not None:
-        second = f"contacts {len(features.contacts or ())}"
-        if features.shear_px is not None:
-            x, y = features.shear_px
-            second += (
-                f"   mean motion {np.hypot(x, y):.2f} px at {np.degrees(np.arctan2(y, x)):+.0f} deg (x to y)"
-            )
-    for line, text in enumerate((first, second, caption)):
-        _text(foot, (0.02 * w, (0.30 + 0.29 * line) * h), text, size, palette.ink)
+    if features is None:
+        return first, "no features"
+    second = f"contacts {len(features.contacts or ())}"
+    if features.shear_px is not None:
+        x, y = features.shear_px
+        degrees = np.degrees(np.arctan2(y, x))
+        second += f"   mean motion {np.hypot(x, y):.2f} px at {degrees:+.0f} deg (x to y)"
+    return first, second

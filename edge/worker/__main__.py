@@ -6,17 +6,14 @@ first. Signals are handled by the loop: a service manager sends them to both.
 
 import logging
 import os
-import pickle
 import signal
 import socket
 import sys
 import threading
 import time
 from collections.abc import Mapping
-from concurrent.futures import Future
-from dataclasses import asdict
 from datetime import datetime
-from itertools import count
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
@@ -24,46 +21,36 @@ from edge.runtime.process import limit_resources
 
 limit_resources()
 
-from edge.errors import EdgeError  # noqa: E402  (after the number of library threads is set)
-from edge.params import PARAMS as RUNTIME  # noqa: E402
+from edge.errors import EdgeError, InputError  # noqa: E402  (after the number of library threads is set)
 from edge.recording.topics import TOPICS  # noqa: E402
 from edge.recording.writer import Recorder  # noqa: E402
 from edge.runtime.process import run_and_exit  # noqa: E402
-from edge.worker.messages import (  # noqa: E402
-    Answer,
-    Ask,
-    Attach,
-    Begin,
-    Event,
-    PageReport,
-    Ready,
-    RecordingReport,
-    Show,
-    Stopped,
-    Take,
-    Wants,
-)
+from edge.worker.messages import WorkerConfig  # noqa: E402
 from edge.worker.params import PARAMS  # noqa: E402
-from edge.worker.shared_memory import Inbox, receive  # noqa: E402
+from edge.worker.shared_memory import Inbox  # noqa: E402
 from hostlink.interrupt import ENDING  # noqa: E402
-from hostlink.web import CommandRefused  # noqa: E402
+from hostlink.web import CommandRefused, WebError  # noqa: E402
 
 log = logging.getLogger("edge.worker")
 
 
 class Worker:
-    """control, inbox  to and from the loop's process"""
+    """Page and recorder.
 
-    def __init__(self, control: socket.socket, inbox: Inbox, begin: Begin) -> None:
-        self._control, self._inbox, self._begin = control, inbox, begin
-        self._config = config = begin.config
+    control          to and from the loop's process
+    source, rate_hz  the camera's name and rate
+    Raises           EdgeError: the file cannot be written
+    """
+
+    def __init__(self, control: Connection, config: WorkerConfig, source: str, rate_hz: float) -> None:
+        self._control, self._config, self._rate_hz = control, config, rate_hz
         self._serial = config.tip.get("serial", "")
         self._recording: Recorder | None = None
+        self._sending = threading.Lock()
+        self._taring = threading.Lock()
         self._switching = threading.Lock()  # one worker thread at a time starts or stops a recording
         self._drained = threading.Event()
-        self._pending: dict[int, Future[str]] = {}
-        self._numbers = count()
-        self._reported: dict[type, object] = {PageReport: PageReport(), RecordingReport: RecordingReport()}
+        self._reported: tuple[int, str | None] = (0, None)
         self._due_s = 0.0
         if config.record is not None:
             self._recording = self._recorder(config.record, config.overwrite)
@@ -72,95 +59,78 @@ class Worker:
             from edge.worker.page import LivePage
 
             commands = {"tare": self._tare, "record": self._record}
-            self._page = LivePage(config.listen, begin.source, self._serial, commands, self._on_wants)
-            self._page.start()
+            self._page = LivePage(config.listen, source, self._serial, commands, self._on_wants)
 
-    @property
-    def port(self) -> int:
-        return self._page.server.port if self._page is not None else 0
+    def start(self) -> None:
+        """Serve the page, and tell the loop at which port. Raises WebError."""
+        with self._sending:  # what viewers want comes after it
+            if self._page is not None:
+                self._page.server.start()
+            self._control.send(self._page.server.port if self._page is not None else 0)
 
-    def run(self) -> None:
+    def run(self, inbox: Inbox) -> None:
         """Run until the loop's process closes the channel, or dies."""
-        threading.Thread(target=self._receive_loop, name="control", daemon=True).start()
-        while (message := self._inbox.get()) is not None:
-            recording = self._recording
-            match message:
-                case Show():
-                    self._page.show(message)
-                case Take(frame, result, state, lost_n) if recording is not None:
-                    recording.count_lost(lost_n)
-                    recording.take(frame, result, state)
-                case Event(level, text) if recording is not None:
-                    recording.event(level, text)
-                case Attach(name, data) if recording is not None:
-                    recording.attach(name, data.tobytes())
-                case Stopped():
-                    self._drained.set()
+        while (message := inbox.get()) is not None:
+            name, *arguments = message
+            if name == "stopped":
+                self._drained.set()
+            elif name == "show":
+                self._page.show(*arguments)
+            elif self._recording is not None:
+                getattr(self._recording, name)(*arguments)
             now_s = time.monotonic()
             if now_s >= self._due_s:
                 self._due_s = now_s + PARAMS.report_s
                 self._report()
         if self._page is not None:
-            self._page.close()
+            self._page.server.close()
+        self._drained.set()
         with self._switching:
             if self._recording is not None:
                 self._recording.close()
                 self._report()
 
-    # ---- to and from the loop -----------------------------------------------------------------------
+    # ---- to the loop --------------------------------------------------------------------------------
 
-    def _send(self, message: object) -> None:
+    def _send(self, *message: object) -> None:
         try:
-            self._control.send(pickle.dumps(message))
+            with self._sending:
+                self._control.send(message)
         except OSError:
             log.debug("the loop's process has ended")  # the data channel ends too
 
     def _report(self) -> None:
-        """Report the state of page and recording, if it has changed."""
-        now: list[object] = []
-        if self._page is not None:
-            server = self._page.server
-            now.append(PageReport(server.viewers_n, server.sent_n, server.cut_off_n))
+        """Report the state of the recording, if it has changed."""
         recording, shown = self._recording, None
         if recording is not None:
-            report = RecordingReport(_frames_n(recording), recording.dropped_n, recording.fault)
-            now.append(report)
-            shown = {"file": recording.path.name, **asdict(report)}
+            dropped_n, fault = now = recording.dropped_n, recording.fault
+            frames_n = _frames_n(recording)
+            shown = {
+                "file": recording.path.name, "frames_n": frames_n, "dropped_n": dropped_n, "fault": fault
+            }  # fmt: skip
+            if now != self._reported:
+                self._reported = now
+                self._send("recorded", dropped_n, fault)
         if self._page is not None:
             self._page.recording = shown
-        for message in now:
-            if message != self._reported[type(message)]:
-                self._reported[type(message)] = message
-                self._send(message)
 
     def _on_wants(self, wants: frozenset[str] | None) -> None:
-        self._send(Wants(wants))
-        self._report()  # after the last viewer left, no later message would trigger the report
-
-    def _receive_loop(self) -> None:
-        while packet := receive(self._control):
-            answer: Answer = pickle.loads(packet)
-            future = self._pending.pop(answer.number, None)
-            if future is not None:
-                future.set_result(answer.refused)
-
-    def _ask(self, what: str, force: bool = False) -> None:
-        """Send a command to the loop and wait for its answer. Raises CommandRefused."""
-        number, future = next(self._numbers), Future[str]()
-        self._pending[number] = future
-        self._send(Ask(number, what, force))
-        try:
-            # Longer than the loop waits, so that a late answer is not lost.
-            refused = future.result(PARAMS.command_s + RUNTIME.patience_s)
-        except TimeoutError:
-            refused = "the loop does not answer"
-        if refused:
-            raise CommandRefused(refused)
+        self._send("want", wants)
 
     # ---- commands of viewers, in worker threads -----------------------------------------------------
 
     def _tare(self, fields: Mapping[str, Any]) -> str:
-        self._ask("tare", bool(fields.get("force")))
+        if not self._taring.acquire(blocking=False):
+            raise CommandRefused("a rest frame is being taken already; ask again when it is done")
+        try:
+            self._send("tare", bool(fields.get("force")))
+            refused = self._control.recv()  # nothing else comes this way
+        except (EOFError, OSError):
+            refused = "the program ends"
+        finally:
+            self._taring.release()
+        if refused:
+            raise CommandRefused(refused)
         return "a new rest frame is in use"
 
     def _record(self, fields: Mapping[str, Any]) -> str:
@@ -169,7 +139,7 @@ class Worker:
             return self._begin_recording() if recording is None else self._end_recording(recording)
 
     def _recorder(self, path: Path, overwrite: bool = False) -> Recorder:
-        made = Recorder(path, tip=self._config.tip, rate_hz=self._begin.rate_hz, overwrite=overwrite)
+        made = Recorder(path, tip=self._config.tip, rate_hz=self._rate_hz, overwrite=overwrite)
         made.finger = self._config.finger
         return made
 
@@ -178,24 +148,18 @@ class Worker:
         name = f"{self._serial or 'tip'}-{datetime.now():%Y%m%d-%H%M%S}.mcap"
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            recorder = self._recorder(folder / name)
+            self._recording = self._recorder(folder / name)
         except EdgeError as error:
             raise CommandRefused(str(error)) from None
         except OSError as error:
             raise CommandRefused(f"{folder}: {error.strerror}; give another folder") from None
-        self._recording = recorder
-        try:
-            self._ask("start_recording")
-        except CommandRefused:
-            self._recording = None
-            recorder.close()
-            raise
+        self._send("record", True)
         return f"recording {name}"
 
     def _end_recording(self, recording: Recorder) -> str:
         self._drained.clear()
-        self._ask("stop_recording")
-        self._drained.wait(PARAMS.command_s)  # everything that the loop has sent has arrived
+        self._send("record", False)
+        self._drained.wait(PARAMS.end_s)  # everything that the loop has sent has arrived
         self._recording = None
         recording.close()
         name, frames_n = recording.path.name, _frames_n(recording)
@@ -229,17 +193,17 @@ def main() -> None:
         signal.signal(number, signal.SIG_IGN)
     data, control, memory = (int(text) for text in sys.argv[1:4])
     inbox = Inbox(socket.socket(fileno=data), memory)
-    with socket.socket(fileno=control) as connection:
-        begin: Begin = pickle.loads(receive(connection))
-        logging.basicConfig(level=begin.log_level, format="%(levelname)s %(name)s: %(message)s")
+    with Connection(control) as connection:
+        level, *about = connection.recv()
+        logging.basicConfig(level=level, format="%(levelname)s %(name)s: %(message)s")
         step_back()
         try:
-            worker = Worker(connection, inbox, begin)
-        except EdgeError as error:
-            connection.send(pickle.dumps(Ready(refused=str(error), kind=type(error).__name__)))
+            worker = Worker(connection, *about)
+            worker.start()
+        except (EdgeError, WebError) as error:
+            connection.send(error if isinstance(error, EdgeError) else InputError(str(error)))
         else:
-            connection.send(pickle.dumps(Ready(worker.port)))
-            worker.run()
+            worker.run(inbox)
 
 
 if __name__ == "__main__":

@@ -4,12 +4,11 @@ import time
 from collections import deque
 from collections.abc import Callable
 from math import nan
-from typing import Any
 
 from edge.runtime.loop import Loop
 from edge.types import Features, Frame, Rest, Result
 from edge.view.scene import CHARTED
-from edge.worker.messages import Event, RecordingReport, Show, Take
+from edge.worker.messages import Show
 from edge.worker.params import PARAMS
 from hostlink.web.limits import WebLimits
 from hostlink.wire import FAULTS, State
@@ -24,7 +23,7 @@ class ViewFeed:
     watched  whether anybody watches
     """
 
-    def __init__(self, loop: Loop, put: Callable[[Any], bool]) -> None:
+    def __init__(self, loop: Loop, put: Callable[..., bool]) -> None:
         self._loop = loop
         self._put = put
         self.watched = False
@@ -52,7 +51,7 @@ class ViewFeed:
             return
         loop = self._loop
         frame, (result, state) = loop.frame, self._latest or (None, None)
-        rest = loop.pipeline.rest if loop.pipeline else None
+        rest = loop.measurement.pipeline.rest if loop.measurement.pipeline else None
         frame_shown, result_shown, rest_shown = self._shown
         is_idle = frame is frame_shown and result is result_shown and not self._rows
         if is_idle and now_s < self._sent_s + PARAMS.report_s:
@@ -70,8 +69,8 @@ class ViewFeed:
             {
                 "faults": [[_MEANING[code], message] for code, message in loop.faults.active.items()],
                 "taring": loop.measurement.tare.busy,
-                "tares_n": loop.tares_n,
-                "calibrated": loop.calibration is not None,
+                "tares_n": loop.measurement.tares_n,
+                "calibrated": loop.measurement.calibration is not None,
                 "dropped_n": loop.source.dropped_n,
             },
         )
@@ -79,7 +78,7 @@ class ViewFeed:
         period_s = 1.0 / WebLimits().rate_hz
         self._due_s = max(self._due_s, now_s - period_s) + period_s
         self._sent_s = now_s
-        if self._put(show):
+        if self._put("show", show):
             self._shown = (frame, result, rest)
             self._rows.clear()
 
@@ -109,40 +108,31 @@ class RecordingFeed:
     """Sends each turn of the loop to the recorder, and keeps its state.
 
     put     sends a message to the worker; False: the memory is full
-    report  the worker's last report on the recording
+    fault   why nothing is recorded any more
+    lost_n  turns that the worker was too slow for, and has not been told of
     """
 
-    def __init__(self, put: Callable[[Any], bool]) -> None:
+    def __init__(self, put: Callable[..., bool]) -> None:
         self._put = put
         self.begin()
 
     def begin(self) -> None:
-        self.report = RecordingReport()
-        self.failure: str | None = None  # the worker itself has failed
-        self.lost_n = 0  # turns that were lost before the worker
-        self._lost_reported_n = 0
+        self.lost_n = self._dropped_n = 0
+        self.fault: str | None = None
 
     def take(self, frame: Frame, result: Result | None, state: State) -> None:
-        lost_n = self.unreported_n
-        if not self._put(Take(frame, result, state, lost_n)):
-            self.lost_n += 1
-            return
-        self._lost_reported_n += lost_n
+        if self.lost_n and self._put("count_lost", self.lost_n):
+            self.lost_n = 0
+        self.lost_n += not self._put("take", frame, result, state)
 
     def event(self, level: str, text: str) -> None:
         """Record a line of the log; from any thread."""
-        self._put(Event(level, text))
+        self._put("event", level, text)
 
-    @property
-    def unreported_n(self) -> int:
-        """Turns that were lost before the worker, and not reported to it yet."""
-        return self.lost_n - self._lost_reported_n
-
-    @property
-    def fault(self) -> str | None:
-        return self.failure or self.report.fault
+    def on_report(self, dropped_n: int, fault: str | None) -> None:
+        self._dropped_n, self.fault = dropped_n, fault
 
     @property
     def dropped_n(self) -> int:
         """Messages that the disk or the worker was too slow for."""
-        return self.report.dropped_n + self.unreported_n
+        return self._dropped_n + self.lost_n

@@ -11,12 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from edge.errors import InputError
 from edge.types import Frame, Rest, Result
 from edge.view.scene import CHART, Arrays, camera, hello, touch
 from edge.worker.messages import Show
 from edge.worker.params import PARAMS
-from hostlink.web import Listen, PageServer, WebError, pack_packet
+from hostlink.web import Listen, PageServer, pack_packet
 from hostlink.wire import FIELDS, State
 
 #: The page has these of a sample: the measured values.
@@ -57,16 +56,6 @@ class LivePage:
             self._on_wants,
             ("image", "surface", "cells"),
         )
-
-    def start(self) -> None:
-        """Serve the page. Raises InputError."""
-        try:
-            self.server.start()
-        except WebError as error:
-            raise InputError(str(error)) from None
-
-    def close(self) -> None:
-        self.server.close()
 
     # ---- the main thread ----------------------------------------------------------------------------
 

@@ -9,18 +9,10 @@ from edge.params import PARAMS as RUNTIME
 class WorkerParams:
     """Parameters by name. Units: s, seconds; n, items."""
 
-    # --- the process
     nice: int = 5  # added to its priority's number, so that the loop goes first
     lived_s: float = RUNTIME.rarely_s  # a process that lived shorter is not restarted
     end_s: float = 12.0  # for a page to close its viewers, a recording to be written
-
-    # --- shared memory
     memory_bytes: int = 24 << 20  # for messages under way
-
-    # --- what viewers ask for
-    command_s: float = 10.0  # until the loop has done what it was asked, above all a tare
-
-    # --- what goes to and from it
     report_s: float = RUNTIME.announced_s  # between reports of what is no new result
     recent_s: float = 0.5  # time that the charts' rows in a packet tell of
 

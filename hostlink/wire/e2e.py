@@ -19,6 +19,7 @@ from binascii import crc_hqx
 from typing import Final
 
 __all__ = [
+    "P5_COUNTERS",
     "P5_HEADER",
     "P11_COUNTERS",
     "P11_HEADER",
@@ -33,6 +34,7 @@ __all__ = [
 ]
 
 P5_HEADER: Final = 3  # bytes: CRC, counter
+P5_COUNTERS: Final = 256  # 0..255
 P11_HEADER: Final = 2  # bytes: CRC, counter and nibble
 P11_COUNTERS: Final = 15  # 0..14; 15 is "no data yet" in AUTOSAR's receivers
 

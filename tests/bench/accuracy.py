@@ -15,7 +15,6 @@ import os
 import shutil
 import statistics
 import tempfile
-import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -123,9 +122,9 @@ def times(rest: Rest, calibrations: list[Calibration], stills: list[Image], unto
             where = pipeline.process(frame).tracks.xy_img
         reference.place(where)
         for _ in range(REPEATS):
-            timed(found[0], time.thread_time_ns, reference.step, image)
+            timed(found[0], reference.step, image)
             for us, pipeline in zip(found[1:], pipelines, strict=True):
-                timed(us, time.thread_time_ns, pipeline.process, frame)
+                timed(us, pipeline.process, frame)
     return np.array([statistics.median(us) for us in found])
 
 
@@ -145,7 +144,7 @@ def instructions(calibrations: list[Calibration], stills: list[Image], rest: Ima
             names = ",".join(sorted(demand))
             child = ["tests.bench.accuracy_child", str(folder / "stills.npz"), path, names, str(ROUNDS)]
             frames = COUNTED * ROUNDS
-            return count_between_marks(child, frames, folder / f"counts.{number}", caches=False).instructions
+            return count_between_marks(child, frames, folder / f"counts.{number}").instructions
 
         with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:  # threads wait for valgrind alone
             return list(track(pool.map(count, range(len(work))), "instructions", total=len(work)))

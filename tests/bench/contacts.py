@@ -31,14 +31,14 @@ from calib.extract import DEMAND, Measured, gather
 from calib.fit import ModelKind, Search, fit
 from calib.targets import Targets
 from edge.calibration import Calibration
+from edge.calibration.evaluation import contact_inputs, frame_inputs
 from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS
-from edge.calibration.model import contact_inputs, frame_inputs
 from edge.frame import Pipeline
 from edge.rest.tare import tare
 from edge.types import Array, Feature, Frame, Rest, Result, Tracks
 from tests.bench.flat_gel import RADIUS_MM, FlatGel
 from tests.bench.half_space import Ball, Bar, own_depths_mm
-from tests.bench.output import show, text_of, write_json, writes_results
+from tests.bench.output import show, write_json, writes_results
 
 TARE_N = 8
 STEP_MM = 0.5
@@ -68,6 +68,10 @@ class Measures:
     depth_mm: float = nan
     direction_deg: float = nan
     worst_deg: float = nan
+
+    def known(self) -> dict[str, float | None]:
+        """By name; None for NaN."""
+        return {name: None if value != value else round(value, 4) for name, value in asdict(self).items()}
 
     def keeps(self, bounds: "Measures") -> bool:
         """Whether each that is bounded keeps its bound; one that is missing does not."""
@@ -295,21 +299,7 @@ def _in_order(contacts: Array, balls: Sequence[Ball]) -> Array:
     return orders[int(np.argmin(distances))]
 
 
-@dataclass(frozen=True)
-class Row:
-    """One kind of scene on one tip.
-
-    scenes   how many
-    """
-
-    tip: str
-    scene: str
-    scenes: int
-    measured: Measures
-    holds: bool
-
-
-def measure(tip: SecondTip, scene: Scene, n: int, seed: int) -> Row:
+def measure(tip: SecondTip, scene: Scene, n: int, seed: int) -> Measures:
     """Read n scenes of a kind."""
     rng = np.random.default_rng(seed)
     errors = []
@@ -318,7 +308,7 @@ def measure(tip: SecondTip, scene: Scene, n: int, seed: int) -> Row:
         while min(own_depths_mm([t for t in tools if isinstance(t, Ball)]), default=1.0) <= 0.0:
             tools = scene.tools(tip.gel.pitch_mm, rng)  # one of them hangs over the other's dent
         errors.append(read(tip.show(scene.ball, tools, rng), tools))
-    measured = Measures(
+    return Measures(
         right=float(np.mean([e.right for e in errors])),
         place_mm=_mean(errors, "place_mm"),
         bias_mm=abs(_mean(errors, "bias_mm")),
@@ -326,22 +316,11 @@ def measure(tip: SecondTip, scene: Scene, n: int, seed: int) -> Row:
         direction_deg=_mean(errors, "direction_deg"),
         worst_deg=max((v for e in errors for v in e.direction_deg), default=nan),
     )
-    return Row(f"{len(tip.rest)} pins", scene.name, n, measured, measured.keeps(scene.bounds))
 
 
 def _mean(errors: Sequence[Errors], name: str) -> float:
     values = [v for e in errors for v in getattr(e, name)]
     return float(np.mean(values)) if values else nan
-
-
-def _cells(row: Row) -> dict[str, object]:
-    """As the table has it: what was measured, its bound in brackets."""
-    bounds = asdict(next(scene.bounds for scene in SCENES if scene.name == row.scene))
-    cells: dict[str, object] = {"tip": row.tip, "scene": row.scene, "n": row.scenes}
-    for name, value in asdict(row.measured).items():
-        bound = text_of(bounds[name])
-        cells[name] = f"{text_of(round(value, 3))} ({bound})" if bound else value
-    return cells | {"holds": row.holds}
 
 
 @click.command(name="contacts", help="Contacts on a second, independent simulator, against their bounds.")
@@ -355,20 +334,23 @@ def _cells(row: Row) -> dict[str, object]:
 @click.option("--seed", default=1, show_default=True)
 @writes_results
 def command(n_scenes: int, n_bars: int, n_untouched: int, seed: int, out: Path) -> None:
-    """Exit code 1 if a bound is not kept. In brackets: the bound."""
+    """Exit code 1 if a bound is not kept."""
     counts = {"bar": n_bars, "untouched": n_untouched}
-    rows = []
+    rows: list[dict[str, object]] = []
     for n_pins in (127, 331):
         tip = SecondTip.made(n_pins, seed)
         for i, scene in enumerate(track(SCENES, f"{n_pins} pins")):
-            rows.append(measure(tip, scene, counts.get(scene.name, n_scenes), seed + i))
-    write_json(out / "contacts.json", [_plain(row) for row in rows])
-    show([_cells(row) for row in rows], "right: share of the scenes; mm, deg; (bound)")
-    if not all(row.holds for row in rows):
+            n = counts.get(scene.name, n_scenes)
+            found = measure(tip, scene, n, seed + i)
+            row: dict[str, object] = {
+                "tip": f"{n_pins} pins",
+                "scene": scene.name,
+                "scenes": n,
+                **found.known(),
+            }
+            rows.append(row | {"holds": found.keeps(scene.bounds)})
+    write_json(out / "contacts.json", rows)
+    show([{"scene": scene.name, **scene.bounds.known()} for scene in SCENES], "bounds")
+    show(rows, "right: share of the scenes; mm, deg")
+    if not all(row["holds"] for row in rows):
         raise SystemExit(1)
-
-
-def _plain(row: Row) -> dict[str, object]:
-    """As JSON has it: None for NaN."""
-    measured = {name: None if value != value else value for name, value in asdict(row.measured).items()}
-    return {**asdict(row), "measured": measured}

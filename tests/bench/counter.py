@@ -1,7 +1,7 @@
 """Instructions of a program between its marks, by library and function: see `tests.bench.marks`.
 
 Time depends on the machine and its load; the number of instructions does not. On this machine valgrind's
-callgrind counts (Debian package valgrind), on request with the caches of a small board.
+callgrind counts (Debian package valgrind), with the caches of a small board.
 
 Rules
 - The program gets a short environment, always the same: places in memory, and so misses, depend on it.
@@ -76,7 +76,6 @@ def counted(
     frames: int,
     folder: Path,
     *,
-    caches: bool = True,
     environment: Mapping[str, str] = ENVIRONMENT,
 ) -> Counts:
     """Count what a module does between its marks, on this machine.
@@ -84,7 +83,6 @@ def counted(
     child   the module, and its arguments
     frames  that it processes between them
     folder  where callgrind's files go; it is made
-    caches  False: instructions alone, in less time; no misses
     Raises  NoCounter
     """
     if shutil.which("valgrind") is None:
@@ -96,7 +94,7 @@ def counted(
         "valgrind",
         "--tool=callgrind",
         *plain,
-        *(CACHES if caches else ()),
+        *CACHES,
         f"--callgrind-out-file={out}",
     ]
     run([*command, sys.executable, "-m", *child], environment)

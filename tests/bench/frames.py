@@ -1,7 +1,5 @@
 """Frames for measurements: simulated, rendered once, the same for all methods compared."""
 
-import math
-from itertools import cycle, islice
 from pathlib import Path
 
 import msgspec
@@ -16,29 +14,13 @@ from edge.types import Feature, Frame
 
 #: What a grasp controller asks for.
 GRASP = frozenset({Feature.DISPLACEMENT, Feature.SHEAR})
-#: Tips and images over which the cost of a frame is measured.
-PINS = (61, 127, 331, 547, 721, 1027)  # whole rings; 1027 is the next one to 1000
-SIZES = ((320, 240), (640, 480), (1280, 800))
-NARROW = 0.38 * 240  # px, a tip that fits the smallest image
 
 
-def scene(
-    name: str = "tour", pins: int = 331, size_px: tuple[int, int] = (640, 480), radius_px: float = 0.0
-) -> list[Frame]:
-    """Every frame of a scene of the simulator; the first `REST_FRAMES` show the untouched tip.
-
-    radius_px  of the outermost pins' circle; 0: the tip fills the image
-    """
-    thin = min(1.0, math.sqrt(331 / pins))  # more than 331 pins must be thinner to be separate
-    tip = Tip(n_pins=pins, pin_radius_mm=0.6 * thin)
-    camera = Camera(tip=tip, size_px=size_px, pins_radius_px=radius_px)
+def scene(name: str, pins: int = 331, size_px: tuple[int, int] = (640, 480)) -> list[Frame]:
+    """Every frame of a scene of the simulator; the first `REST_FRAMES` show the untouched tip."""
+    camera = Camera(tip=Tip(n_pins=pins, pin_radius_mm=0.6), size_px=size_px)
     simulator = Simulator(camera, seed=1, rate_hz=240.0)
     return [simulator.frame(contacts) for contacts in play(SCENES[name])]
-
-
-def back_and_forth(frames: list[Frame], n: int) -> list[Frame]:
-    """The frames forwards and backwards, without a jump, until there are n."""
-    return list(islice(cycle(frames + frames[-2:0:-1]), n))
 
 
 def there_and_back(name: str) -> tuple[np.ndarray, int]:

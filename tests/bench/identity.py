@@ -3,6 +3,11 @@
 The identities of real frames are not known. Two necessary conditions are counted. A pin's motion is within
 4 px of the mean of its matched Delaunay neighbours'. A lattice that slipped as a whole passes that, so the
 mean motion is compared with a smooth function of the robot's pose too.
+
+The confidence of identities is meant as a probability: of the jumps with confidence c, a share c should be
+right. That is counted on jumps of six tips, spoilt at random, and on published stills with a side hidden,
+whose truth is what a search of the whole still found. Right is a jump without a pin that has another pin's
+blob.
 """
 
 import time
@@ -21,11 +26,17 @@ from calib.sim import Camera, Tip, Tool, ToolPose, deform
 from edge.pins import detect, take_rest
 from edge.sources import read_image
 from edge.tracking import Tracker
+from edge.tracking.search import Identifier
+from edge.tracking.tip import TrackedTip
 from edge.types import Array, Mask, PinPattern, Pins, Rest, Tracks
 from tests.bench.output import show, write_json, writes_results
 from tests.bench.recordings import REAL, TIP_331, poses_of_stills
+from tests.support import layouts
 
 AGREE_PX = 4.0
+CONFIDENCES = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.97, 1.0)  # between which jumps are counted
+HIDDEN = 0.65  # share of a tip that is out of sight, at most
+Owners = NDArray[np.int_]
 
 
 @dataclass(frozen=True)
@@ -148,9 +159,7 @@ def random_contact(rng: np.random.Generator) -> ToolPose:
     )
 
 
-def spoil(
-    xy: Array, hazard: Hazard, reach_px: float, rng: np.random.Generator
-) -> tuple[Array, NDArray[np.int_]]:
+def spoil(xy: Array, hazard: Hazard, reach_px: float, rng: np.random.Generator) -> tuple[Array, Owners]:
     """Blobs (m, 2) as a detector would give them, and the pin of each: -1 none or two."""
     owner = np.arange(len(xy))
     blob = xy + rng.normal(0, 0.05, xy.shape)
@@ -224,7 +233,7 @@ def simulated(n_pins: int, frames: int, seed: int) -> Iterator[Outcome]:
         yield total
 
 
-def evaluate(tracks: Tracks, blob: Array, owner: NDArray[np.int_]) -> tuple[int, int, int]:
+def evaluate(tracks: Tracks, blob: Array, owner: Owners) -> tuple[int, int, int]:
     """Pins with another pin's blob, pins with a false blob, pins missed although they have one."""
     index = {tuple(xy): int(k) for xy, k in zip(blob, owner, strict=True)}
     got = [index[tuple(xy)] if seen else None for xy, seen in zip(tracks.xy_img, tracks.seen, strict=True)]
@@ -234,22 +243,122 @@ def evaluate(tracks: Tracks, blob: Array, owner: NDArray[np.int_]) -> tuple[int,
     return swapped, false, missed
 
 
+@dataclass(frozen=True)
+class Judged:
+    """A jump's confidence, and whether it is right."""
+
+    confidence: float
+    right: bool
+
+
+def judged(identifier: Identifier, blob: Array, owner: Owners) -> Judged:
+    found = identifier.identify(blob)
+    held = np.flatnonzero(found.blob >= 0)
+    own = owner[found.blob[held]]
+    return Judged(found.confidence, len(held) > 0 and not np.any((own >= 0) & (own != held)))
+
+
+def smooth_press(xy: Array, rng: np.random.Generator) -> Array:
+    """A press anywhere, then shear and twist, or a twist of the middle by up to 40 degrees."""
+    out = xy - xy.mean(0)
+    radius = np.hypot(*out.T).max()
+    unit, angle = out / radius, rng.uniform(0, 2 * np.pi)
+    shear = rng.uniform(0, layouts.PITCH_PX) * np.array([np.cos(angle), np.sin(angle)])
+    away = unit - rng.uniform(-0.5, 0.5, 2)
+    spread = away * np.exp(-((away**2).sum(1) / 0.25))[:, None] * rng.uniform(0.3, 1.1) * layouts.PITCH_PX
+    held = 1 - 0.4 * (unit**2).sum(1)
+    turn = np.deg2rad(rng.uniform(-5, 5)) * np.ones(len(xy))
+    if rng.random() < 0.15:
+        held = 1 - 0.95 * (unit**2).sum(1)
+        turn, spread = np.deg2rad(rng.uniform(-40, 40)) * held, np.zeros_like(spread)
+    c, s = np.cos(turn), np.sin(turn)
+    turned = np.stack([c * out[:, 0] - s * out[:, 1], s * out[:, 0] + c * out[:, 1]], axis=1)
+    return np.asarray(xy.mean(0) + turned + spread + held[:, None] * shear)
+
+
+def random_hazard(rng: np.random.Generator) -> Hazard:
+    return Hazard(
+        "random",
+        dropped=float(rng.choice([0.0, rng.uniform(0, 0.3), rng.uniform(0.2, 0.6)])),
+        spurious=int(rng.uniform(0, rng.choice([0, 20, 80]))),
+        merged=int(rng.uniform(0, rng.choice([0, 0, 12]))),
+    )
+
+
+def visible(blob: Array, hidden: float, rng: np.random.Generator) -> Mask:
+    """(m,) all but this share of the blobs, on one side."""
+    angle = rng.uniform(0, 2 * np.pi)
+    across = blob @ [np.cos(angle), np.sin(angle)]
+    return np.asarray(across >= np.quantile(across, hidden))
+
+
+def judged_simulated(jumps: int, seed: int) -> Iterator[Judged]:
+    rng = np.random.default_rng(seed)
+    tips = [simulated_rest(n) for n in (127, 331)]
+    smooth = [layouts.rest_of(make()) for make in layouts.TIPS.values()]
+    identifiers = {id(rest): Identifier(TrackedTip.of(rest)) for rest in [rest for _, rest in tips] + smooth}
+    for _ in track(range(jumps), "confidence", transient=True):
+        if rng.random() < 0.6:
+            camera, rest = tips[rng.integers(len(tips))]
+            xy = camera.project(deform(camera.tip, (random_contact(rng),)).tips_mm)
+        else:
+            rest = smooth[rng.integers(len(smooth))]
+            xy = smooth_press(rest.xy_img, rng)
+        reach_px = float(np.hypot(*(xy - xy.mean(0)).T).max()) + 10
+        blob, owner = spoil(xy, random_hazard(rng), reach_px, rng)
+        keep = visible(blob, float(rng.uniform(0, rng.choice([0, 0, HIDDEN]))), rng)
+        yield judged(identifiers[id(rest)], blob[keep], owner[keep])
+
+
+def judged_stills(folder: Path, every: int, seed: int) -> Iterator[Judged]:
+    """Published stills with a side hidden."""
+    rng = np.random.default_rng(seed)
+    rest = take_rest([read_image(folder / "rest.png")])
+    identifier = Identifier(TrackedTip.of(rest))
+    for name in track(list(poses_of_stills(folder))[::every], "stills with a side hidden", transient=True):
+        blobs = detect(read_image(folder / "frames" / name), rest.pattern).xy_img
+        whole = identifier.identify(blobs).blob
+        owner = np.full(len(blobs), -1)
+        owner[whole[whole >= 0]] = np.flatnonzero(whole >= 0)
+        keep = visible(blobs, rng.uniform(0, HIDDEN), rng)
+        yield judged(identifier, blobs[keep], owner[keep])
+
+
+def honesty(jumps: list[Judged]) -> list[dict[str, float]]:
+    """By confidence: how many jumps, their mean confidence, and the share of them that is right."""
+    confidence, right = np.array([(jump.confidence, jump.right) for jump in jumps], float).T
+    place = np.clip(np.searchsorted(CONFIDENCES, confidence, side="right") - 1, 0, len(CONFIDENCES) - 2)
+    return [
+        {
+            "jumps": int((place == k).sum()),
+            "confidence": round(float(confidence[place == k].mean()), 3),
+            "right": round(float(right[place == k].mean()), 3),
+        }
+        for k in np.unique(place)
+    ]
+
+
 @click.command(name="identity", help="Pin identity after a jump: real frames and simulated ones.")
 @click.option("--every", default=1, show_default=True, help="Take each n-th real frame.")
 @click.option("--frames", default=60, show_default=True, help="Simulated presses of each tip.")
+@click.option("--jumps", default=2000, show_default=True, help="That confidence is judged on.")
 @click.option("--seed", default=1, show_default=True)
 @writes_results
-def command(every: int, frames: int, seed: int, out: Path) -> None:
+def command(every: int, frames: int, jumps: int, seed: int, out: Path) -> None:
     """Exit code 1 if a wrong match has a high confidence."""
     report: dict[str, object] = {}
     folder = REAL / TIP_331
+    honest = {"simulated": honesty(list(judged_simulated(jumps, seed)))}
     if folder.is_dir():
         report["real"] = _real(folder, every)
+        honest["stills with a side hidden"] = honesty(list(judged_stills(folder, every, seed)))
     else:
         click.echo(f"no recordings at {folder}: real frames left out")
     outcomes = [asdict(o) for n in (127, 331) for o in simulated(n, frames, seed)]
     show(outcomes)
-    report["simulated"] = outcomes
+    for kind, rows in honest.items():
+        show(rows, f"confidence, {kind}")
+    report |= {"simulated": outcomes, "confidence": honest}
     write_json(out / "identity.json", report)
     if any(o["silent"] for o in outcomes):
         raise SystemExit(1)

@@ -35,13 +35,8 @@ SHOWN = (
 )  # fmt: skip
 
 
-def run_child(seconds: float, **options: Any) -> dict[str, Any]:
-    """Run the loop in its own process; returns the report of `paced_child`."""
-    return run_children(1, seconds, **options)[0]
-
-
 def run_children(fingers_n: int, seconds: float, **options: Any) -> list[dict[str, Any]]:
-    """The same with several at once, a process each, as fingers on one board; begun together.
+    """Run loops at once, a process each, as fingers on one board; begun together. Reports of `paced_child`.
 
     options  of `paced_child`
     """

@@ -1,4 +1,4 @@
-"""The process that `paced` and `speed` measure: the running loop, and as little else as possible.
+"""The process that `paced` measures: the running loop, and as little else as possible.
 
     python -m tests.bench.paced_child '{"frames": "frames.npy", "seconds": 60, ...}'
 
@@ -97,7 +97,7 @@ class Meter:
         return SinkCounters(sent=self.n)
 
     def send(self, state: State) -> bool:
-        if self._loop.last is None:  # no rest frame yet
+        if self._loop.measurement.last is None:  # no rest frame yet
             self.cpu_s, self.since_s = time.process_time(), time.monotonic()
             self.first_s = self.first_s or self.since_s
             self.tare_dropped_n = self._loop.source.dropped_n
@@ -192,7 +192,7 @@ def beside(loop: Loop, viewers_n: int, record: str, seconds: float) -> Iterator[
     worker = WorkerClient(loop, WorkerConfig(parse_listen("127.0.0.1:0"), Path(record) if record else None))
     worker.start()
     look = [
-        "tests.support.hostile_viewer",
+        "tests.support.viewers",
         f"http://127.0.0.1:{worker.port}/live",
         str(viewers_n),
         str(seconds),
@@ -214,7 +214,7 @@ def main(options: dict[str, Any]) -> dict[str, Any]:
     shown = Images(images, options["rest_n"], rate_hz, n)
     source = Paced(shown, rate_hz)
     loop = Loop(source, [], Calibration.load(options["calibration"]))
-    shown.tared = lambda: loop.last is not None
+    shown.tared = lambda: loop.measurement.last is not None
     node, listener = on_a_bus(loop, options.get("node", 1))
     meter = Meter(n, loop)
     loop.sinks += [node, meter]

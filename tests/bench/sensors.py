@@ -18,7 +18,6 @@ from edge.pins import take_rest
 from edge.rest.choice import rest_of_source
 from edge.sources import open_source, read_image
 from edge.types import Frame, Rest, Result
-from edge.view.palette import PAPER
 from edge.view.panels import View, draw_touch
 from tests.bench.output import writes_results
 from tests.bench.recordings import TIP_331, real_option
@@ -67,7 +66,7 @@ def _panel(title: str, rest: Rest, result: Result) -> NDArray[np.uint8]:
     view = View.of(rest.xy_img, rest.pattern.pitch_px, SIDE_PX)
     polygons = cell_polygons(result.cells) if result.cells is not None else []
     panel = np.full((SIDE_PX + TITLE_PX, SIDE_PX, 3), 255, np.uint8)
-    panel[:SIDE_PX] = draw_touch(view, polygons, result.tracks, result.features, PAPER)
+    panel[:SIDE_PX] = draw_touch(view, polygons, result.tracks, result.features)
     at = (8, SIDE_PX + TITLE_PX - 9)
     cv2.putText(panel, title, at, cv2.FONT_HERSHEY_SIMPLEX, 0.5, (40, 40, 40), 1, cv2.LINE_AA)
     return panel

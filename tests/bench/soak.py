@@ -2,8 +2,6 @@
 
     simulated tip -> Paced -> FaultySource -> Loop -> Node -> faulty bus -> host library
                                                ^ FaultyBoard: temperature, storage
-    meanwhile, repeatedly: a separate process that is ended by SIGTERM, and one that is killed while a
-    host writes settings and calibrations into it
 
 Promises
 - the loop lives, and no exception reaches it
@@ -12,12 +10,7 @@ Promises
 - no wrong sample leaves unflagged: displacement and shear are those of an undisturbed run, or a status bit
   forbids their use; and the host decodes what was sent
 - the link delivers within 1 s after its fault
-- memory does not grow with the samples, of this process and of an `edge replay --loop` beside it: its slope
-  over the last two thirds is below `SLOPE_BYTES` a sample
-- hostile viewers of the live page, all the time, cost its process a bounded memory, and an honest one still
-  gets its pictures
-- SIGTERM ends cleanly within 1 s; after kill -9, at any moment of an upload too, settings and calibration are
-  those last acknowledged or those being written, complete, and the next start uses them
+- memory does not grow with the samples: its slope over the last two thirds is below `SLOPE_BYTES` a sample
 
 Not promised: a frozen image can be recognised only after 45 ms.
 
@@ -25,32 +18,17 @@ A second process measures how long this machine's own load delays processes: so 
 and the table has the worst delays with and without it.
 """
 
-import asyncio
-import json
 import math
-import os
-import select
-import signal
-import socket
 import subprocess
 import sys
 import threading
 import time
 from bisect import bisect_left
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from itertools import count
-from multiprocessing import get_context
 from pathlib import Path
-from random import Random
-from tempfile import TemporaryDirectory
 
-import aiohttp
-import can
 import click
 import cv2
 import numpy as np
@@ -70,13 +48,9 @@ from edge.runtime.device import LoopDevice
 from edge.runtime.loop import Loop
 from edge.sources import Paced, open_source
 from edge.types import Feature, Result
-from edge.worker import WorkerClient, WorkerConfig
 from hostlink import connect
-from hostlink.client import Connection, Sample
-from hostlink.errors import LinkError
-from hostlink.output_file import find_unfinished
-from hostlink.web import parse_listen
-from hostlink.wire import CanIds, FaultCode, Kind, State, Status
+from hostlink.client import Sample
+from hostlink.wire import FaultCode, State, Status
 from hostlink.wire.address import parse_address
 from tests.bench.output import ROOT, show, writes_results
 from tests.bench.usage import memory_mb
@@ -93,27 +67,22 @@ from tests.support.fault_injection import (
     faulty_medium,
     schedule,
 )
-from tests.support.hostile_viewer import HostileViewers, look
 
 CALIBRATION = ROOT / "tests" / "data" / "rings331_ball.json"
 SCENE = "sim:tour?width=320&height=320&paced=0"
 NODE = 5
-GROUP = "239.255.43.21"
 
 ANNOUNCED_S = 0.1
 CLEARED_S = 1.0
 BACK_S = 1.0
-ENDED_S = 1.0
 SLOPE_BYTES = 40.0  # a sample; a tuple of two numbers in a list takes 112
 MEMORY_LEAST_N = 20  # values, one a second
 NOISE_MB = 4.0  # by which the first minutes differ; 160 bytes a sample exceed it within a quarter of an hour
-PAGE_MB = 300.0  # of the page's process: 130 MB, and up to 16 viewers with two packets each
 WRONG_MM = 0.4  # of displacement and shear, against the undisturbed run; its own noise is 0.05 mm
 UNUSABLE = (
     Status.CAMERA_FAULT | Status.IMAGE_FAULT | Status.PINS_LOST | Status.TRACKER_LOST | Status.TARE_FAULT
     | Status.CAMERA_MOVED | Status.CLOCK_STEP
 )  # fmt: skip
-FLOOD_S, FLOODED_SHARE = 5.0, 0.5  # of the samples must arrive while the bus is flooded; 0.25 did before
 BRISK_S = (0.3, 0.5)  # episodes and pauses of a short run
 VALUES = ("displacement_mm", "shear_x_mm", "shear_y_mm")
 
@@ -192,25 +161,24 @@ class Outcome:
     violations: list[str] = field(default_factory=list)
     counts: Counter[str] = field(default_factory=Counter)
     memory_mb: list[float] = field(default_factory=list)
-    slopes_bytes: dict[str, float] = field(default_factory=dict)  # a sample, of each process
+    slope_bytes: float | None = None  # a sample; None: too short a run
     machine_held_up_ms: float = 0.0
-    sigterm_s: list[float] = field(default_factory=list)
 
     def fail(self, message: str) -> None:
         self.violations.append(message)
 
-    def check_memory(self, what: str, memory_mb: Sequence[float], samples_n: int) -> None:
-        """Check the slope of a process's memory, noted at even times while so many samples were made."""
-        kept = np.array(memory_mb[len(memory_mb) // 3 :])
+    def check_memory(self, samples_n: int) -> None:
+        """Check the slope of the memory, noted at even times while so many samples were made."""
+        kept = np.array(self.memory_mb[len(self.memory_mb) // 3 :])
         if len(kept) < MEMORY_LEAST_N:
             return
         i, j = np.triu_indices(len(kept), 1)
         slopes_mb = (kept[j] - kept[i]) / (j - i)  # the median of all pairs', Theil and Sen's, knows no steps
         grown_mb = float(np.median(slopes_mb)) * len(kept)
-        slope = 2**20 * grown_mb / (samples_n * len(kept) / len(memory_mb))
-        self.slopes_bytes[what] = round(slope, 1)
+        slope = 2**20 * grown_mb / (samples_n * len(kept) / len(self.memory_mb))
+        self.slope_bytes = round(slope, 1)
         if slope > SLOPE_BYTES and grown_mb > NOISE_MB:
-            self.fail(f"memory of {what} grew by {grown_mb:.1f} MB, {slope:.0f} bytes a sample")
+            self.fail(f"memory grew by {grown_mb:.1f} MB, {slope:.0f} bytes a sample")
 
 
 def undisturbed(scene: SceneSource, calibration: Calibration) -> np.ndarray:
@@ -260,9 +228,7 @@ class Soak:
         faulty = faulty_medium(
             opener(address, ()), self.rows["link"], self.clock, outcome.seed, self.on_refused
         )
-        self.node = Node(
-            CanFdSink(str(address), faulty, NODE), LoopDevice(self.loop, "soak"), SettingsFile(), NODE
-        )
+        self.node = Node(CanFdSink(str(address), faulty, NODE), LoopDevice(self.loop, "soak"), SettingsFile())
         self.registry.listeners.append(self.node.report)
         self.loop.sinks.append(self.node)
         self.loop.result_callbacks.append(self.on_result)
@@ -271,8 +237,6 @@ class Soak:
 
         self.sent: dict[int, State] = {}
         self.error: BaseException | None = None
-        self.page = WorkerClient(self.loop, WorkerConfig(parse_listen("127.0.0.1:0")))
-        self.page_mb = 0.0
         self.thread = threading.Thread(target=self.run, name="loop")
 
     def clock(self) -> float:
@@ -428,35 +392,12 @@ class Soak:
     # ---- the run ----------------------------------------------------------------------------------
 
     def start(self, patience_s: float = 60.0) -> None:
-        self.page.start()
         self.thread.start()
         end = time.monotonic() + patience_s
         while self.started_s is None and time.monotonic() < end:
             self.thread.join(0.05)
         if self.started_s is None:
             raise RuntimeError(f"the loop does not start: {self.error or self.registry.active}")
-
-    def look(self) -> None:
-        """Memory of the page's process."""
-        assert self.page.process is not None
-        if self.page.process.poll() is not None:
-            self.outcome.fail("the page's process has ended")
-            return
-        self.page_mb = max(self.page_mb, memory_mb(self.page.process.pid))
-
-    def check_page(self, attack: HostileViewers) -> None:
-        """After the attack: one honest viewer, and the cost of the hostile ones."""
-        self.outcome.counts.update({f"attacks on the page: {name}": n for name, n in attack.counts.items()})
-        self.outcome.counts["viewers cut off"] = self.page.page.cut_off_n
-        self.outcome.counts["page's process, MB at most"] = round(self.page_mb)
-        if self.page_mb > PAGE_MB:
-            self.outcome.fail(f"the page's process grew to {self.page_mb:.0f} MB")
-        try:
-            seen_n = asyncio.run(asyncio.wait_for(look(f"http://127.0.0.1:{self.page.port}/live", 2), 10.0))
-        except (OSError, TimeoutError, aiohttp.ClientError) as error:
-            self.outcome.fail(f"an honest viewer is not served: {error!r}")
-        else:
-            self.outcome.counts["pictures of an honest viewer"] = seen_n
 
     def finish(self) -> None:
         self.loop.stop()
@@ -467,301 +408,30 @@ class Soak:
         if self.error is not None:
             self.outcome.fail(f"the loop died: {self.error!r}")
         self.check(done_s)
-        self.outcome.check_memory("the soaked process", self.outcome.memory_mb, self.loop.frames_n)
+        self.outcome.check_memory(self.loop.frames_n)
         self.outcome.machine_held_up_ms = 1e3 * self.metronome.worst_s()
 
     def close(self) -> None:
         self.loop.stop()
-        self.page.close()
         self.host.close()
         self.node.close()
         self.source.close()
         self.metronome.close()
 
 
-# ---- processes that end ------------------------------------------------------------------------------
-
-
-def _free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as s:
-        s.bind(("", 0))
-        return int(s.getsockname()[1])
-
-
-def started(*arguments: str, stdout: int, stderr: int) -> subprocess.Popen[bytes]:
-    """The program as a process."""
-    command = [sys.executable, "-m", "edge", *arguments]
-    environment = dict(os.environ, OMP_NUM_THREADS="1")
-    return subprocess.Popen(command, cwd=ROOT, env=environment, stdout=stdout, stderr=stderr)
-
-
-class Process:
-    """The program as a process, on a bus that another process can read."""
-
-    def __init__(self, folder: Path) -> None:
-        self.port = _free_port()
-        self.address = f"udp:{GROUP}?port={self.port}&ttl=0&node={NODE}"
-        config = folder / "edge.toml"
-        config.write_text(
-            f'[sensor]\nnode_id = {NODE}\n[source]\nspec = "sim:nothing?width=320&height=320"\nrate_hz = 60\n'
-            f'[link]\nsinks = ["{self.address}"]\n[state]\ndirectory = "{folder}"\n'
-        )
-        self.process = started(
-            "run", "-c", str(config), "--json", stdout=subprocess.DEVNULL, stderr=subprocess.PIPE
-        )
-
-    def end(self, number: int, patience_s: float = 10.0) -> tuple[int, float, str]:
-        """Send a signal: exit status, seconds until the end, output."""
-        assert self.process.stderr is not None
-        handle = os.pidfd_open(self.process.pid)  # Popen.wait looks every 50 ms only
-        try:
-            sent_s = time.monotonic()
-            self.process.send_signal(number)
-            if not select.select([handle], [], [], patience_s)[0]:
-                self.process.kill()
-            code = self.process.wait()
-            took_s = time.monotonic() - sent_s
-        finally:
-            os.close(handle)
-        with self.process.stderr as pipe:
-            return code, took_s, pipe.read().decode(errors="replace")
-
-
-@contextmanager
-def running(folder: Path) -> Iterator[tuple[Process, Connection]]:
-    """The program, and a host that has its first sample; who uses it ends the program."""
-    program = Process(folder)
-    with connect(program.address) as host:
-        next(host.samples(timeout_s=60.0))
-        yield program, host
-
-
-class Replay:
-    """`edge replay --loop` in a process of its own: the whole command's memory."""
-
-    def __init__(self) -> None:
-        self.memory_mb: list[float] = []
-        recording = str(ROOT / "tests" / "data" / "nothing.mcap")
-        options = ("--loop", "--speed", "4", "--json")
-        self._process = started(
-            "replay", recording, *options, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
-        )
-
-    def look(self) -> None:
-        self.memory_mb.append(memory_mb(self._process.pid))
-
-    def end(self, outcome: Outcome) -> None:
-        self._process.send_signal(signal.SIGTERM)
-        summary = self._process.communicate()[0]
-        if self._process.returncode:
-            outcome.fail(f"edge replay --loop: exit status {self._process.returncode}")
-            return
-        outcome.check_memory("edge replay --loop", self.memory_mb, json.loads(summary)["frames_n"])
-
-
-def end_cleanly(outcome: Outcome, random: Random, metronome: Metronome, folder: Path) -> None:
-    """SIGTERM at a random moment while samples flow."""
-    with running(folder) as (program, _):
-        time.sleep(random.uniform(0.0, 0.5))  # the moment is what is random here
-        began_s = time.monotonic()
-        code, took_s, message = program.end(signal.SIGTERM)
-    net_s = took_s - metronome.held_up_s(began_s, began_s + took_s)
-    outcome.sigterm_s.append(round(took_s, 3))
-    if code != 0 or net_s > ENDED_S:
-        outcome.fail(f"SIGTERM: exit status {code} after {took_s:.2f} s: {message.strip()[-200:]}")
-
-
-def kill_while_writing(outcome: Outcome, random: Random, folder: Path) -> None:
-    """kill -9 while a host writes: acknowledged values are there afterwards."""
-    acknowledged: list[float] = []
-    tried = 0.0
-    with running(folder) as (program, host):
-        finger = host.finger(NODE)
-        timer = threading.Timer(random.uniform(0.02, 1.0), lambda: program.end(signal.SIGKILL))
-        try:
-            while timer.is_alive() or not acknowledged:
-                tried = float(random.randrange(10, 200))
-                finger.set_rate(tried)
-                acknowledged.append(tried)
-                if len(acknowledged) == 1:
-                    timer.start()
-        except LinkError:
-            outcome.counts["killed while asked"] += 1  # the answer never came
-        timer.join()
-    outcome.counts["kills"] += 1
-    outcome.counts["settings written"] += len(acknowledged)
-    settings = folder / "settings.json"
-    if acknowledged:
-        stored = json.loads(settings.read_text())["rate_hz"] if settings.exists() else None
-        if stored not in (acknowledged[-1], tried):
-            outcome.fail(f"kill -9: rate {acknowledged[-1]} acknowledged, {stored} stored")
-
-
-def _calibrations() -> tuple[bytes, bytes]:
-    """Two files of one tip that differ, as the edge writes them."""
-    made = json.loads(CALIBRATION.read_bytes())
-    made["data"]["created"] = "another one"
-    return Calibration.load(CALIBRATION).encoded, Calibration.parse(json.dumps(made).encode(), "soak").encoded
-
-
-def _being_written(folder: Path) -> bool:
-    """Whether there is a calibration beside the one in use."""
-    return bool(find_unfinished(folder / "calibration.json"))
-
-
-def kill_while_uploading(outcome: Outcome, random: Random, folder: Path, at_the_write: bool) -> None:
-    """kill -9 while a host uploads a calibration: the old or the new one is there, complete, and is used.
-
-    at_the_write  kill when the file is being written; else at any moment of the upload
-    """
-    old, new = _calibrations()
-    (folder / "calibration.json").write_bytes(old)
-    acknowledged = False
-    ended = threading.Event()
-
-    def killer() -> None:
-        # An upload of this size takes some 6 s; the write is visible only in the folder.
-        patience_s = 30.0 if at_the_write else random.uniform(0.0, 9.0)
-        end_s = time.monotonic() + patience_s
-        while time.monotonic() < end_s and not (at_the_write and (_being_written(folder) or ended.is_set())):
-            ended.wait(0.001 if at_the_write else patience_s)
-        program.end(signal.SIGKILL)
-
-    with running(folder) as (program, host):
-        thread = threading.Thread(target=killer, name="killer")
-        thread.start()
-        try:
-            host.finger(NODE).upload_calibration(new)
-            acknowledged = True
-        except LinkError:
-            outcome.counts["killed within an upload"] += 1
-        ended.set()
-        thread.join()
-    outcome.counts["kills"] += 1
-    stored = (folder / "calibration.json").read_bytes()
-    outcome.counts["uploads that were whole before the kill"] += stored == new
-    if stored not in (old, new):
-        outcome.fail(f"kill -9 within an upload: {len(stored)} bytes that are neither calibration")
-        return
-    if acknowledged and stored != new:
-        outcome.fail("kill -9 after an upload was acknowledged: the old calibration is stored")
-    with running(folder) as (again, host):
-        used = host.finger(NODE).info().calibration_id
-        if _being_written(folder):
-            outcome.fail("kill -9 within an upload: what was written of it is there after the next start")
-        again.end(signal.SIGTERM)
-    if used != f"{Calibration.parse(stored, 'stored').content_id:08x}":
-        outcome.fail(f"kill -9 within an upload: afterwards calibration {used or 'none'} is used")
-
-
-def flood(outcome: Outcome, random: Random, folder: Path) -> None:
-    """Junk datagrams and a flood of requests: samples go on."""
-    over = threading.Event()
-    requests = CanIds().of(Kind.SDO_REQUEST, NODE)
-
-    def send(port: int) -> None:
-        with (
-            can.Bus(interface="udp_multicast", channel=GROUP, port=port, hop_limit=0) as bus,
-            socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as junk,
-        ):
-            junk.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
-            while not over.wait(0.0005):
-                head = random.choice((0x00, 0x10, 0x20, 0x40, 0x60, 0x70, 0xC0))
-                data = bytes((head, 0x30, 0x20, 0, *random.randbytes(4)))
-                bus.send(can.Message(arbitration_id=requests, data=data, is_extended_id=False))
-                junk.sendto(random.randbytes(20), (GROUP, port))
-
-    with running(folder) as (program, host):
-        thread = threading.Thread(target=send, args=(program.port,), name="flood")
-        thread.start()
-        n, end_s = 0, time.monotonic() + FLOOD_S
-        try:
-            for _ in host.samples(timeout_s=5.0):
-                n += 1
-                if time.monotonic() > end_s:
-                    break
-        except LinkError as error:
-            outcome.fail(f"a flooded bus: {error}")
-        over.set()
-        thread.join()
-        outcome.counts["samples while the bus was flooded"] += n
-        if n < FLOODED_SHARE * FLOOD_S * 60.0:  # at the host: its link receives the same flood
-            outcome.fail(f"a flooded bus: {n / FLOOD_S:.0f} of 60 samples a second")
-        program.end(signal.SIGTERM)
-
-
-def one_round(seed: int) -> Outcome:
-    """Each kind of end. In its own process: a working host must not slow the finger under test."""
-    outcome, random = Outcome(0.0, seed), Random(seed)
-    metronome = Metronome()
-    try:
-        with TemporaryDirectory(prefix="soak-") as name:
-            folder = Path(name)
-            end_cleanly(outcome, random, metronome, folder)
-            flood(outcome, random, folder)
-            for _ in range(3):
-                kill_while_writing(outcome, random, folder)
-            for at_the_write in (False, True):
-                kill_while_uploading(outcome, random, folder, at_the_write)
-    finally:
-        metronome.close()
-    return outcome
-
-
-def _endings(outcome: Outcome, every_s: float, until: threading.Event) -> None:
-    """Round after round until the end."""
-    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
-        for n in count():
-            try:
-                done = pool.submit(one_round, 1000 * outcome.seed + n).result()
-            except Exception as error:  # noqa: BLE001  (a promise that could not be checked is broken)
-                outcome.fail(f"processes that are ended, round {n}: {error!r}")
-            else:
-                outcome.counts.update(done.counts)
-                outcome.sigterm_s += done.sigterm_s
-                outcome.violations += done.violations
-            if until.wait(every_s):
-                return
-
-
-def soak(
-    seconds: float,
-    seed: int = 1,
-    rate_hz: float = 60.0,
-    endings_every_s: float = 120.0,
-    brisk: bool = False,
-) -> Outcome:
+def soak(seconds: float, seed: int = 1, rate_hz: float = 60.0, brisk: bool = False) -> Outcome:
     """Run, check, and report.
 
-    endings_every_s  0: without the processes that end
-    brisk            short episodes and pauses: as many faults in less than half of the time
+    brisk  short episodes and pauses: as many faults in less than half of the time
     """
     cv2.setNumThreads(1)
     outcome = Outcome(seconds, seed)
     run = Soak(outcome, rate_hz, brisk)
-    replay = Replay() if endings_every_s else None
-    over = threading.Event()
-    endings = threading.Thread(
-        target=_endings, args=(outcome, endings_every_s, over), name="endings", daemon=True
-    )
     try:
         run.start()
-        if endings_every_s:
-            endings.start()
-        with HostileViewers(run.page.port, seed) as attack:
-            while run.clock() < seconds and run.thread.is_alive():
-                run.thread.join(1.0)
-                outcome.memory_mb.append(round(memory_mb(), 1))
-                if replay is not None:
-                    replay.look()
-                run.look()
-        run.check_page(attack)
-        if replay is not None:
-            replay.end(outcome)
-            over.set()
-            endings.join(180.0)
-            if endings.is_alive() or not outcome.counts["kills"]:
-                outcome.fail("the processes that are ended did not come to an end")
+        while run.clock() < seconds and run.thread.is_alive():
+            run.thread.join(1.0)
+            outcome.memory_mb.append(round(memory_mb(), 1))
         run.finish()
     finally:
         run.close()
@@ -781,9 +451,8 @@ def tell(outcome: Outcome, console: Console) -> None:
             f"memory MB: median of the second third {np.median(memory[third : 2 * third] or [0]):.1f}, "
             f"of the last {np.median(memory[-third:] or [0]):.1f}, most {max(memory):.1f}"
         )
-    for what, slope in outcome.slopes_bytes.items():
-        console.print(f"memory of {what}: {slope:+.0f} bytes a sample")
-    console.print(f"SIGTERM to end, s: {', '.join(map(str, outcome.sigterm_s)) or 'not tried'}")
+    if outcome.slope_bytes is not None:
+        console.print(f"memory: {outcome.slope_bytes:+.0f} bytes a sample")
     console.print(f"longest time the machine ran nothing of one process: {outcome.machine_held_up_ms:.0f} ms")
     for message in outcome.violations[:50]:
         console.print(f"VIOLATION {message}", style="red")

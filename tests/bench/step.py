@@ -18,7 +18,7 @@ from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import click
 import numpy as np
@@ -28,7 +28,7 @@ from edge.runtime.loop import LoopConfig
 from edge.types import Feature
 from tests.bench.arm64 import Board
 from tests.bench.counter import ENVIRONMENT, Counts, counted, run
-from tests.bench.frames import GRASP, NARROW, PINS, SIZES, calibration_of, scene
+from tests.bench.frames import GRASP, calibration_of, scene
 from tests.bench.output import show, write_json, writes_results
 
 
@@ -50,7 +50,37 @@ VARIANTS = {
     "two": Variant("two", 10),
     "grasp": Variant("press", 10, GRASP),
 }
-PINS_N = 331
+
+
+class BoardModel(NamedTuple):
+    """What a board's processor is taken to do; no board was measured.
+
+    per_cycle  instructions that it usually completes in a cycle of code like this
+    miss_ns    time of a miss of its last-level cache
+    """
+
+    board: str
+    cores: int
+    ghz: float
+    per_cycle: float
+    miss_ns: float
+
+    def step_s(self, instructions: float, misses: float) -> float:
+        """Time of one step on one core."""
+        return instructions / self.per_cycle / self.ghz * 1e-9 + misses * self.miss_ns * 1e-9
+
+    def fingers(self, step_s: float, rate_hz: int) -> int:
+        """How many fingers keep the board's cores busy for less than BUSY of their time."""
+        return self.cores * int(BUSY / (step_s * rate_hz))
+
+
+BOARDS = (
+    BoardModel("Cortex-A53 at 1.4 GHz (Raspberry Pi 3B+, Zero 2 W)", 4, 1.4, 0.6, 150.0),
+    BoardModel("Cortex-A72 at 1.5 GHz (Raspberry Pi 4)", 4, 1.5, 1.1, 130.0),
+    BoardModel("Cortex-A76 at 2.4 GHz (Raspberry Pi 5)", 4, 2.4, 1.8, 110.0),
+)
+BUSY = 0.7  # the rest is the camera's driver, the network and other programs
+RATES_HZ = (60, 120, 240, 500, 1000)
 IMAGES = 6  # that are shown forwards and backwards
 WARM, COUNTED = 10, 20
 #: Only a start uses OpenCV; valgrind takes a hundred times as long for its fused multiply-add.
@@ -59,35 +89,23 @@ MACHINES = ("x86_64", "aarch64")
 
 
 class Step:
-    """The frames of one variant in files, and what is counted of them.
+    """The frames of one variant in files in an empty folder, and what is counted of them."""
 
-    folder   an empty one
-    pins, size_px, radius_px  as of `scene`
-    """
-
-    def __init__(
-        self,
-        variant: Variant,
-        folder: Path,
-        pins: int = PINS_N,
-        size_px: tuple[int, int] = (640, 480),
-        radius_px: float = 0.0,
-    ) -> None:
+    def __init__(self, variant: Variant, folder: Path) -> None:
         self._folder = folder
-        frames = scene(variant.scene, pins, size_px, radius_px)
+        frames = scene(variant.scene)
         first = REST_FRAMES + variant.skipped
         images, calibration = folder / "images.npz", folder / "tip.json"
         np.savez(
             images, images=np.stack([frame.image for frame in frames[: first + IMAGES]]), first=first,
-            warm=WARM, counted=COUNTED, features=sorted(variant.demand), faultless=pins == PINS_N,
+            warm=WARM, counted=COUNTED, features=sorted(variant.demand),
         )  # fmt: skip
         calibration_of(frames).save(calibration)
         self._child = ["tests.bench.step_child", str(images), str(calibration)]
 
-    def native(self, caches: bool = True) -> Counts:
-        """Instructions on this machine, and misses with `caches`."""
-        child = [*self._child, "instructions"]
-        return counted(child, COUNTED, self._folder, caches=caches, environment=PLAIN_START)
+    def native(self) -> Counts:
+        """Instructions and misses on this machine."""
+        return counted([*self._child, "instructions"], COUNTED, self._folder, environment=PLAIN_START)
 
     def emulated(self, board: Board) -> Counts:
         """Instructions on an emulated board."""
@@ -118,22 +136,6 @@ def measure(name: str, board: Board | None = None) -> dict[str, Any]:
     }
 
 
-def scaling(variant: str) -> dict[str, list[dict[str, Any]]]:
-    """Instructions of a step over the pins, and over the pixels around the same tip."""
-    cases: dict[str, list[tuple[int, tuple[int, int], float]]] = {
-        "pins": [(n, (640, 480), 0.0) for n in PINS],
-        "pixels, same tip": [(PINS_N, size, NARROW) for size in SIZES],
-    }
-
-    def row(case: tuple[int, tuple[int, int], float]) -> dict[str, Any]:
-        with tempfile.TemporaryDirectory() as folder:
-            n = Step(VARIANTS[variant], Path(folder), *case).native(caches=False).instructions
-        return {"pins": case[0], "size_px": case[1], "instructions": n}
-
-    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:  # threads wait for valgrind alone
-        return {name: list(pool.map(row, rows)) for name, rows in cases.items()}
-
-
 @click.command("step")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout, nothing else.")
 @click.option(
@@ -142,39 +144,25 @@ def scaling(variant: str) -> dict[str, list[dict[str, Any]]]:
 )  # fmt: skip
 @click.option("--top", type=click.IntRange(min=0), default=0, help="Show so many functions, parts and calls.")
 @click.option("--arch", type=click.Choice(["arm64"]), help="Count on an emulated board, too.")
-@click.option("--growth", "grows", is_flag=True, help="Count over pins and pixels, by default in contact.")
 @writes_results
-def command(
-    as_json: bool, names: tuple[str, ...], top: int, arch: str | None, grows: bool, out: Path
-) -> None:
+def command(as_json: bool, names: tuple[str, ...], top: int, arch: str | None, out: Path) -> None:
     """Instructions, cache misses and calls of one step of the loop, from the image to the CAN FD frame."""
-    if grows and (arch or top or len(names) > 1):
-        raise click.UsageError("--growth counts one variant on this machine; leave out --arch and --top")
-    if grows:
-        costs = scaling((names or ("contact",))[0])
-        keep(costs, out / "step_growth.json", as_json)
-        for title, rows in costs.items():
-            if not as_json:
-                show(rows, f"instructions of a step, growth with {title}")
-        return
     wanted = names or tuple(VARIANTS)
     workers = ThreadPoolExecutor(len(os.sched_getaffinity(0)))  # they wait for valgrind alone
     with tempfile.TemporaryDirectory() as folder, workers as pool:
         board = Board(Path(folder)) if arch else None
         found = dict(zip(wanted, pool.map(lambda name: measure(name, board), wanted), strict=True))
     details = {name: {kind: row.pop(kind) for kind in ("counts", "calls")} for name, row in found.items()}
-    keep({f"step_{name}": found.get(name) for name in VARIANTS}, out / "step.json", as_json)
-    if not as_json:
-        show_steps(found)
-        for name in found if top else ():
-            show_top(name, details[name], top)
-
-
-def keep(result: dict[str, Any], path: Path, as_json: bool) -> None:
-    """Into a file, and to stdout if wanted."""
-    write_json(path, result)
+    result = {f"step_{name}": found.get(name) for name in VARIANTS}
+    write_json(out / "step.json", result)
     if as_json:
         click.echo(json.dumps(result))
+    else:
+        show_steps(found)
+        if arch and "contact" in found:
+            show_boards(found["contact"])
+        for name in found if top else ():
+            show_top(name, details[name], top)
 
 
 def show_steps(found: dict[str, dict[str, Any]]) -> None:
@@ -191,6 +179,16 @@ def show_steps(found: dict[str, dict[str, Any]]) -> None:
         ],
         "331 pins at 640x480, from the image to the CAN FD frame",
     )
+
+
+def show_boards(contact: dict[str, Any]) -> None:
+    """The time of a step in contact, and how many fingers run at once, by the model of each board."""
+    rows = []
+    for board in BOARDS:
+        step_s = board.step_s(contact["aarch64"], contact["ll_misses"])
+        fingers = {f"{rate_hz} Hz": board.fingers(step_s, rate_hz) for rate_hz in RATES_HZ}
+        rows.append({"model of": board.board, "ms a step": round(1e3 * step_s, 2), **fingers})
+    show(rows, f"fingers in contact at once, by a model; cores busy for at most {BUSY:.0%} of the time")
 
 
 def show_top(name: str, details: dict[str, Any], top: int) -> None:

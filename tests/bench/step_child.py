@@ -1,9 +1,9 @@
 """What `tests.bench.step` counts: `python -m tests.bench.step_child FRAMES CALIBRATION HOW [MAPS]`.
 
 FRAMES is an .npz of `images`, of which the first show the untouched tip, `first`, the index of the first one
-that is repeated, `warm` and `counted`, how many frames are processed before and while it counts, `features`,
-what is computed, and `faultless`, whether no fault may hold. HOW is `instructions`, or `calls`: then one JSON
-object goes to stdout, calls of all counted frames by function. MAPS as of `Marks`.
+that is repeated, `warm` and `counted`, how many frames are processed before and while it counts, and
+`features`, what is computed. HOW is `instructions`, or `calls`: then one JSON object goes to stdout, calls of
+all counted frames by function. MAPS as of `Marks`.
 
 Rules
 - A frame is `Loop.step`, from an image of a live source to a frame that a CAN FD sink gives to a socket.
@@ -116,7 +116,6 @@ def opened(source: Source, calibration: str, demand: frozenset[Feature]) -> tupl
 def main(path: str, calibration: str, how: str, maps: str = "") -> None:
     with np.load(path) as stored:
         images, first = stored["images"], int(stored["first"])
-        faultless = bool(stored["faultless"])
         warm, counted = int(stored["warm"]), int(stored["counted"])
         demand = frozenset(Feature(str(name)) for name in stored["features"])
     sys.setswitchinterval(WAIT_S)
@@ -143,7 +142,7 @@ def main(path: str, calibration: str, how: str, maps: str = "") -> None:
     if isinstance(how_to, Calls):
         print(json.dumps({"python": how_to.python, "kernel": how_to.kernel}), flush=True)
     statistics = loop.statistics()
-    assert not (faultless and loop.faults.active), loop.faults.active
+    assert not loop.faults.active, loop.faults.active
     assert statistics.full_searches_n == 1, "tracking is to be counted"
     os._exit(0)  # the sink's threads wait
 

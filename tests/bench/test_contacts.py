@@ -62,7 +62,7 @@ def test_caps_are_found_where_they_were_drawn() -> None:
 @pytest.mark.parametrize("name", ["two, 6 pitches apart", "sheared by 2 mm", "bar", "untouched"])
 def test_scenes_are_compared_with_their_tools(tip: SecondTip, name: str) -> None:
     scene = next(scene for scene in SCENES if scene.name == name)
-    found = measure(tip, scene, 2, SEED).measured
+    found = measure(tip, scene, 2, SEED)
     compared = {"two": "place_mm", "sheared": "bias_mm", "bar": "direction_deg", "untouched": "right"}
     assert found.right == 1.0
     assert np.isfinite(getattr(found, compared[name.split()[0].rstrip(",")]))

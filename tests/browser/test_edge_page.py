@@ -89,7 +89,7 @@ def orange(image: np.ndarray) -> np.ndarray:
 
 def on_canvas(live: Live, xy_img: Any, width: int) -> np.ndarray:
     """Place of the image on the canvas, which shows the square round the pins with two pitches of margin."""
-    pipeline = live.loop.pipeline
+    pipeline = live.loop.measurement.pipeline
     assert pipeline is not None
     rest = pipeline.rest
     low, high = rest.xy_img.min(axis=0), rest.xy_img.max(axis=0)
@@ -188,17 +188,17 @@ def test_tare_works_and_shows(live: Live, page: Page) -> None:
     pressed = red(pixels(page)).sum()
     page.press("t")
     shown(page, "something touches the tip")
-    tares_n = live.loop.tares_n
+    tares_n = live.loop.measurement.tares_n
     page.click("#toast button")  # tare anyway: then the pressed tip is the rest
     shown(page, "rest frame taken")
-    assert live.loop.tares_n == tares_n + 1
+    assert live.loop.measurement.tares_n == tares_n + 1
     shown(page, "untouched")
     page.until("!document.getElementById('felt_about').textContent.includes('contact')")
     # Only pins hidden at the forced tare (under the indenter) may still look pressed.
     live.until(lambda: bool(red(pixels(page)).sum() < 0.3 * pressed), "cells that are no longer pressed")
     live.show(0)
-    live.loop.request_tare().done.result(20)
-    live.until(lambda: live.loop.tares_n == tares_n + 2, "the rest frame of the untouched tip")
+    live.loop.measurement.tare.ask().done.result(20)
+    live.until(lambda: live.loop.measurement.tares_n == tares_n + 2, "the rest frame of the untouched tip")
     page.until("document.getElementById('toast').hidden")
     page.press("t")  # untouched: no confirmation is needed
     shown(page, "rest frame taken")
@@ -222,11 +222,11 @@ def test_read_only_without_the_token(live: Live, chrome: Chrome) -> None:
     with closing(chrome.open(live.url.partition("#")[0])) as page:
         page.until(LIVE)
         assert page.evaluate("document.getElementById('tare').disabled")
-        tares_n = live.loop.tares_n
+        tares_n = live.loop.measurement.tares_n
         page.press("t")
         page.click("#tare")
         page.until("document.getElementById('tare').title.includes('token')")
-        assert live.loop.tares_n == tares_n
+        assert live.loop.measurement.tares_n == tares_n
     with closing(chrome.open(live.url.replace(TOKEN, "not-the-token"))) as wrong:
         shown(wrong, "the token is missing or wrong")
         assert wrong.evaluate("document.body.dataset.state") == "refused"

@@ -24,12 +24,23 @@ def poses_of(path: Path) -> list[Pose]:
     return [pose_of(row) for _, row in read_capture(path) if row["role"] != "rest"]
 
 
-def test_resumed_within_a_batch_it_takes_the_same_frames(tmp_path: Path) -> None:
+def test_resumed_within_a_batch_it_takes_the_same_frames(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     through, broken = tmp_path / "through.mcap", tmp_path / "broken.mcap"
-    fitted: list[int] = []
-    plan = AdaptivePlan(POSES, on_fitted=lambda n, errors: fitted.append(n))
-    assert capture(simulated, plan, through) == 10 + POSES
-    assert fitted == [PARAMS.poses_first]
+    at: list[Pose] = []
+    fitted: list[tuple[int, Pose]] = []
+    plan = AdaptivePlan(POSES, on_fitted=lambda n, errors: fitted.append((n, at[-1])))
+    rig = simulated(0)
+    moved = rig.move
+
+    def move(pose: Pose) -> None:
+        at.append(pose)
+        moved(pose)
+
+    monkeypatch.setattr(rig, "move", move)
+    assert capture(lambda first: rig, plan, through) == 10 + POSES
+    assert fitted == [(PARAMS.poses_first, CLEAR)], "the tool is off the tip while it fits"
     with pytest.raises(RigError, match="cable"):
         capture(breaking_after(10 + PARAMS.poses_first + 2), AdaptivePlan(POSES), broken)
     assert capture(simulated, AdaptivePlan(POSES), broken, resume=True) == 3
@@ -41,23 +52,6 @@ def test_resumed_within_a_batch_it_takes_the_same_frames(tmp_path: Path) -> None
     spread = AdaptivePlan(POSES)._spread
     assert poses[: PARAMS.poses_first] == [steps[-1].pose for steps in spread[: PARAMS.poses_first]]
     assert poses[PARAMS.poses_first :] != [steps[-1].pose for steps in spread[PARAMS.poses_first : POSES]]
-
-
-def test_the_tool_is_off_the_tip_while_it_fits(tmp_path: Path) -> None:
-    rig = simulated(0)
-    at: list[Pose] = []
-    moved = rig.move
-
-    def move(pose: Pose) -> None:
-        at.append(pose)
-        moved(pose)
-
-    fitted: list[Pose] = []
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(rig, "move", move)
-        plan = AdaptivePlan(POSES, on_fitted=lambda n, errors: fitted.append(at[-1]))
-        capture(lambda first: rig, plan, tmp_path / "a.mcap")
-    assert fitted == [CLEAR]
 
 
 def test_it_ends_when_the_errors_are_small_enough(tmp_path: Path) -> None:

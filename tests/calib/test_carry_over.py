@@ -20,6 +20,7 @@ from edge.types import Array
 from tests.support.commands import run_calib
 from tests.support.synthetic import REST, make, targets
 
+pytestmark = pytest.mark.usefixtures("quick_fits")
 PROCESS = frozenset({ModelKind.PROCESS})
 CARRIED = frozenset({ModelKind.CARRIED})
 LENS = {"c00": 1.15, "c10": 0.9, "c01": 1.1}  # how the second tip sees modes

@@ -112,6 +112,7 @@ def test_the_scale_of_a_fit_follows_from_the_pitch_of_the_sensor() -> None:
         scale_of("gelsight-mini", rest)
 
 
+@pytest.mark.usefixtures("quick_fits")
 def test_a_simulated_sensor_is_calibrated_by_one_command(tmp_path: Path) -> None:
     path = tmp_path / "sim127.json"
     assert run_calib("simulate", "tactip-127", "-o", path, "--presses", "50", "-q").code == 0

@@ -19,6 +19,7 @@ from edge.types import Array
 from tests.support.refusals import one_line
 from tests.support.synthetic import REST, make, of_inputs, targets
 
+pytestmark = pytest.mark.usefixtures("quick_fits")
 POLYNOMIALS = Search(kinds=frozenset({ModelKind.POLYNOMIAL}))  # quick, where any model will do
 
 

@@ -17,6 +17,7 @@ from edge.rest.tare import tare
 from edge.types import Frame, Rest, Result
 from tests.support.synthetic import REST, make, targets
 
+pytestmark = pytest.mark.usefixtures("quick_fits")
 DEPTHS = np.linspace(0.5, 4.0, 24)
 
 

@@ -181,21 +181,6 @@ def test_mean_motion_points_where_the_shear_does(angle_deg: int) -> None:
     assert abs(error) < 0.5
 
 
-def test_shear_carries_the_contact_along_and_slips_from_its_edge() -> None:
-    slips = [
-        deform(CAMERA.tip, (ToolPose(depth_mm=3.0, shear_x_mm=s),)).slip[0] for s in (0.1, 0.5, 2.0, 8.0)
-    ]
-    assert slips == sorted(slips)
-    assert slips[0] < 0.3
-    assert slips[-1] == 1.0
-    inner = np.hypot(*(REST - CENTRE).T) < 15
-    carried = (motion_of(ToolPose(depth_mm=3.0, shear_x_mm=1.0)) - motion_of(ToolPose(depth_mm=3.0)))[
-        inner, 0
-    ]
-    per_mm = CAMERA.scale_px(np.array([[0.0, 0.0, 15.0]]))[0]
-    np.testing.assert_allclose(carried, per_mm, rtol=0.2)
-
-
 def test_tool_slides_over_the_skin_by_what_friction_does_not_carry() -> None:
     slid = [deform(CAMERA.tip, (ToolPose(depth_mm=2.0, shear_x_mm=s),)).slid_mm[0] for s in (0.2, 4.0, 6.0)]
     assert np.hypot(*slid[0]) < 0.05
@@ -211,32 +196,6 @@ def test_a_crescent_of_smaller_cells_lies_in_the_direction_of_shear() -> None:
     x = (REST - CENTRE)[:, 0]
     ring = (np.abs(np.hypot(*(REST - CENTRE).T) - 90) < 30) & (np.abs(x) > 60)
     assert np.nanmean(change[ring & (x > 0)]) < np.nanmean(change[ring & (x < 0)]) - 0.05
-
-
-@pytest.mark.parametrize("distance", [6.0, 8.0, 10.0])
-def test_two_contacts_are_two_maxima(distance: float) -> None:
-    contact = ToolPose(Tool("two", 1.5, angle_deg=0.0, distance_mm=distance), depth_mm=2.0)
-    change = area_change(contact)
-    places = np.array(Simulator(CAMERA, QUIET).frame((contact,)).truth["places_img"])  # type: ignore[index]
-    assert len(places) == 2
-    far = np.hypot(*(REST[:, None] - places).transpose(2, 0, 1))
-    middle = np.hypot(*(REST - places.mean(axis=0)).T)
-    at = [np.nanmax(change[far[:, k] < 15]) for k in (0, 1)]
-    between = np.nanmean(change[middle < 12])
-    assert min(at) > 0.1
-    assert between < 0.5 * min(at)
-
-
-def test_bar_stretches_the_cells_along_itself() -> None:
-    contact = ToolPose(Tool("edge", 1.5, angle_deg=30.0), depth_mm=2.0)
-    change = np.nan_to_num(area_change(contact)).clip(0)
-    change[change < 0.3 * change.max()] = 0
-    d = REST - CENTRE
-    tensor = (change[:, None, None] * d[:, :, None] * d[:, None, :]).sum(axis=0)
-    values, vectors = np.linalg.eigh(tensor)
-    angle = np.rad2deg(np.arctan2(*vectors[::-1, 1]))
-    assert abs((angle - 30 + 90) % 180 - 90) < 6
-    assert values[1] > 2 * values[0]
 
 
 def test_twist_turns_the_pins_about_the_contact() -> None:
@@ -263,16 +222,6 @@ def test_displacement_is_smooth_and_monotone_in_depth_and_force_is_stiffening() 
 def test_tilt_moves_the_place_of_a_flat_contact() -> None:
     place = deform(CAMERA.tip, (ToolPose(depth_mm=2.0, tilt_y_deg=10.0),)).places_mm[0]
     np.testing.assert_allclose(place, [20 * np.sin(np.deg2rad(10)), 0], atol=1e-9)
-
-
-def test_mirrored_contacts_move_mirrored_pins() -> None:
-    camera = Camera(Tip(331, "hex"))
-    rest = camera.project(camera.tip.tips_mm) - camera.centre_img
-    mirror = np.argmin(np.hypot(*(rest * [-1, 1] - rest[:, None]).transpose(2, 0, 1)), axis=0)
-    tool = Tool("sphere", 2.0)
-    right = motion_of(ToolPose(tool, x_mm=5.0, y_mm=2.0, depth_mm=2.0, shear_x_mm=0.5), camera=camera)
-    left = motion_of(ToolPose(tool, x_mm=-5.0, y_mm=2.0, depth_mm=2.0, shear_x_mm=-0.5), camera=camera)
-    np.testing.assert_allclose(left[mirror] * [-1, 1], right, atol=0.02)
 
 
 @pytest.mark.parametrize("blur_px", [0.5, 0.8, 1.5])

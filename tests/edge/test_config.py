@@ -46,7 +46,6 @@ def test_keys_are_read_and_an_empty_file_is_the_defaults(tmp_path: Path) -> None
             "[features]\ndemand = 2020-01-01\n",
             "features.demand: must be a list, each of it one of displacement, ",
         ),
-        ("[tare]\nsteady_px = nan\n", "tare.steady_px: must be a number from 0.01 to 100, is NaN"),
         ("[sensor\n", "not TOML"),
         ("\x00", "not TOML"),
     ],

@@ -149,8 +149,7 @@ def play() -> None:
     """A scene that reaches every kernel."""
     from calib.sim.script import REST_FRAMES
     from edge.calibration import Calibration
-    from edge.calibration.gaussian_process import ProcessKernel
-    from edge.calibration.model import contact_inputs, frame_inputs
+    from edge.calibration.evaluation import ModelKernel, contact_inputs, frame_inputs
     from edge.faults import frame_counts
     from edge.frame import Pipeline
     from edge.geometry import select
@@ -158,7 +157,7 @@ def play() -> None:
     from edge.rest.tare import tare
     from hostlink.wire import Contact, State
     from tests.bench.frames import calibration_of, scene
-    from tests.edge.calibration.test_gaussian_process import INPUTS, MODELS
+    from tests.edge.calibration.test_evaluation import INPUTS, MODELS
 
     frames = scene("two", 61, (320, 240))[: REST_FRAMES + 40]
     calibration: Calibration = calibration_of(frames)
@@ -181,7 +180,7 @@ def play() -> None:
     StatePacker().pack(vars(State(displacement_mm=1.0, contacts=(Contact(1.0, -1.0),))))
     select.kth_smallest(motion[:, 0].copy(), 3)
     StatePacker().pack(vars(State(sample=1, contact_n=1, contacts=(Contact(1.0, -1.0, 0.5),))))
-    ProcessKernel(INPUTS, MODELS)
+    ModelKernel(INPUTS, MODELS)
 
 
 def wrong_array(rng: random.Random, array: NDArray[Any]) -> Any:

@@ -18,10 +18,9 @@ import hostlink
 from edge.errors import SinkError
 from edge.link.nmt import NmtState
 from edge.link.node import Node
-from edge.link.sinks import CanClassicSink, open_sink
+from edge.link.sinks import open_sink
 from hostlink import RestFrameOutcome, RestFrameReason, RestFrameState, objects
 from hostlink.commands.monitor import Board
-from hostlink.decoder import DetailFrame
 from hostlink.finger import STALE_S
 from hostlink.links import Arrival
 from hostlink.subscription import QUEUE
@@ -293,9 +292,9 @@ def test_line_lost_and_back(tmp_path: Path) -> None:
         assert node.send(state(0))
         until(lambda: len(received) == 1, "the first")
         pty.close()
-        until(lambda: not node.send(state(1)) and not node.up and not hand.up, "both ends notice")
+        until(lambda: not node.send(state(1)) and not node.sink.up and not hand.up, "both ends notice")
         pty.open()
-        until(lambda: node.up and hand.up, "both ends are back")
+        until(lambda: node.sink.up and hand.up, "both ends are back")
         assert node.send(state(50))
         until(lambda: len(received) == 2, "the next")
         assert hand.reconnects == 1
@@ -480,24 +479,6 @@ def test_a_failing_tap_is_removed_and_the_link_goes_on(wire: Wire) -> None:
         until_sample(wire.hand, number)
     end()  # it has ended already, which is no error
     assert len(called) == 1
-
-
-def test_detail_stream_when_asked_for(pair: Pair) -> None:
-    node, _, hand = pair
-    node.send(state(0))
-    finger = hand.finger()
-    rows = [(k / 10, -k / 20, 0.25) for k in range(100)]
-    assert not node.send_detail(0, rows)  # off by default
-    finger.set("detail_divider", 1)
-    frames: list[DetailFrame] = []
-    hand.on_detail(frames.append)
-    if isinstance(node.sink, CanClassicSink):
-        assert not node.send_detail(1, rows)  # not on classic CAN
-        return
-    until(lambda: node.send_detail(7, rows), "the link is free")
-    until(lambda: frames, "the frame")
-    assert frames[0].detail.sample == 7
-    assert [r[0] for r in frames[0].detail.rows] == pytest.approx([r[0] for r in rows], abs=0.011)
 
 
 def test_round_trip_bounds_the_clock_without_assumptions(pair: Pair) -> None:

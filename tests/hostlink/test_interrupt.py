@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from hostlink.interrupt import ENDING
-from tests.support.environment import uncounted
-from tests.support.processes import program, python
+from tests.support.processes import program, python, uncounted
 
 # Interrupts itself where the module named first is imported, in the program named second.
 PROGRAM = """

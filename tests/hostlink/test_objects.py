@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import closing, suppress
 from random import Random
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -14,8 +15,9 @@ from hypothesis import strategies as st
 
 import hostlink
 from edge.errors import RequestRefused
+from edge.link.commands import SerialCommands
+from edge.link.nmt import NmtState
 from edge.link.object_server import ObjectServer
-from edge.link.ports import SerialPort
 from edge.link.sdo_server import SdoServer
 from edge.link.settings import SettingsFile
 from hostlink import objects
@@ -153,7 +155,9 @@ class Line:
         self.sdo = SdoServer(
             server, lambda data: self._answer(lambda: self.client.answer(data)), lambda block: None
         )
-        self.port = SerialPort(self, NODE, server, lambda _: None, lambda: None)  # type: ignore[arg-type]
+        node: Any = SimpleNamespace(objects=server, number=NODE, state=NmtState.OPERATIONAL)
+        line: Any = self
+        self.commands = SerialCommands(line, node)
         self.client: Any
         self.link = link
         self.connect()
@@ -166,7 +170,7 @@ class Line:
 
     def _write(self, frame: bytes) -> None:
         kind, payload = decode_frame(frame.strip(b"\0"))
-        self.port.receive(Message(kind), *unpack_message(Message(kind), payload))
+        self.commands.receive(Message(kind), *unpack_message(Message(kind), payload))
 
     def _answer(self, deliver: Callable[[], None]) -> None:
         if self.lost_n:

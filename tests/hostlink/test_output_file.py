@@ -4,7 +4,6 @@ import errno
 import os
 import resource
 import signal
-import socket
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -21,8 +20,8 @@ from edge.link.settings import SettingsFile
 from edge.runtime.calibration_store import CalibrationStore
 from hostlink.interrupt import ENDING
 from hostlink.output_file import OutputError, WriteError, check_output, find_unfinished, writing
-from tests.support.environment import uncounted
-from tests.support.processes import program, python
+from tests.hostlink.test_input_file import make_pipe, make_socket
+from tests.support.processes import program, python, uncounted
 
 
 def test_existing_file_is_refused_without_overwrite(tmp_path: Path) -> None:
@@ -133,33 +132,23 @@ def test_mode_of_the_file_replaced_is_kept_and_a_link_stays_a_link(tmp_path: Pat
     assert target.stat().st_mode & 0o777 == 0o640
 
 
-def link_to_a_file(place: Path) -> Path:
-    (place / "elsewhere").write_text("kept")
-    return place / "elsewhere"
+#: What a link leads to. Socket and pipe stand in for devices, which would be lost for all if a test fails.
+AIMS: dict[str, Callable[[Path], object]] = {
+    "a file": lambda path: path.write_text("kept"),
+    "nothing": lambda path: None,
+    "a socket": make_socket,
+    "a pipe": make_pipe,
+}
 
 
-def link_to_nothing(place: Path) -> Path:
-    return place / "nowhere"
-
-
-def link_to_a_socket(place: Path) -> Path:
-    """In the place of a device: it would be lost for all, should the test fail."""
-    with socket.socket(socket.AF_UNIX) as listener:
-        listener.bind(os.path.relpath(place / "socket"))  # the name may have 108 bytes
-    return place / "socket"
-
-
-def link_to_a_pipe(place: Path) -> Path:
-    os.mkfifo(place / "pipe")
-    return place / "pipe"
-
-
-@pytest.mark.parametrize("aim", [link_to_a_file, link_to_nothing, link_to_a_socket, link_to_a_pipe])
+@pytest.mark.parametrize("aim", AIMS)
 def test_a_store_replaces_a_link_and_not_what_it_leads_to(
-    tmp_path: Path, aim: Callable[[Path], Path]
+    tmp_path: Path, aim: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Whoever may write into the state folder must not lead the finger to another file."""
-    aim_at = aim(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    aim_at = tmp_path / "aim"
+    AIMS[aim](aim_at)
     folder = tmp_path / "state"
     folder.mkdir()
     store = CalibrationStore(folder)
@@ -174,15 +163,18 @@ def test_a_store_replaces_a_link_and_not_what_it_leads_to(
     assert all(not path.is_symlink() and path.is_file() for path in folder.iterdir())
     assert SettingsFile(folder / "settings.json").values.divider == 3
     assert len(store.load()) == 2
-    if aim_at.is_file():
-        assert aim_at.read_text() == "kept"
-    assert not (tmp_path / "nowhere").exists()
+    assert aim_at.exists() == (aim != "nothing")
+    assert not aim_at.is_file() or aim_at.read_text() == "kept"
 
 
-@pytest.mark.parametrize("aim", [link_to_a_socket, link_to_a_pipe])
+@pytest.mark.parametrize("aim", ["a socket", "a pipe"])
 @pytest.mark.parametrize("overwrite", [True, False])
-def test_only_a_file_is_replaced(tmp_path: Path, aim: Callable[[Path], Path], overwrite: bool) -> None:
-    aim_at = aim(tmp_path)
+def test_only_a_file_is_replaced(
+    tmp_path: Path, aim: str, overwrite: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    aim_at = tmp_path / "aim"
+    AIMS[aim](aim_at)
     link = tmp_path / "link.json"
     link.symlink_to(aim_at)
     for path in (link, aim_at):

@@ -1,7 +1,5 @@
 """Samples as a table: every format holds the same values, each under its name."""
 
-import csv
-from math import isnan
 from pathlib import Path
 from random import Random
 
@@ -70,15 +68,6 @@ def test_csv_and_parquet_hold_what_pandas_does(log: Path) -> None:
     pd.testing.assert_frame_equal(pd.read_csv(table), expected, rtol=0, atol=0.6e-6)
     field = pyarrow.parquet.read_schema(parquet).field("force_n")
     assert field.metadata[b"unit"] == b"N"
-
-
-def test_csv_leaves_cells_of_invalid_values_empty(log: Path) -> None:
-    path = log.with_suffix(".csv")
-    assert run("decode", log, "--finger", "2", "--csv", path).code == 0
-    with path.open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    samples = [s for s in samples_of(log) if s.finger == 2]
-    assert [row["force_n"] == "" for row in rows] == [isnan(s.state.force_n) for s in samples]
 
 
 def test_parquet_goes_on_beyond_one_piece(tmp_path: Path) -> None:

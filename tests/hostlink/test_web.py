@@ -20,14 +20,29 @@ import pytest
 from hostlink.web import PageServer, WebError, find_token, parse_listen
 from hostlink.web.limits import SparseLog, WebLimits
 from hostlink.web.viewer import wishes_in
-from tests.support.hostile_viewer import look, message_frame, upgrade_request
 from tests.support.memory import bounded_memory
 from tests.support.seeds import SEED
+from tests.support.viewers import look
 from tests.support.waiting import SOON_S
 
 PACKET = bytes(100_000)  # as large as one with a camera's image
 TOKEN = "a-token-for-tests"
 LIMITS = WebLimits()
+
+
+def upgrade_request(port: int) -> bytes:
+    """The request that opens a WebSocket."""
+    return (
+        f"GET /live HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n"
+    ).encode()
+
+
+def message_frame(text: str, opcode: int = 1) -> bytes:
+    """A WebSocket message of a client, masked with zeros; below 64 KiB."""
+    data = text.encode()
+    length = bytes([0x80 | len(data)]) if len(data) < 126 else b"\xfe" + len(data).to_bytes(2)
+    return bytes([0x80 | opcode]) + length + bytes(4) + data
 
 
 class Served:

@@ -23,7 +23,7 @@ def points_of(cells: Cells) -> Points:
 
 def fresh_areas(tessellator: Tessellator) -> Points:
     """Areas of the last frame's points from a triangulation made from scratch."""
-    n, b, points = len(tessellator.rest_area_px2), len(tessellator._around), tessellator._points.xy_img
+    n, b, points = len(tessellator.rest_area_px2), len(tessellator._around), tessellator._points
     areas = np.empty(n)
     Mesh(n, b, len(points) - n - b).update(points, areas)
     return areas

@@ -91,19 +91,17 @@ def schedule(
     seed: int,
     seconds: float,
     kinds: Sequence[str],
-    start_s: float = 0.0,
     *,
     length_s: tuple[float, float] = LENGTH_S,
     pause_s: tuple[float, float] = PAUSE_S,
 ) -> list[Episode]:
     """Episodes one after the other, never two at once, each kind as often as the others.
 
-    start_s            when the first may begin
     length_s, pause_s  least and most, of an episode and between two
     """
     random = Random(seed)
     episodes: list[Episode] = []
-    now, bag = start_s, list[str]()
+    now, bag = 0.0, list[str]()
     while True:
         if not bag:
             bag = random.sample(list(kinds), len(kinds))

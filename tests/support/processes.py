@@ -1,5 +1,6 @@
 """Programs in a process of their own, with the deadline that all tests have."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -7,7 +8,7 @@ from typing import Any
 
 from tests.support.waiting import SOON_S
 
-__all__ = ["edge", "program", "python"]
+__all__ = ["edge", "program", "python", "uncounted"]
 
 
 def program(*command: str | Path, **options: Any) -> subprocess.CompletedProcess[str]:
@@ -24,3 +25,12 @@ def python(*arguments: str | Path, **options: Any) -> subprocess.CompletedProces
 def edge(*arguments: str | Path, **options: Any) -> subprocess.CompletedProcess[str]:
     """`python -m edge` with these arguments."""
     return python("-m", "edge", *arguments, **options)
+
+
+def uncounted() -> dict[str, str]:
+    """This process's environment, without what has a child's lines counted under `make coverage`.
+
+    For children whose disk is full, or that are stopped in the middle of an import: counting imports and
+    writes on its own.
+    """
+    return {name: value for name, value in os.environ.items() if not name.startswith("COVERAGE_")}

@@ -103,9 +103,13 @@ class Live:
     def show(self, frame: int) -> None:
         """Show this frame of the recording from now on; returns when it was measured."""
         self.source.aim = frame % len(self.source.frames)
-        wanted, last = self.source.frames[frame].truth, self.loop.last
+        wanted, last = self.source.frames[frame].truth, self.loop.measurement.last
         self.until(
-            lambda: self.loop.last is not last and self.loop.last and self.loop.last.frame.truth is wanted,
+            lambda: (
+                self.loop.measurement.last is not last
+                and self.loop.measurement.last
+                and self.loop.measurement.last.frame.truth is wanted
+            ),
             f"frame {frame} measured",
         )
 
@@ -118,7 +122,7 @@ class Live:
     def __enter__(self) -> Self:
         self.worker.start()
         self._thread.start()
-        self.until(lambda: self.loop.last is not None, "a first result")
+        self.until(lambda: self.loop.measurement.last is not None, "a first result")
         return self
 
     def __exit__(

@@ -1,3 +1,4 @@
+# cython: infer_types=True
 r"""A few parametric contacts fitted to the pins' motion together: place, size, strength and shear of each.
 
     motion(x) = sum over contacts + affine motion
@@ -186,9 +187,9 @@ class ContactFit:
         Raises   ValueError: sizes that do not fit
         """
         self._check(xy, seen, places)
-        k: cython.Py_ssize_t = places.shape[0]
-        n: cython.Py_ssize_t = 0
-        radius2: cython.double = self._radius * self._radius
+        k = places.shape[0]
+        n = 0
+        radius2 = self._radius * self._radius
         self._middle_x = 0.0
         self._middle_y = 0.0
         for j in range(k):
@@ -260,7 +261,7 @@ class ContactFit:
         seen: cython.const[cython.uchar][::1],
         places: cython.const[cython.double][:, ::1],
     ) -> cython.bint:
-        n: cython.Py_ssize_t = self._rest.shape[0]
+        n = self._rest.shape[0]
         if xy.shape[0] != n or xy.shape[1] != 2 or seen.shape[0] != n:
             raise ValueError(f"xy ({n}, 2) and seen ({n},) are wanted")
         if not 0 < places.shape[0] <= _FITS_MAX or places.shape[1] != 2:
@@ -273,7 +274,6 @@ class ContactFit:
     @cython.exceptval(check=False)
     def _take_motion(self, xy: cython.const[cython.double][:, ::1]) -> cython.void:
         """Of the pins that count."""
-        p: cython.Py_ssize_t
         for i in range(self.n_pins):
             p = self._pin[i]
             self._motion[i, 0] = xy[p, 0] / self._pitch_px - self._rest[p, 0]
@@ -295,7 +295,6 @@ class ContactFit:
         """
         if not 0 < n <= _FITS_MAX or starts.shape[0] < n or starts.shape[1] != 2:
             raise ValueError(f"starts (1 to {FITS_MAX}, 2) are wanted, and n of them: {n}")
-        i: cython.Py_ssize_t
         self._m, self._is_line, self._limit = n, False, limit
         self._clear()
         for i in range(n):
@@ -347,8 +346,6 @@ class ContactFit:
     @cython.exceptval(check=False)
     def _clear(self) -> cython.void:
         """Parameters to begin with, but for places and lines; and their priors."""
-        i: cython.Py_ssize_t
-        j: cython.Py_ssize_t
         for i in range(self._m):
             for j in range(_OWN):
                 self._start[_OWN * i + j] = 0.0
@@ -361,8 +358,8 @@ class ContactFit:
     @cython.cfunc
     def _solve(self) -> cython.double:
         """Fit, and write the results."""
-        size: cython.Py_ssize_t = _OWN * self._m + _COMMON
-        shape: cython.Py_ssize_t = self._m if not self._is_line else _EVEN if self._evenly else 0
+        size = _OWN * self._m + _COMMON
+        shape = self._m if not self._is_line else _EVEN if self._evenly else 0
         if not (self._follow(shape) and self._descend_on()):
             self._now[:size] = self._start[:size]
             self._sum_up()
@@ -383,8 +380,7 @@ class ContactFit:
         """Two steps at most from an earlier frame's optimum, since more of them often end in another one.
         Whether they end in an optimum, or out of reach of the limit.
         """
-        size: cython.Py_ssize_t = _OWN * self._m + _COMMON
-        left: cython.Py_ssize_t
+        size = _OWN * self._m + _COMMON
         self._error = self._sum_up()
         for left in range(1, -1, -1):
             if not self._find_step(0.0):
@@ -410,9 +406,9 @@ class ContactFit:
     @cython.exceptval(check=False)
     def _descend(self) -> cython.void:
         """Steps while they gain."""
-        size: cython.Py_ssize_t = _OWN * self._m + _COMMON
-        damping: cython.double = _DAMPING
-        steps: cython.Py_ssize_t = size  # so that a frame's time is bounded
+        size = _OWN * self._m + _COMMON
+        damping = _DAMPING
+        steps = size  # so that a frame's time is bounded
         self._error = self._sum_up()
         while steps:  # what a step promises falls with its damping, and ends it
             steps -= 1
@@ -436,10 +432,7 @@ class ContactFit:
     @cython.exceptval(check=False)
     def _follow(self, shape: cython.Py_ssize_t) -> cython.bint:
         """Begin where the last frame's fit ended; False: there is none, or not near where to begin."""
-        j: cython.Py_ssize_t
-        nearest: cython.Py_ssize_t
-        p: cython.Py_ssize_t
-        own: cython.Py_ssize_t = _OWN * self._m
+        own = _OWN * self._m
         if not self._is_known[shape]:
             return False
         for i in range(self._m):
@@ -464,10 +457,8 @@ class ContactFit:
     @cython.exceptval(check=False)
     def _sum_up(self) -> cython.double:
         """Normal equations at the present parameters; the squared error."""
-        j: cython.Py_ssize_t
-        k: cython.Py_ssize_t
-        size: cython.Py_ssize_t = _OWN * self._m + _COMMON
-        n: cython.Py_ssize_t = 2 * self.n_pins
+        size = _OWN * self._m + _COMMON
+        n = 2 * self.n_pins
         h: cython.double[:, ::1] = self._normal
         cost: cython.double = self._explain(self._now, True)
         if n % 4:
@@ -490,13 +481,6 @@ class ContactFit:
         """
         rows: cython.double[:, ::1] = self._rows
         sums: cython.double[:, ::1] = self._normal
-        i: cython.Py_ssize_t
-        j: cython.Py_ssize_t
-        k: cython.Py_ssize_t
-        a: cython.double
-        b: cython.double
-        c: cython.double
-        d: cython.double
         for i in range(0, n, 4):
             for j in range(columns):
                 a, b, c, d = rows[i, j], rows[i + 1, j], rows[i + 2, j], rows[i + 3, j]
@@ -509,12 +493,7 @@ class ContactFit:
     @cython.exceptval(check=False)
     def _explain(self, parameters: cython.double[::1], derive: cython.bint) -> cython.double:
         """What contacts and affine motion leave of the pins' motion, and its rows; the squared error."""
-        i: cython.Py_ssize_t
-        j: cython.Py_ssize_t
-        base: cython.Py_ssize_t = _OWN * self._m
-        x: cython.double
-        y: cython.double
-        off: cython.double
+        base = _OWN * self._m
         cost: cython.double = 0.0
         rows: cython.double[:, ::1] = self._rows
         left: cython.double[:, ::1] = self._left
@@ -560,33 +539,16 @@ class ContactFit:
         self, parameters: cython.double[::1], p: cython.Py_ssize_t, derive: cython.bint
     ) -> cython.void:
         """Take away the motion by a round contact, and write its derivatives."""
-        i: cython.Py_ssize_t
-        q: cython.Py_ssize_t
-        r: cython.Py_ssize_t
         rows: cython.double[:, ::1] = self._rows
         left: cython.double[:, ::1] = self._left
-        s: cython.double = exp(parameters[p + 2])
-        i1: cython.double = 1.0 / s
-        i2: cython.double = i1 * i1
-        a: cython.double = parameters[p + 3] * i1
-        tx: cython.double = parameters[p + 4]
-        ty: cython.double = parameters[p + 5]
-        vx: cython.double = parameters[p + 6] * i2
-        vy: cython.double = parameters[p + 7] * i2
-        dx: cython.double
-        dy: cython.double
-        r2: cython.double
-        f: cython.double
-        g: cython.double
-        across: cython.double
-        push: cython.double
-        g3: cython.double
-        fx: cython.double
-        fy: cython.double
-        gx: cython.double
-        gy: cython.double
-        fs: cython.double
-        gs: cython.double
+        s = exp(parameters[p + 2])
+        i1 = 1.0 / s
+        i2 = i1 * i1
+        a = parameters[p + 3] * i1
+        tx = parameters[p + 4]
+        ty = parameters[p + 5]
+        vx = parameters[p + 6] * i2
+        vy = parameters[p + 7] * i2
         for i in range(self.n_pins):
             dx, dy = self._place[i, 0] - parameters[p], self._place[i, 1] - parameters[p + 1]
             r2 = (dx * dx + dy * dy) * i2
@@ -621,21 +583,14 @@ class ContactFit:
     @cython.exceptval(check=False)
     def _add_line(self, parameters: cython.double[::1], derive: cython.bint) -> cython.void:
         """The same by a line: weighted sums over its nodes."""
-        i: cython.Py_ssize_t
-        q: cython.Py_ssize_t
-        r: cython.Py_ssize_t
         rows: cython.double[:, ::1] = self._rows
         left: cython.double[:, ::1] = self._left
         sums: cython.double[:, ::1] = self._sums
-        i1: cython.double = exp(-parameters[2])
-        i2: cython.double = i1 * i1
-        a: cython.double = parameters[3] * i1
-        tx: cython.double = parameters[4]
-        ty: cython.double = parameters[5]
-        f0: cython.double
-        kx: cython.double
-        ky: cython.double
-        fs: cython.double
+        i1 = exp(-parameters[2])
+        i2 = i1 * i1
+        a = parameters[3] * i1
+        tx = parameters[4]
+        ty = parameters[5]
         for i in range(self.n_pins):
             self._sum_nodes(i, parameters, i2, derive)
             f0, kx, ky = sums[i, 0], sums[i, 1], sums[i, 2]
@@ -667,8 +622,8 @@ class ContactFit:
         11 f^2 d^2 i2; 12, 13 2 f^3 d^2 i2 d. Without derivatives only the first three.
         """
         s: cython.double[14] = [0.0] * 14
-        x: cython.double = self._place[i, 0] - parameters[0]
-        y: cython.double = self._place[i, 1] - parameters[1]
+        x = self._place[i, 0] - parameters[0]
+        y = self._place[i, 1] - parameters[1]
         for k in range(_NODES):
             z = self._node[k]
             dx, dy = x - z * parameters[6], y - z * parameters[7]
@@ -705,13 +660,10 @@ class ContactFit:
         """`_next` from the present parameters by one damped step (Cholesky), and `_promise`; False: not
         positive definite.
         """
-        i: cython.Py_ssize_t
-        j: cython.Py_ssize_t
-        k: cython.Py_ssize_t
-        size: cython.Py_ssize_t = _OWN * self._m + _COMMON
-        total: cython.double
+        size = _OWN * self._m + _COMMON
         d: cython.double[:, ::1] = self._damped
         step: cython.double[::1] = self._step
+        total: cython.double
         promise: cython.double = 0.0
         self._promise = _NO_LIMIT
         for i in range(size):
@@ -747,13 +699,13 @@ class ContactFit:
     @cython.exceptval(check=False)
     def _confine(self, p: cython.Py_ssize_t) -> cython.void:
         """A contact stays near where it was looked for, of a width that pins can show."""
-        dx: cython.double = self._next[p] - self._start[p]
-        dy: cython.double = self._next[p + 1] - self._start[p + 1]
-        far: cython.double = hypot(dx, dy)
+        dx = self._next[p] - self._start[p]
+        dy = self._next[p + 1] - self._start[p + 1]
+        far = hypot(dx, dy)
         if far > self._reach:
             self._next[p] = self._start[p] + dx * self._reach / far
             self._next[p + 1] = self._start[p + 1] + dy * self._reach / far
-        most: cython.double = log(self._radius)
+        most = log(self._radius)
         self._next[p + 2] = min(max(self._next[p + 2], -most), most)
         if self._is_line:
             far = hypot(self._next[p + 6], self._next[p + 7])
@@ -764,11 +716,6 @@ class ContactFit:
     @cython.cfunc
     @cython.exceptval(check=False)
     def _write(self) -> cython.void:
-        i: cython.Py_ssize_t
-        j: cython.Py_ssize_t
-        dx: cython.double
-        dy: cython.double
-        s: cython.double
         for i in range(self._m):
             self.place[i, 0] = self._now[_OWN * i] * self._pitch_px
             self.place[i, 1] = self._now[_OWN * i + 1] * self._pitch_px

@@ -23,16 +23,18 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import IntEnum, auto
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from edge.features.params import PARAMS, FeatureParams
-from edge.features.regions import CONTACTS_MAX, Regions
+from edge.features.params import CONTACTS_MAX, PARAMS, FeatureParams
 from edge.features.several.contact_fit import FITS_MAX, ContactFit
 from edge.features.surface import Surface
 from edge.geometry.lattice import N_RING
 from edge.types import Array, FittedContact, Mask, Tracks
+
+if TYPE_CHECKING:
+    from edge.features.contacts import Regions
 
 __all__ = ["Fits", "FittedContacts"]
 
@@ -204,7 +206,7 @@ class FittedContacts:
             return math.nan
         joined, stays = self._last(True), self._last(False)
         if joined is not None and self._stands(joined, fit.fit_line(*line_at)):
-            self._regions.join(0, 1)
+            self._regions.join()
             return self._line_direction()
         if stays is not None and not wanted and self._stands(stays, fit.last_error(2)):
             return math.nan
@@ -218,7 +220,7 @@ class FittedContacts:
             self._decide(False, fit.least)
             return math.nan
         self._decide(True, pair_least)
-        self._regions.join(0, 1)
+        self._regions.join()
         return self._line_direction()
 
     def _take_pins(self, xy: Array, seen: Mask, places: Array) -> bool:
@@ -271,15 +273,8 @@ class FittedContacts:
         return places if apart and min(self._height[0], self._height[1]) > 0.0 else []
 
     def _make_two(self, places: list[list[float]]) -> bool:
-        """Make two regions of the one; False: both places are the same."""
-        if not places:
-            return False
-        first, second = (self._regions.nearest_point(x, y) for x, y in places)
-        if first == second:
-            return False
-        self._regions.split(0, first, second)
-        self._regions.sort()
-        return True
+        """Make two regions of the one; False: there are no two places."""
+        return bool(places) and self._regions.split(*places[0], *places[1])
 
     def _line_direction(self) -> float:
         """rad, of the line fitted last."""

@@ -1,6 +1,5 @@
 """The kept triangulation by itself: exact areas, flips, degenerate sets, misuse."""
 
-import threading
 from fractions import Fraction
 
 import numpy as np
@@ -12,7 +11,6 @@ from edge.cells.mesh import Mesh
 from edge.errors import DegenerateLayout
 from tests.bench import stability
 from tests.support import exact
-from tests.support.cell_checks import worst_relative
 from tests.support.layouts import HARD_SETS, Points, bounded
 
 pytestmark = pytest.mark.kernels
@@ -100,36 +98,3 @@ def test_misuse_is_reported_and_keeps_the_mesh_usable(
     with pytest.raises(error, match=message):
         mesh.update(points, np.empty(1))
     assert areas_of(mesh, good, 1) == before
-
-
-@pytest.mark.compiled  # uncompiled, a thread keeps the interpreter for longer
-def test_two_threads_never_share_a_mesh() -> None:
-    """A mesh in use refuses a second caller, and the first one's result is right."""
-    rng = np.random.default_rng(5)
-    n = 4000  # a build takes milliseconds, with the interpreter free to run the other thread
-    mesh = Mesh(n, 40)
-    ring = bounded(np.empty((0, 2)))
-    sets = [np.concatenate([rng.uniform(-0.7, 0.7, (n, 2)), ring]) for _ in range(2)]
-    wanted = [areas_of(Mesh(n, 40), points, n) for points in sets]
-    wrong: list[float] = []
-    refused: list[RuntimeError] = []
-    start = threading.Barrier(2)
-
-    def work(k: int) -> None:
-        for _ in range(10):
-            start.wait()
-            try:
-                got = areas_of(mesh, sets[k], n)
-            except RuntimeError as error:
-                refused.append(error)
-                continue
-            wrong.append(worst_relative(got, wanted[k]))
-
-    threads = [threading.Thread(target=work, args=(k,)) for k in range(2)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert refused
-    assert len(wrong) >= 10
-    assert max(wrong) <= 1e-12

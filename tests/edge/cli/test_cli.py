@@ -441,7 +441,8 @@ def test_a_recording_that_does_not_fit_on_the_disk_is_no_success(
     fault: str | None,
 ) -> None:
     """As the worker reports it."""
-    monkeypatch.setattr("edge.worker.feeds.RecordingFeed.fault", property(lambda feed: fault))
+    stays = property(lambda feed: fault, lambda feed, value: None)
+    monkeypatch.setattr("edge.worker.feeds.RecordingFeed.fault", stays, raising=False)
     replay = ("replay", data_dir / "press_shear.mcap", "--speed", "max", "-q")
     assert command(*replay, "--record", tmp_path / "a.mcap").code == (1 if fault else 0)
     assert (f"recording: {fault}" in caplog.text) == (fault is not None)
@@ -514,22 +515,17 @@ def test_a_full_disk_behind_stdout_is_one_line(data_dir: Path, samples: list[str
     assert done.stderr == "error: stdout: cannot be written: No space left on device\n"
 
 
-def test_a_recording_that_replaces_another_is_asked_for(data_dir: Path, tmp_path: Path) -> None:
-    path = tmp_path / "a.mcap"
+def test_files_are_replaced_if_that_is_asked_for(
+    command: Command, tip_image: Path, data_dir: Path, tmp_path: Path
+) -> None:
+    """Without, it is a mistake: see the table."""
+    path, source = tmp_path / "a.mcap", data_dir / "nothing.mcap"
     path.write_text("the old one")
-    arguments = ("replay", data_dir / "nothing.mcap", "--speed", "max", "-q", "--record", path)
-    assert edge(*arguments).returncode == 2
-    assert path.read_text() == "the old one"
-    done = edge(*arguments, "--overwrite")
-    assert (done.returncode, done.stderr) == (0, "")
-    assert len(list(open_source(str(path)))) == len(list(open_source(str(data_dir / "nothing.mcap"))))
-
-
-def test_a_picture_with_pins_is_replaced_only_if_asked_for(tip_image: Path, tmp_path: Path) -> None:
-    arguments = ("inspect", tip_image, "--overlay", tmp_path / "seen")
-    assert edge(*arguments).returncode == 0
-    assert edge(*arguments).returncode == 2
-    assert edge(*arguments, "--overwrite").returncode == 0
+    replay = ("replay", source, "--speed", "max", "-q", "--record", path, "--overwrite")
+    assert command(*replay).code == 0
+    assert len(list(open_source(str(path)))) == len(list(open_source(str(source))))
+    for _ in range(2):
+        assert command("inspect", tip_image, "--overlay", tmp_path / "seen", "--overwrite").code == 0
     assert [path.name for path in (tmp_path / "seen").iterdir()] == ["tip_pins.png"]
 
 

@@ -60,6 +60,3 @@ def test_the_command(command: Command, data_dir: Path, tmp_path: Path) -> None:
     assert json.loads(done.out)["frames_n"] == len(list(RecordingSource(data_dir / "nothing.mcap")))
     done = command(*render, tmp_path / "b.mp4", "-q")
     assert (done.code, done.out) == (0, "")
-    done = command(*render, tmp_path / "b.txt")
-    assert done.code == 2
-    assert len(done.err.splitlines()) == 1

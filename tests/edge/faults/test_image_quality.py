@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from edge.faults.detector import common_step_px, fault_checks
 from edge.faults.frame_counts import FocusWindows, PinCounts
-from edge.faults.image_quality import ImageQuality, common_step_px, image_checks
+from edge.faults.image_quality import ImageQuality
 from edge.faults.judge import Facts, Judge
 from edge.faults.registry import FaultRegistry
 from edge.types import Frame, Image
@@ -96,7 +97,7 @@ def test_overexposure_counts_only_pixels_not_saturated_at_rest(at_rest: float, b
         return Frame(image, 0, 0)
 
     quality, registry, facts = ImageQuality(), FaultRegistry(), Facts()
-    judge = Judge(image_checks(), registry)
+    judge = Judge(fault_checks(), registry)
     quality.learn(rest_of(np.array([[320.0, 200.0], [340.0, 200.0], [330.0, 220.0]])), frame(at_rest))
     quality.brightness(frame(at_rest), facts)
     judge(facts)

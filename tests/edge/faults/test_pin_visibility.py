@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from edge.faults.pin_visibility import PARAMS, PinVisibility
+from edge.faults.pin_visibility import BASELINE_N, SETTLED_N, PinVisibility
+from edge.params import ASTRAY_REL
 from edge.types import Array, Mask, Tracks
 from tests.support.fields import tip
 
@@ -69,8 +70,8 @@ def test_values_return_when_nearly_all_are_back_for_some_frames() -> None:
     assert not pins.problem(frame(everyone))
     assert "vanished at once" in pins.problem(frame(many))
     assert all(pins.problem(frame(some)) for _ in range(20))
-    answers = [bool(pins.problem(frame(few))) for _ in range(PARAMS.settled_frames_n)]
-    assert answers == [True] * (PARAMS.settled_frames_n - 1) + [False]
+    answers = [bool(pins.problem(frame(few))) for _ in range(SETTLED_N)]
+    assert answers == [True] * (SETTLED_N - 1) + [False]
 
 
 def test_a_tip_that_has_lost_pins_for_good_becomes_usable_again() -> None:
@@ -78,7 +79,7 @@ def test_a_tip_that_has_lost_pins_for_good_becomes_usable_again() -> None:
     lost = np.random.default_rng(4).random(N) < 0.15
     assert pins.problem(frame(lost))
     frames_n = next(n for n in range(20_000) if not pins.problem(frame(lost)))
-    assert PARAMS.baseline_frames_n < frames_n * PARAMS.forget_rel < 10 * PARAMS.baseline_frames_n
+    assert BASELINE_N < frames_n * ASTRAY_REL < 10 * BASELINE_N
 
 
 def test_a_hole_has_no_values() -> None:

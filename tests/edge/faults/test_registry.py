@@ -9,7 +9,7 @@ import pytest
 
 from edge.faults.registry import FaultLog, FaultRegistry
 from edge.params import PARAMS
-from edge.runtime.board_monitor import BoardMonitor, BoardParams, Thermometer, free_space_problem
+from edge.runtime.board_monitor import BoardMonitor, Thermometer, free_space_problem
 from edge.runtime.systemd import Notifier
 from hostlink.wire import FAULTS, FaultCode, Status
 from tests.support.fault_injection import BOARD, CAMERA, EXPECTED, LINK
@@ -147,7 +147,7 @@ def test_the_board_monitor_checks_until_closed() -> None:
         checks.release()
         return 20.0
 
-    monitor = BoardMonitor(FaultRegistry(), read, params=BoardParams(period_s=0.001))
+    monitor = BoardMonitor(FaultRegistry(), read, period_s=0.001)
     monitor.start()
     assert all(checks.acquire(timeout=SOON_S) for _ in range(3))
     monitor.close()

@@ -21,7 +21,7 @@ def finder_of(xy: Array, change: Array | None = None) -> ContactFinder:
     made = ContactFinder(surface, xy)
     made.field.set_area_change(np.full(127, 0.1) if change is None else change)
     made.field.find(xy)
-    made.peaks.set_field(made.field.divergence)
+    made.peaks.set_field(made.field.divergence, made.field.active, made.field.n_active)
     made.peaks.find(surface.divergence_noise, 0.1, 0.01)
     made.regions.merge(surface.divergence_noise, 0.05)
     return made

@@ -5,7 +5,7 @@ import pytest
 
 from calib.sim import Camera, Tip, Tool, ToolPose, deform
 from edge.features.contacts import ContactFinder
-from edge.features.regions import CONTACTS_MAX
+from edge.features.params import CONTACTS_MAX
 from edge.features.surface import Surface
 from edge.types import Array, ContactRegion, Rest
 from tests.support.fields import CENTRE, bar, frame, make_rest, plane, push, tip

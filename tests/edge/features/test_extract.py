@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from edge.cells import Tessellator
 from edge.features import FeatureExtractor, FeaturePlan
-from edge.features.plan import NEEDS
 from edge.pins import detect, take_rest
 from edge.tracking import Tracker
 from edge.types import Array, Cells, Feature, Features, Rest, Tracks
@@ -46,10 +45,6 @@ def noisy(
 
 def given_fields(features: Features) -> set[str]:
     return {name for name in OPTIONAL if getattr(features, name) is not None}
-
-
-def test_every_feature_has_its_needs() -> None:
-    assert set(NEEDS) == set(Feature)
 
 
 @pytest.mark.parametrize(

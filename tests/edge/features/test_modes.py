@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from edge.features.modes import INDEPENDENT_REL, MODE_NAMES, MODE_POWERS, Modes, mode_basis
+from edge.features.pin_motion import ModeProduct
 from tests.support.fields import CENTRE, make_rest, push, tip
 
 pytestmark = pytest.mark.kernels
@@ -22,8 +23,11 @@ def test_least_squares_over_the_seen_pins(pins: int, lost: int) -> None:
     b, d = basis[seen], motion[seen] @ [1.0, 1j]
     ridge = INDEPENDENT_REL * pins * np.eye(b.shape[1])
     expected = np.linalg.solve(b.conj().T @ b + ridge, b.conj().T @ d)
-    rounding = 1e-11 if lost else 1e-6 * np.abs(d).max()  # of all pins, in single precision
-    np.testing.assert_allclose(Modes(rest).fit(motion, seen), expected, rtol=0, atol=rounding)
+    modes = Modes(rest)
+    np.testing.assert_allclose(modes.fit(motion, seen), expected, rtol=0, atol=1e-11)
+    if not lost:
+        of_all = ModeProduct(modes.of_all).fit(motion)
+        np.testing.assert_allclose(of_all, expected, rtol=0, atol=1e-6 * np.abs(d).max())
 
 
 def test_modes_turn_by_their_spin() -> None:

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from edge.features.regions import PeakFinder, Regions
+from edge.features.contact_field import PeakFinder
+from edge.features.contacts import Regions
 from edge.types import Array
 
 pytestmark = pytest.mark.kernels
@@ -20,7 +21,7 @@ def hill(x: float, y: float, height: float, wide: float) -> Array:
 
 def regions_of(field: Array, noise_px: float = 0.0) -> Regions:
     peaks = PeakFinder(np.ones((SIZE, SIZE), np.bool_))
-    peaks.set_field(field.astype(np.float32).ravel())
+    peaks.set_field(field.astype(np.float32).ravel(), np.arange(SIZE * SIZE, dtype=np.int32), SIZE * SIZE)
     peaks.find(NOISE, 0.0, 0.05)
     regions = Regions(peaks, X0, Y0, STEP)
     regions.merge(NOISE, noise_px)

@@ -8,7 +8,7 @@ import pytest
 
 from calib.sim import Camera, Tip, Tool, ToolPose, deform
 from edge.features.pin_motion import PinMotion
-from edge.features.slip import Slip
+from edge.features.slip_and_vibration import Slip
 from edge.frame import Pipeline
 from edge.recording.reader import RecordingSource
 from edge.rest.tare import tare

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calib.sim import Simulator, Tool, ToolPose
-from edge.features.vibration import Vibration
+from edge.features.slip_and_vibration import Vibration
 from edge.frame import Pipeline
 from edge.rest.tare import tare
 from edge.types import Array, Feature

@@ -3,6 +3,7 @@
 from binascii import crc_hqx
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import suppress
+from itertools import cycle, islice
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -252,10 +253,17 @@ def test_a_last_segment_behind_a_lost_one_is_sent_again(bench: Bench) -> None:
     assert bench.objects.written == [(LONG, b"{123456789abcd}")]
 
 
-def test_an_endless_write_is_refused(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("first", "firsts_of_segments"), [(0xC0, range(1, 32)), (0x20, (0x00, 0x10))], ids=["blocks", "segments"]
+)
+def test_an_endless_write_is_refused(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch, first: int, firsts_of_segments: Sequence[int]
+) -> None:
+    """Segments that never end must not fill the board's memory."""
     monkeypatch.setattr(sdo_server, "DOWNLOAD_MAX", 700)
-    bench.ask(head(0xC0, LONG))
-    answers = [bench.ask(bytes((1 + k % 31,)) + b"segment") for k in range(101)]
+    bench.ask(head(first, LONG))
+    commands = islice(cycle(firsts_of_segments), 101)
+    answers = [bench.ask(bytes((command,)) + b"segment") for command in commands]
     assert code(answers[-1]) == Abort.LENGTH
     assert bench.server._transfer is None
     assert serves(bench)

@@ -7,11 +7,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from edge.link import sdo_server
 from edge.link.medium import CanFrame
 from edge.link.nmt import NmtState
 from edge.link.node import Node
-from edge.link.ports import CanPort
 from edge.link.settings import SettingsFile
 from edge.link.sinks import CanFdSink, SerialSink
 from hostlink.wire import OBJECTS, CanIds, Kind, Message, encode_frame, pack_message
@@ -32,9 +30,7 @@ FEW = settings(
 @contextmanager
 def a_node(kind: type[CanFdSink] | type[SerialSink]) -> Iterator[tuple[Node, Finger, Wire]]:
     wire, finger = Wire(instant=False), Finger()
-    opener = lambda: wire  # noqa: E731
-    sink = CanFdSink("wire", opener, NODE) if kind is CanFdSink else SerialSink("wire", opener)
-    node = Node(sink, finger, SettingsFile(), NODE)
+    node = Node(kind("wire", lambda: wire, NODE), finger, SettingsFile())
     yield node, finger, wire
     node.close()
 
@@ -122,26 +118,3 @@ def test_serial(on_serial: tuple[Node, Finger, Wire], chunks: list[bytes]) -> No
     node.sink._split(b"\0" + start)
     assert node.state is NmtState.OPERATIONAL
     assert len(node.sink._buffer) <= FRAME_MAX
-
-
-def test_an_endless_upload_is_refused(
-    on_can: tuple[Node, Finger, Wire], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Segments that never end must not fill the board's memory."""
-    monkeypatch.setattr(sdo_server, "DOWNLOAD_MAX", 700)
-    node, finger, wire = on_can
-    row = next(row for row in OBJECTS if row.name == "calibration")
-    start = bytes((0x20,)) + row.index.to_bytes(2, "little") + bytes((row.sub,)) + bytes(4)
-    wire.items.clear()
-    node.sink.on_message(CanFrame(REQUEST, start))  # type: ignore[misc]
-    port = node._port
-    assert isinstance(port, CanPort)
-    longest = 0
-    for k in range(1000):
-        data = bytes(((k % 2) << 4,)) + b"{segmen"
-        node.sink.on_message(CanFrame(REQUEST, data))  # type: ignore[misc]
-        longest = max(longest, len(port.sdo._transfer.data) if port.sdo._transfer else 0)
-    assert longest <= 707
-    assert node.drain(SOON_S)
-    assert any(m.data[0] == 0x80 for m in wire.items)
-    assert finger.calibration == b""

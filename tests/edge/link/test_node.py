@@ -15,14 +15,12 @@ import pytest
 from canopen.objectdictionary import ObjectDictionary
 
 from edge.errors import CalibrationError, RequestRefused
-from edge.link.medium import CanFrame, MediumError, opener
+from edge.link.medium import CanFrame, Medium, MediumError, opener
 from edge.link.nmt import NmtState
 from edge.link.node import Node
 from edge.link.object_server import Aborted
-from edge.link.ports import SerialPort
 from edge.link.settings import NodeSettings, SettingsFile
 from edge.link.sinks import CanFdSink, SerialSink, open_sink
-from hostlink.objects import TIMEOUT_S, TRIES
 from hostlink.wire import (
     OBJECTS,
     Abort,
@@ -438,7 +436,7 @@ def test_whatever_a_driver_raises_is_a_lost_link_and_no_thread_ends(
         node.send(state(1))
     until(lambda: finger.faults == {FaultCode.LINK_DOWN: True}, "the fault")
     bus.items.clear()
-    until(lambda: node.send(state(2)) and node.drain(SOON_S) and node.up, "samples again")
+    until(lambda: node.send(state(2)) and node.drain(SOON_S) and sink.up, "samples again")
     until(lambda: finger.faults == {FaultCode.LINK_DOWN: False}, "the fault's end")
     assert not bus.armed
     assert sink.guard.unforeseen_n == 1
@@ -463,15 +461,18 @@ def test_whatever_a_handler_raises_costs_its_message_alone(
             raise raised.pop()
         then(*arguments)
 
+    def stay_lost() -> Medium:
+        raise MediumError("no medium")
+
     sink.on_message = partial(fail_once, receive)
     bench.nmt(1)
     until(lambda: not raised, "the message")
     assert bench.read("serial_number") == "VT-0042"
     raised.append(error)
-    monkeypatch.setattr(sink._medium, "try_open", lambda: None)
-    sink.on_faults = partial(fail_once, report)
-    medium = sink._medium.current
+    medium = sink._medium
     assert medium is not None
+    monkeypatch.setattr(sink, "_open_medium", stay_lost)
+    sink.on_faults = partial(fail_once, report)
     sink._lose(medium, MediumError("lost"))
     until(lambda: bench.finger.faults == {FaultCode.LINK_DOWN: True}, "the fault, in the second attempt")
     assert all(thread.is_alive() for thread in sink._threads)
@@ -559,18 +560,6 @@ def test_serial_objects_segment_by_segment(line: Line) -> None:
         assert reply.total == len(file)
         back, counter = back + reply.data, counter + 1
     assert back == file
-
-
-def test_serial_request_repeated_is_done_once(line: Line) -> None:
-    request = line.request(Op.WRITE, "tare", 0, 1, b"\1")
-    first = line.ask(request, 9)
-    port = line.node._port
-    assert isinstance(port, SerialPort)
-    port._answered_s -= TRIES * TIMEOUT_S  # the second time was lost, too
-    assert line.ask(request, 9) == first
-    assert line.finger.tares == [False]
-    line.ask(request, 10)
-    assert line.finger.tares == [False, False]
 
 
 def test_serial_refusals_carry_their_code(bench: Bench, line: Line) -> None:

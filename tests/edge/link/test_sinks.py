@@ -251,12 +251,12 @@ def test_answers_overtake_samples_and_detail_waits(channel: str, slow: tuple[Fla
     flaky, sink = slow
 
     def detail_taken() -> bool:
-        return sink.send_detail([sink.encode_detail(bytes(64))], 0.0)
+        return sink.post_spaced("detail", [sink.encode_detail(bytes(64))], 0.0)
 
     with can.Bus(interface="virtual", channel=channel) as host:
         flaky.hang(True)
         sink.send(state(0))
-        until(lambda: sink._stall.writing_since_s, "the worker writes")
+        until(lambda: sink._writing_since_s, "the worker writes")
         assert [detail_taken(), detail_taken()] == [True, False]
         sink.send(state(1))
         sink.post(CanFrame(0x581, b"answer"))
@@ -327,7 +327,7 @@ def test_a_line_that_is_lost_and_comes_back(
 
     def lose_meanwhile(sample: State, counter: int) -> Sequence[Any]:
         pty.unplug()
-        until(lambda: sink._medium.current is None, "the loss is noticed")
+        until(lambda: sink._medium is None, "the loss is noticed")
         return encode(sample, counter)
 
     with monkeypatch.context() as patch:

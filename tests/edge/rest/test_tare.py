@@ -125,23 +125,23 @@ def test_half_of_the_pins_covered_are_too_few_and_none_are_no_pattern(
 
 
 def test_an_accepted_rest_frame_is_used(finger: Finger) -> None:
-    before = finger.loop.pipeline
-    request = finger.loop.request_tare()
+    before = finger.loop.measurement.pipeline
+    request = finger.loop.measurement.tare.ask()
     assert finger.loop.measurement.tare.outcome.state is RestFrameState.BUSY
     with pytest.raises(RequestRefused):  # one at a time
-        finger.loop.request_tare()
+        finger.loop.measurement.tare.ask()
     finger.show(*UNTOUCHED)
     outcome = request.done.result(0)
     assert (outcome.number, outcome.state, outcome.message) == (1, ACCEPTED, "")
     assert finger.loop.measurement.tare.outcome is outcome
-    assert finger.loop.pipeline is not before
+    assert finger.loop.measurement.pipeline is not before
     assert not finger.faults
-    assert finger.loop.request_tare().number == 2
+    assert finger.loop.measurement.tare.ask().number == 2
 
 
 @pytest.mark.parametrize("ended", [False, True], ids=["no images", "the loop has ended"])
 def test_a_request_that_gets_no_images_is_refused(finger: Finger, ended: bool) -> None:
-    request = finger.loop.request_tare()
+    request = finger.loop.measurement.tare.ask()
     if ended:
         finger.loop.stop()
         finger.loop.run()
@@ -158,17 +158,17 @@ def test_a_request_that_gets_no_images_is_refused(finger: Finger, ended: bool) -
 
 def test_a_refused_rest_frame_changes_nothing_and_is_reported(finger: Finger) -> None:
     true = finger.show(25).displacement_mm
-    before = finger.loop.pipeline
-    request = finger.loop.request_tare()
+    before = finger.loop.measurement.pipeline
+    request = finger.loop.measurement.tare.ask()
     for k in steady(25):
         assert finger.show(k).displacement_mm == pytest.approx(true, abs=0.05)  # also while it is being taken
     outcome = request.done.result(0)
     assert (outcome.state, outcome.reason) == (REFUSED, RestFrameReason.TOUCHED)
     assert "something touches the tip" in outcome.message
-    assert finger.loop.pipeline is before
+    assert finger.loop.measurement.pipeline is before
     assert finger.faults == {FaultCode.TARE_IMPLAUSIBLE}
     assert Status.TARE_FAULT in finger.show(25).status
-    finger.loop.request_tare()
+    finger.loop.measurement.tare.ask()
     assert finger.show(*steady(7), 7).status == Status(0)
     assert not finger.faults
 
@@ -178,19 +178,19 @@ def test_a_forced_rest_frame_is_flagged_and_no_reference_for_an_untouched_tip(
     frames: list[Frame], calibration: Calibration, calibrated: bool, k: int
 ) -> None:
     finger = Finger(frames, calibration if calibrated else None)
-    request = finger.loop.request_tare(force=True)
+    request = finger.loop.measurement.tare.ask(force=True)
     assert Status.TARE_FAULT in finger.show(*steady(k)).status
     outcome = request.done.result(0)
     assert (outcome.state, outcome.reason) == (FORCED, RestFrameReason.TOUCHED)
     assert FaultCode.TARE_IMPLAUSIBLE in finger.faults
-    again = finger.loop.request_tare()
+    again = finger.loop.measurement.tare.ask()
     finger.show(*steady(7))
     assert again.done.result(0).state is ACCEPTED
     assert FaultCode.TARE_IMPLAUSIBLE not in finger.faults
 
 
 def test_a_frozen_image_is_no_evidence(finger: Finger) -> None:
-    request = finger.loop.request_tare()
+    request = finger.loop.measurement.tare.ask()
     finger.camera.frame_condition = "frozen"
     finger.show(*[0] * 20)
     assert not request.done.done()
@@ -207,22 +207,22 @@ def test_a_finger_that_starts_touched_waits_until_it_is_released(
     finger.frames = frames
     finger.show(*steady(20))
     assert finger.faults == {FaultCode.TARE_IMPLAUSIBLE}
-    assert finger.loop.pipeline is None
+    assert finger.loop.measurement.pipeline is None
     finger.show(*UNTOUCHED)
     assert not finger.faults
-    assert finger.loop.pipeline is not None
-    assert finger.loop.calibration is calibration
+    assert finger.loop.measurement.pipeline is not None
+    assert finger.loop.measurement.calibration is calibration
 
 
 def test_a_first_rest_frame_under_load_is_refused_without_knowing_the_tip() -> None:
     tip = Simulator(Camera(tip=Tip(n_pins=127, kind="hex"), size_px=(320, 320)))
     touch = tip.frame((ToolPose(depth_mm=3.0, tilt_x_deg=15.0),)).image
     finger = Finger([Frame(touch, k, k) for k in range(8)], None)
-    assert finger.loop.pipeline is None
+    assert finger.loop.measurement.pipeline is None
     assert "something touches the tip" in finger.registry.active[FaultCode.TARE_IMPLAUSIBLE]
     for _ in range(8):
         finger.see(tip.frame().image)
-    assert finger.loop.pipeline is not None
+    assert finger.loop.measurement.pipeline is not None
     assert FaultCode.TARE_IMPLAUSIBLE not in finger.faults
 
 
@@ -297,7 +297,7 @@ def test_a_start_with_another_tips_file_falls_back_to_the_one_before(
     finger.loop.measurement.fallbacks = (foreign, calibration)
     finger.frames = frames
     finger.show(*UNTOUCHED)
-    assert finger.loop.calibration is calibration
+    assert finger.loop.measurement.calibration is calibration
     assert finger.loop.measurement.tare.outcome.state is RestFrameState.UNKNOWN  # nobody asked
     assert not finger.faults
     assert f"using the calibration stored before, {calibration.content_id:08x}" in caplog.text
@@ -324,14 +324,14 @@ def test_on_a_mostly_touched_recording_no_wrong_tare_is_accepted(finger: Finger)
     """Requested at any time: an accepted rest frame gives the same depth, all others are refused."""
 
     def depth_mm() -> float:
-        assert finger.loop.pipeline is not None
-        finger.loop.pipeline.forget()
+        assert finger.loop.measurement.pipeline is not None
+        finger.loop.measurement.pipeline.forget()
         return finger.show(25).displacement_mm
 
     true = depth_mm()
     outcomes = set()
     for start in range(0, len(finger.frames), 4):
-        request = finger.loop.request_tare()
+        request = finger.loop.measurement.tare.ask()
         for k in count(start):
             if request.done.done():
                 break
@@ -365,7 +365,7 @@ def test_samples_go_on_while_a_rest_frame_is_checked(
         return take_rest_frame(*arguments, **options)
 
     monkeypatch.setattr(measurement, "take_rest_frame", checked)
-    request = finger.loop.request_tare(force=True)
+    request = finger.loop.measurement.tare.ask(force=True)
     assert begun.wait(SOON_S)
     while measured.acquire(blocking=False):
         pass
@@ -401,4 +401,4 @@ def test_a_loop_ends_at_once_while_its_first_rest_frame_is_checked(
     finally:
         over.set()
         thread.join()
-    assert finger.loop.pipeline is None
+    assert finger.loop.measurement.pipeline is None

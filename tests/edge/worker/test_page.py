@@ -177,9 +177,9 @@ def test_without_the_token_a_viewer_may_only_watch(live: Live) -> None:
             assert not answer["ok"]
             assert command == "rm -rf" or "token" in answer["message"]
 
-    tares_n = live.loop.tares_n
+    tares_n = live.loop.measurement.tares_n
     watch(live, look)
-    assert live.loop.tares_n == tares_n
+    assert live.loop.measurement.tares_n == tares_n
     assert live.loop.session.recorder is None
 
 
@@ -262,7 +262,7 @@ def test_charts_get_every_sample_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_features_not_in_demand_are_neither_computed_nor_sent(live: Live) -> None:
-    pipeline = live.loop.pipeline
+    pipeline = live.loop.measurement.pipeline
     assert pipeline is not None
 
     async def plain(viewer: Viewer) -> None:
@@ -324,9 +324,11 @@ def test_record_loses_nothing(live: Live) -> None:
     assert sequences == list(range(sequences[0], sequences[0] + len(frames))) or dropped_n
     samples = [m["sequence"] for _, _, m in read_messages(path, ["/finger_1/sample"])]
     assert samples == list(range(samples[0], samples[0] + len(sequences)))
-    assert live.loop.calibration is not None
+    assert live.loop.measurement.calibration is not None
     with path.open("rb") as file:
-        assert [a.data for a in make_reader(file).iter_attachments()] == [live.loop.calibration.encoded]
+        assert [a.data for a in make_reader(file).iter_attachments()] == [
+            live.loop.measurement.calibration.encoded
+        ]
 
 
 def test_an_unwritable_folder_is_reported(live: Live) -> None:

@@ -113,7 +113,7 @@ def test_image_pins_and_cells_are_the_finger_s(hand: Hand, data_dir: Path) -> No
                 await viewer.subscribe(topic)
             got = viewer.messages
             await viewer.until(lambda: len(got.get(TOPICS[2], ())) > 3, "pictures")
-            result = live.loop.last
+            result = live.loop.measurement.last
             assert result is not None
             assert result.cells is not None
             at_ns, data = got[TOPICS[0]][-1]

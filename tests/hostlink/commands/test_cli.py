@@ -24,8 +24,8 @@ from hostlink.wire import VERSION, State, pack_state
 from tests.hostlink.test_recording import as_candump, write_buses, write_edge
 from tests.support.commands import Done, run_host_without
 from tests.support.commands import run_host as run
-from tests.support.environment import uncounted
 from tests.support.fingers import Application, Fingers, need_multicast
+from tests.support.processes import uncounted
 from tests.support.ptys import Ptys
 from tests.support.waiting import SOON_S, size_of, until
 

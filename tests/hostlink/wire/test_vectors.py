@@ -78,17 +78,6 @@ def test_frames_of_a_version_that_is_gone_are_refused_in_one_line() -> None:
         assert f"version {VERSION}" in str(error)
 
 
-def test_a_receiver_of_the_version_before_refuses_these_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The decoder as it was: version and data id are all that it looks at before it refuses."""
-    before = {"VERSION": BEFORE["version"], "DATA_ID": int(BEFORE["schema"], 16) & 0xFFFF}
-    for module in ("hostlink.decoder", "hostlink.wire.state", "hostlink.wire.serial"):
-        for name, value in before.items():
-            monkeypatch.setattr(f"{module}.{name}", value)
-    errors = mismatches(GOLDEN)
-    assert [(e.ours, e.theirs) for e in errors] == [(BEFORE["version"], VERSION)] * 2
-    assert not any("\n" in str(error) for error in errors)
-
-
 def test_classic_parts_of_a_version_that_is_gone_are_damaged_ones() -> None:
     decoder = CanDecoder()
     parts = [part for row in BEFORE["samples"] for part in row["parts"]]

@@ -1,4 +1,7 @@
-"""Slip: how probable it is that most of the contact slides, and how fast its parts move against each other.
+# cython: infer_types=True
+"""What the contact's pins do from frame to frame: slip and vibration.
+
+Slip: how probable it is that most of the contact slides, and how fast its parts move against each other.
 
 Skin that sticks to a rigid object can only move with it. A contact that is dragged slips from its rim
 inwards. Its core still sticks and moves with the object, by s; the skin around it is dragged along by q,
@@ -18,14 +21,27 @@ looking, x above one half is improbable.
 The speed is the residual of the motion over the last few frames, less what a load explains (a common
 translation, rotation and linear strain): the expected one, its noise subtracted, times the probability.
 
-Rules
+Rules of slip
 - While all of a contact's cells increase, or all decrease, it is pressed or released, which moves its pins
   too: no slip is reported, and the path begins anew.
 - A contact that slides as a whole at constant load moves no pin: the last share stays. The steady gliding of
   a large smooth plane has no speed for a camera behind the skin.
 - A twist has no core that moves: it is not seen.
 
-Source  Mindlin, "Compliance of elastic bodies in contact", J. Appl. Mech. 16, 259 (1949).
+Vibration: rms motion of the contact's pins above a cut-off frequency, as texture and stick-slip make it.
+
+Rules of vibration
+- The filter is two high-passes of first order in a row, by the bilinear transform: -3 dB at the cut-off,
+  gain 1 at half the frame rate. A steady motion leaves nothing, one that gains speed slowly hardly anything.
+  The coefficients follow from the time between two captures, so that the cut-off is the same at any rate.
+- The square is averaged over the contact's pins, and over one period of the cut-off. The part that the
+  centroids' noise has in it is known, as it passes the same filter, and is subtracted.
+- A pin that joins the contact, or is found again, begins where the others are on average.
+- NaN until a contact, or the frames after a gap, have lasted for that period, and where the frame rate is
+  too low for the band. Zero without a contact.
+
+Source  Mindlin, "Compliance of elastic bodies in contact", J. Appl. Mech. 16, 259 (1949); Oppenheim, Schafer,
+        "Discrete-Time Signal Processing", section 7.1.2: the bilinear transform
 
 A kernel: compiled by Cython (see setup.py), and the same when it is not.
 """
@@ -43,19 +59,23 @@ from edge.types import Array, Index, Rest
 if cython.compiled:
     from cython.cimports.edge.features.pin_motion import PinMotion
     from cython.cimports.edge.geometry.select import select_kth
-    from cython.cimports.libc.math import HUGE_VAL, NAN, exp, hypot, isnan, sqrt
+    from cython.cimports.libc.math import HUGE_VAL, M_PI, NAN, exp, hypot, isnan, sqrt, tan
 else:
-    from math import exp, hypot, isnan, sqrt
+    from math import exp, hypot, isnan, sqrt, tan
     from math import inf as HUGE_VAL  # noqa: N812
     from math import nan as NAN  # noqa: N812
+    from math import pi as M_PI  # noqa: N812
 
     from edge.features.pin_motion import PinMotion
     from edge.geometry.select import select_kth
 
-__all__ = ["Slip"]
+__all__ = ["Rms", "Slip", "Vibration"]
 
 #: Shares of the area that slides, in the middle of equal intervals; a path has as many points.
 _SHARES = cython.declare(cython.Py_ssize_t, 24)
+
+#: rms in px, and the upper end of its band in Hz; None: there is none.
+Rms = tuple[float | None, float | None]
 
 
 @cython.final
@@ -64,8 +84,7 @@ class Slip:
     """Slip of one touch, frame by frame.
 
     slip_px      expected rms over the contact's pins of the motion that no load explains, per frame
-    share        of the contact's area that slides; most probable mean
-    probability  0..1 that it is more than half
+    probability  0..1 that more than half of the contact's area slides
     """
 
     def __init__(self, rest: Rest, motion: PinMotion, params: FeatureParams = PARAMS) -> None:
@@ -99,7 +118,7 @@ class Slip:
         area_change  (n,) float64, relative, since rest; NaN where lost, or unknown
         sigma_px     noise of one coordinate of one pin in one frame
         """
-        at: cython.Py_ssize_t = self._n_kept % self._span
+        at = self._n_kept % self._span
         self.slip_px = 0.0
         if self._n_kept > 0:
             self._compare(area_change, sigma_px, min(self._n_kept, self._span))
@@ -111,7 +130,7 @@ class Slip:
 
     def _compare(self, area_change: Array, sigma_px: float, span: cython.Py_ssize_t) -> None:
         """With the frame of so many before."""
-        oldest: cython.Py_ssize_t = (self._n_kept - span) % self._span
+        oldest = (self._n_kept - span) % self._span
         if self._motion.is_pressing(area_change, self._past_change[oldest], self._pressing_rel):
             self._forget_path()
             return
@@ -119,10 +138,10 @@ class Slip:
             self._go_on(sigma_px)
         else:
             self._begin_path(sigma_px)
-        used: cython.Py_ssize_t = self._motion.fit_step(self._past_px[oldest])
-        free: cython.Py_ssize_t = 2 * used - 6  # two components, each with three unknowns
+        used = self._motion.fit_step(self._past_px[oldest])
+        free = 2 * used - 6  # two components, each with three unknowns
         if free >= 4:
-            unexplained: cython.double = self._motion.left_px2 - 2.0 * (sigma_px * sigma_px) * free
+            unexplained = self._motion.left_px2 - 2.0 * (sigma_px * sigma_px) * free
             self.slip_px = self.probability * sqrt(max(unexplained, 0.0) / used) / span
 
     def _forget_path(self) -> None:
@@ -130,7 +149,7 @@ class Slip:
         self._begun = False
         self._n_path = 0
         self._spacing_px = 0.0
-        self.share = self.probability = 0.0
+        self.probability = 0.0
 
     def _begin_path(self, sigma_px: float) -> None:
         """Choose the pins of the core, an eighth of the contact or one, and those around it."""
@@ -140,7 +159,7 @@ class Slip:
             self._begin[i, 0] = motion[i, 0]
             self._begin[i, 1] = motion[i, 1]
             self._is_around[i] = not isnan(motion[i, 0])
-        n: cython.Py_ssize_t = 0  # seen pins in the contact
+        n = 0  # seen pins in the contact
         x: cython.double = 0.0
         y: cython.double = 0.0
         for p in range(self._motion.n_pins):
@@ -164,8 +183,8 @@ class Slip:
             i = self._core[p]
             self._far2[p] = (self._rest[i, 0] - x) ** 2 + (self._rest[i, 1] - y) ** 2
             self._some[p] = self._far2[p]
-        wanted: cython.Py_ssize_t = max(1, n // 8)
-        farthest: cython.double = select_kth(self._some, n, wanted - 1)
+        wanted = max(1, n // 8)
+        farthest = select_kth(self._some, n, wanted - 1)
         self._n_core = 0
         for p in range(n):
             if self._n_core < wanted and self._far2[p] <= farthest:
@@ -178,18 +197,17 @@ class Slip:
 
     def _go_on(self, sigma_px: float) -> None:
         """A new point of the path if the core has gone on; when there are many, every second one goes."""
-        p: cython.Py_ssize_t
-        x: cython.double = self._mean_step(0, self._core, self._n_core)
-        y: cython.double = self._mean_step(1, self._core, self._n_core)
-        s: cython.double = hypot(x, y)
-        farthest: cython.double = self._s[self._n_path - 1] if self._n_path > 0 else 0.0
+        x = self._mean_step(0, self._core, self._n_core)
+        y = self._mean_step(1, self._core, self._n_core)
+        s = hypot(x, y)
+        farthest = self._s[self._n_path - 1] if self._n_path > 0 else 0.0
         if s < farthest - self._turned_sigma * self._noise_s:  # turned back: it sticks again
             self._forget_path()
             self._begin_path(sigma_px)
             return
         if not s > farthest + max(self._spacing_px, self._noise_s):
             return
-        q: cython.double = (
+        q = (
             self._mean_step(0, self._around, self._n_around) * x
             + self._mean_step(1, self._around, self._n_around) * y
         ) / s
@@ -219,34 +237,32 @@ class Slip:
 
     def _evaluate(self) -> None:
         """Likelihood of each share, from the path."""
-        k: cython.Py_ssize_t
-        n: cython.Py_ssize_t = self._n_path
+        n = self._n_path
         s: cython.double[::1] = self._s
         q: cython.double[::1] = self._q
         weight: cython.double[::1] = self._weight
         curve: cython.double[::1] = self._curve
-        least: cython.double = HUGE_VAL
+        least = HUGE_VAL
         for p in range(n):
             of_s = q[p] / s[p] * self._noise_s
             of_model = self._model_rel * q[p]
             weight[p] = 1.0 / (self._noise_q * self._noise_q + of_s * of_s + of_model * of_model)
         for k in range(_SHARES):
-            along = 0.0
-            across = 0.0
+            along: cython.double = 0.0
+            across: cython.double = 0.0
             for p in range(n):
                 sticks = 1.0 - (k + 0.5) / _SHARES * (s[p] / s[n - 1])
                 curve[p] = 1.0 - sticks * sqrt(sticks)
                 along += curve[p] * q[p] * weight[p]
                 across += curve[p] * curve[p] * weight[p]
             factor = max(along, 0.0) / across
-            square = 0.0
+            square: cython.double = 0.0
             for p in range(n):
                 square += (q[p] - factor * curve[p]) ** 2 * weight[p]
             self._square[k] = square
             least = min(least, square)
         total: cython.double = 0.0
         most: cython.double = 0.0
-        mean: cython.double = 0.0
         for k in range(_SHARES):
             likelihood = exp(0.5 * (least - self._square[k]))
             if k + 0.5 > 0.5 * _SHARES:
@@ -254,6 +270,108 @@ class Slip:
             else:
                 likelihood *= self._prior_odds
             total += likelihood
-            mean += likelihood * (k + 0.5) / _SHARES
-        self.share = mean / total
         self.probability = most / total
+
+
+@cython.final
+@cython.cclass
+class Vibration:
+    """Follows the high-passed motion of the contact's pins, of those at rest_xy (n, 2)."""
+
+    def __init__(self, rest_xy: Array, params: FeatureParams = PARAMS) -> None:
+        n = len(rest_xy)
+        self._from_hz = params.vibration_from_hz
+        self._before, self._once, self._twice = np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 2))
+        self._frame_of = np.zeros(n, np.int64)
+        self._frame = 1
+        self._before_ns = 0
+        self.forget()
+
+    def forget(self) -> None:
+        """The next frame does not follow from the last one: the contact was lost."""
+        self._frame += 2  # nothing was followed in the frame before
+        self._lasted_s = self._power_px2 = 0.0
+
+    def update(
+        self,
+        motion: Array,
+        pins: Index,
+        n_pins: cython.Py_ssize_t,
+        sigma_px: float,
+        capture_ns: cython.longlong,
+    ) -> Rms:
+        """Take a frame in contact.
+
+        motion        (n, 2) float64 px since rest; NaN where lost
+        pins, n_pins  (n_pins or more,) int32, rows of the pins in the contact
+        sigma_px      noise of one coordinate of one pin in one frame
+        capture_ns    start of its exposure
+        Returns       rms in px, NaN while it is not known; upper end of its band in Hz, None while it is not
+        """
+        step_s = (capture_ns - self._before_ns) * 1e-9
+        self._before_ns = capture_ns
+        if not 0.0 < 2.0 * step_s * self._from_hz < 1.0:
+            self.forget()
+        self._frame += 1
+        w: cython.double = 0.0
+        if step_s > 0.0:  # each filter's cut-off lies below that of both in a row
+            w = sqrt(sqrt(2.0) - 1.0) * tan(M_PI * self._from_hz * step_s)
+        pole = (1.0 - w) / (1.0 + w) if w != -1.0 else 0.0
+        power = self._mean_square(motion, pins, n_pins, pole)
+        if isnan(power):  # no pin was there before
+            return NAN, None
+        power -= sigma_px * sigma_px * (1.0 + pole) * (3.0 + pole) / 4.0  # white noise of two coordinates
+        self._lasted_s += step_s
+        share = 1.0 - exp(-step_s * self._from_hz)
+        if self._lasted_s * share < step_s:
+            share = step_s / self._lasted_s  # a plain mean at first
+        self._power_px2 += share * (power - self._power_px2)
+        if self._lasted_s * self._from_hz < 1.0:
+            return NAN, None
+        return sqrt(max(self._power_px2, 0.0)), 0.5 / step_s
+
+    def _mean_square(self, motion: Array, pins: Index, n_pins: cython.Py_ssize_t, pole: float) -> float:
+        """One step of both filters, of each pin; NaN: no pin was followed in the frame before."""
+        # Local names: the compiler knows that a store does not change where these lie.
+        before: cython.double[:, ::1] = self._before
+        once_of: cython.double[:, ::1] = self._once
+        twice_of: cython.double[:, ::1] = self._twice
+        frame_of: cython.longlong[::1] = self._frame_of
+        frame: cython.longlong = self._frame
+        gain = 0.5 * (1.0 + pole)
+        held_n = 0
+        total: cython.double = 0.0
+        for k in range(n_pins):
+            i = pins[k]
+            if frame_of[i] != frame - 1 or isnan(motion[i, 0]):
+                continue
+            held_n += 1
+            for axis in range(2):
+                once = pole * once_of[i, axis] + gain * (motion[i, axis] - before[i, axis])
+                twice = pole * twice_of[i, axis] + gain * (once - once_of[i, axis])
+                once_of[i, axis], twice_of[i, axis] = once, twice
+                before[i, axis] = motion[i, axis]
+                total += twice * twice
+            frame_of[i] = frame
+        if held_n < n_pins:
+            self._join(motion, pins, n_pins, held_n)
+        return total / held_n if held_n else NAN
+
+    def _join(self, motion: Array, pins: Index, n_pins: cython.Py_ssize_t, held_n: cython.Py_ssize_t) -> None:
+        """Let the other pins begin where the held ones are on average."""
+        for axis in range(2):
+            once: cython.double = 0.0
+            twice: cython.double = 0.0
+            for k in range(n_pins if held_n else 0):
+                i = pins[k]
+                if self._frame_of[i] == self._frame:
+                    once += self._once[i, axis] / held_n
+                    twice += self._twice[i, axis] / held_n
+            for k in range(n_pins):
+                i = pins[k]
+                if self._frame_of[i] != self._frame:
+                    self._once[i, axis], self._twice[i, axis] = once, twice
+                    self._before[i, axis] = motion[i, axis]
+        for k in range(n_pins):
+            i = pins[k]
+            self._frame_of[i] = self._frame if not isnan(motion[i, 0]) else 0

@@ -1,16 +1,18 @@
-"""The kernel of processes: against plain products and sums; outputs not wanted, inputs not known, or out of
+"""The kernel of models: against plain products and sums; outputs not wanted, inputs not known, or out of
 range.
 """
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import msgspec
 import numpy as np
 import pytest
 
-from edge.calibration.file import Lost, Process
-from edge.calibration.gaussian_process import ProcessKernel
+from edge.calibration.evaluation import ModelKernel
+from edge.calibration.file import Curve, Lost, Model, Polynomial, Process
+from edge.calibration.inputs import evaluate_terms, term_columns
 from edge.errors import CalibrationError
 from edge.types import Array, Complex
 from tests.support.calibrations import calibration_content, parsed
@@ -67,13 +69,10 @@ def _frame(gap: float = 0.0) -> Complex:
     return z
 
 
-def _run(models: list[Process], z: Complex, wanted: Any = None) -> Array:
-    kernel = ProcessKernel(INPUTS, models)
-    if wanted is not None:
-        kernel.want(np.array(wanted, np.bool_))
-    out = np.empty((sum(len(m.outputs) for m in models), 3))
-    kernel.run(z.view(np.float64), out)
-    return out
+def _run(models: Sequence[Model], z: Complex, wanted: frozenset[str] | None = None) -> Array:
+    kernel = ModelKernel(INPUTS, models)
+    kernel.want(wanted)
+    return kernel.of_inputs(z)
 
 
 def _plainly(model: Process, z: Complex) -> list[tuple[float, float]]:
@@ -127,17 +126,46 @@ def test_values_and_sigmas_are_those_of_the_definition(gap: float) -> None:
 def test_features_not_in_demand_are_none_and_change_nothing() -> None:
     z = _frame()
     everything = _run(MODELS, z)
-    for wanted in ([1, 0, 0], [0, 1, 1], [0, 0, 0]):
-        found = _run(MODELS, z, wanted)
-        is_there = np.repeat(np.array(wanted, bool), [2, 1, 1])
+    kernel = ModelKernel(INPUTS, MODELS)
+    for wanted in ({"x"}, {"s", "t"}, {"x", "t"}, set[str](), None):
+        kernel.want(None if wanted is None else frozenset(wanted))
+        found = kernel.of_inputs(z)
+        is_there = np.array(
+            [wanted is None or not wanted.isdisjoint(m.outputs) for m in MODELS for _ in m.outputs]
+        )
         np.testing.assert_array_equal(found[is_there], everything[is_there])
         assert np.isnan(found[~is_there, :2]).all()
-    kernel = ProcessKernel(INPUTS, MODELS)  # one kernel, a demand that changes
-    out = np.empty((4, 3))
-    for wanted in ([0, 1, 0], [1, 1, 1]):
-        kernel.want(np.array(wanted, np.bool_))
-        kernel.run(z.view(np.float64), out)
-    np.testing.assert_array_equal(out, everything)
+
+
+@pytest.mark.parametrize(("outputs", "rows"), [(1, 0), (2, 1), (1, 3), (2, 4), (2, 5), (1, 8)])
+def test_curves_and_polynomials_agree_with_numpy(outputs: int, rows: int) -> None:
+    """Far out and NaN included."""
+    rng = np.random.default_rng(3)
+    letters = [*INPUTS, *(f"{name}*" for name in INPUTS)]
+    terms = [[], *([str(name) for name in rng.choice(letters, n)] for n in (1, 1, 2, 2, 3, 4))]
+    ranges, factor = [(-2.0, 2.0), (-1.0, 3.0)][:outputs], [_pairs(len(terms), rng) for _ in range(rows)]
+    model = Polynomial(
+        ["x", "y"][:outputs], terms, _pairs(len(terms), rng), ranges, [0.03, 0.04][:outputs], factor
+    )
+    curve = Curve("s", "volume", [(-0.3, 5.0), (0.0, 4.0), (0.1, 2.0), (0.4, -1.0)], 0.02)
+    z: Complex = rng.normal(0.0, 0.5, (200, 2 * len(INPUTS))).view(np.complex128)
+    z[7, 0] = np.nan
+    kernel = ModelKernel(INPUTS, (curve, model))
+    out = np.array([kernel.of_inputs(row) for row in z])
+    x = z[:, 0].real
+    np.testing.assert_allclose(out[:, 0, 0], np.interp(x, *np.array(curve.knots).T), rtol=1e-13)
+    np.testing.assert_array_equal(out[:, 0, 1], curve.sigma)
+    np.testing.assert_array_equal(out[:, 0, 2], (x < -0.3) | (x > 0.4))
+    psi = evaluate_terms(z, term_columns(terms, INPUTS))
+    y = psi @ (np.array(model.weights) @ (1, 1j))
+    spread = np.array(factor).reshape(-1, len(terms), 2) @ (1, 1j)
+    widened = np.sqrt(1.0 + (np.abs(psi @ spread.T) ** 2).sum(axis=1))
+    for i, part in enumerate((y.real, y.imag)[:outputs]):
+        low, high = model.valid[i]
+        np.testing.assert_allclose(out[:, 1 + i, 0], np.clip(part, low, high), rtol=1e-12)
+        np.testing.assert_allclose(out[:, 1 + i, 1], model.sigma[i] * widened, rtol=1e-12)
+        np.testing.assert_array_equal(out[:, 1 + i, 2], (part < low) | (part > high))
+        assert 0 < np.count_nonzero(out[:, 1 + i, 2]) < 200
 
 
 def test_more_lost_pins_than_the_fit_has_tried_or_an_unknown_input_give_no_value() -> None:

@@ -1,0 +1,565 @@
+"""The models of a calibration, evaluated together. Compiled; runs uncompiled too.
+
+Idea: every model but a curve is a sum of products of inputs whose weights are known with their covariance: a
+Gaussian process with a kernel of third degree (`calib.process_likelihood`) is one, a polynomial that was
+fitted by least squares is one with the same noise in every frame. A frame costs a product for each term and a
+few rows of the covariance's root, instead of a kernel for each point of the data.
+
+    value     = sum_k weight_k psi_k                             psi_k = product of inputs
+    variance  = sigma^2 (noise + learnt + lost)
+    noise     = exp(sum_k noise_weight_k Re psi'_k)              within the range seen in the data
+    learnt    = |L psi|^2                                        the uncertainty of the weights
+    lost      = exp(scale + sum_k lost_weight_k Re psi"_k) gap^gap_power volume^volume_power
+                                                                 the uncertainty due to lost pins
+
+Two outputs are a vector with a different noise along its direction u and across it: when the contact slips,
+the length of a shear is less certain than its direction. The noise of x is then u_x^2 along + u_y^2 across,
+that of y u_y^2 along + u_x^2 across.
+
+Rules
+- Terms of all models share one tree: a product is its parent times one input.
+- Only the models in demand are evaluated, and only the products that they need.
+- L has real rows: of a complex row, its real and its imaginary part are two. Of a process with one output the
+  real part counts alone.
+- A value outside of `valid` is set to its end. That, and `learnt` above `far`, is reported as out of range.
+- A NaN among a model's inputs gives NaN. So does a gap larger than any that the fit tried.
+- The GIL is held: the scratch belongs to the object, and the work is short.
+"""
+
+# mypy: disable-error-code="valid-type,untyped-decorator,no-any-return"
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import cython
+import msgspec
+import numpy as np
+
+from edge.calibration.file import Curve, Lost, Model, Process
+from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, MODES
+from edge.types import Array, Complex, ContactRegion, Features, Index, PinPattern
+
+if cython.compiled:
+    from cython.cimports.libc.math import HUGE_VAL, M_PI, NAN, exp, isnan, log, sqrt
+else:
+    from math import exp, isnan, log, sqrt
+    from math import inf as HUGE_VAL  # noqa: N812
+    from math import nan as NAN  # noqa: N812
+    from math import pi as M_PI  # noqa: N812
+
+#: So many rows of L are summed together, for vector instructions.
+ROWS = 16
+LOST_MAX = cython.declare(cython.double, 100.0)  # of the logarithm: more is no number any more
+VOLUME_MIN = cython.declare(cython.double, 1e-6)  # of the tip's circle times its radius: no load at all
+_NONE: frozenset[str] = frozenset()
+
+
+@cython.final
+@cython.cclass
+class InputRow:
+    """The inputs of one frame, or of one contact, written into the same memory again and again.
+
+    values  complex128, dimensionless; NaN where a feature was not computed: (28,) of a frame as in
+            `FRAME_INPUTS`, (12,) of a contact as in `CONTACT_INPUTS`
+    """
+
+    values = cython.declare(object, visibility="readonly")
+    numbers = cython.declare(cython.double[::1], visibility="readonly")  # the same memory, real and imaginary
+    x0 = cython.declare(cython.double, visibility="readonly")  # the tip's centre, px
+    y0 = cython.declare(cython.double, visibility="readonly")
+    _n: cython.Py_ssize_t
+    _pattern: PinPattern | None  # given last
+    _radius: cython.double  # the tip's, px
+
+    def __init__(self, inputs: Sequence[str]) -> None:
+        self._n, self._pattern = len(inputs), None
+        self.x0 = self.y0 = self._radius = 0.0
+        self.values = np.zeros(len(inputs), np.complex128)
+        self.numbers = self.values.view(np.float64)
+
+    @cython.ccall
+    @cython.exceptval(check=True)
+    def write_frame(self, features: Features, pattern: PinPattern) -> cython.void:
+        """Those of one frame. Raises ValueError: sizes that do not fit, a tip without a radius."""
+        n: cython.Py_ssize_t = len(MODES)
+        first: cython.Py_ssize_t = 2 + n
+        i: cython.Py_ssize_t
+        self._must_have(first + 5, pattern)
+        r: cython.double = self._radius
+        volume, modes, contacts = features.volume_px2, features.modes_px, features.contacts
+        if volume is None:
+            self._set(0, NAN, 0.0)
+        else:
+            self._set(0, volume / (M_PI * r * r), 0.0)
+        self._set_vector(1, features.shear_px, r)
+        if modes is None:
+            for i in range(n):
+                self._set(2 + i, NAN, 0.0)
+        else:
+            modes_px: cython.const[cython.doublecomplex][::1] = modes
+            if modes_px.shape[0] != n:
+                raise ValueError(f"modes ({n},) are wanted, not {modes.shape}")
+            mode: cython.doublecomplex
+            for i in range(n):
+                mode = modes_px[i]
+                self._set(2 + i, mode.real / r, mode.imag / r)
+        if contacts:
+            self._set_place_peak_size(contacts[0], first, first + 1, first + 2)
+        else:
+            nothing: cython.double = NAN if contacts is None else 0.0
+            for i in range(first, first + 3):
+                self._set(i, nothing, 0.0)
+        self._set(first + 3, features.gap, 0.0)
+        if features.gap_img is None:
+            self._set(first + 4, 0.0, 0.0)
+        else:
+            self._set_place(first + 4, features.gap_img)
+
+    @cython.ccall
+    @cython.exceptval(check=True)
+    def write_contact(self, contact: ContactRegion, features: Features, pattern: PinPattern) -> cython.void:
+        """Those of one contact of a frame. Raises ValueError: as of `write_frame`."""
+        i: cython.Py_ssize_t
+        self._must_have(12, pattern)
+        r: cython.double = self._radius
+        self._set_place_peak_size(contact, 0, 1, 3)
+        self._set_vector(2, features.shear_px, r)
+        self._set_place(4, contact.middle_img)
+        self._set_vector(5, contact.divergence_moment_px, r)
+        self._set_vector(6, contact.curl_moment_px, r)
+        fitted = contact.fitted
+        if fitted is None:
+            for i in range(7, 12):
+                self._set(i, NAN, 0.0)
+        else:
+            self._set_place(7, fitted.place_img)
+            self._set(8, fitted.potential, 0.0)
+            self._set(9, fitted.width, 0.0)
+            self._set_vector(10, fitted.shear, 1.0)
+            self._set_vector(11, fitted.dipole, 1.0)
+
+    @cython.cfunc
+    def _must_have(self, n: cython.Py_ssize_t, pattern: PinPattern) -> cython.bint:
+        """Raises ValueError: this row has another size; the tip has no radius."""
+        if self._n != n:
+            raise ValueError(f"{n} inputs are wanted, not {self._n}")
+        if pattern is not self._pattern:
+            r: cython.double = pattern.tip_radius_px
+            if not (r > 0 and r * r > 0):  # areas are shares of its square
+                raise ValueError(f"tip_radius_px: above 0 is wanted, not {r}")
+            self.x0, self.y0 = pattern.centre_img.tolist()
+            self._radius, self._pattern = r, pattern
+        return True
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _set(self, i: cython.Py_ssize_t, re: cython.double, im: cython.double) -> cython.void:
+        self.numbers[2 * i] = re
+        self.numbers[2 * i + 1] = im
+
+    @cython.cfunc
+    def _set_vector(self, i: cython.Py_ssize_t, xy: Array | None, scale: cython.double) -> cython.bint:
+        """(2,) divided by a scale; None: not computed."""
+        if xy is None:
+            self._set(i, NAN, 0.0)
+        else:
+            pair: list[float] = xy.tolist()  # to read an array's element costs as much as both so
+            x: cython.double = pair[0]
+            y: cython.double = pair[1]
+            self._set(i, x / scale, y / scale)
+        return True
+
+    @cython.cfunc
+    def _set_place(self, i: cython.Py_ssize_t, xy_img: Array) -> cython.bint:
+        """A place on the tip's unit disc."""
+        place: list[float] = xy_img.tolist()
+        x: cython.double = place[0]
+        y: cython.double = place[1]
+        self._set(i, (x - self.x0) / self._radius, (y - self.y0) / self._radius)
+        return True
+
+    @cython.cfunc
+    def _set_place_peak_size(
+        self,
+        contact: ContactRegion,
+        place: cython.Py_ssize_t,
+        peak: cython.Py_ssize_t,
+        size: cython.Py_ssize_t,
+    ) -> cython.bint:
+        self._set_place(place, contact.xy_img)
+        self._set(peak, contact.peak, 0.0)
+        area_px2: cython.double = contact.area_px2
+        self._set(size, sqrt(area_px2) / self._radius, 0.0)
+        return True
+
+
+def frame_inputs(features: Features, pattern: PinPattern) -> Complex:
+    """The inputs `FRAME_INPUTS` of one frame, as of `InputRow`; a new array."""
+    row = InputRow(FRAME_INPUTS)
+    row.write_frame(features, pattern)
+    values: Complex = row.values
+    return values
+
+
+def contact_inputs(contact: ContactRegion, features: Features, pattern: PinPattern) -> Complex:
+    """The inputs `CONTACT_INPUTS` of one contact of a frame, as of `InputRow`; a new array."""
+    row = InputRow(CONTACT_INPUTS)
+    row.write_contact(contact, features, pattern)
+    values: Complex = row.values
+    return values
+
+
+@cython.final
+@cython.cclass
+class ModelKernel:
+    """Models of the same inputs.
+
+    names    of the outputs, in the order of the models
+    sigmas   each output's, near the data
+    Raises   KeyError: a term names an unknown input; ValueError: sizes that do not fit
+    """
+
+    names = cython.declare(tuple, visibility="readonly")
+    sigmas = cython.declare(tuple, visibility="readonly")
+    _inputs: InputRow
+    _models: list[Process]
+    _knots: list[Array | None]
+    _nodes: list[Index]  # all that each model needs
+    _parent: cython.int[::1]  # of each product; the root, 1, is its own
+    _column: cython.int[::1]  # the input that the parent is multiplied by
+    _sign: cython.double[::1]  # -1 where it is the input's conjugate
+    _active: cython.int[::1]
+    _wanted: list[bool]
+    # (models + 1, 6) first term, noise term, output, term of `lost`, row of `_factor`, knot
+    _first: cython.int[:, ::1]
+    _node: cython.int[::1]  # of each term
+    _weight: cython.double[:, ::1]
+    _factor: cython.double[:, ::1]  # of `_blocks_of`
+    _noise_node: cython.int[::1]
+    _noise_weight: cython.double[:, ::1]  # (2, n) along and across
+    _lost_node: cython.int[::1]
+    _lost_weight: cython.double[::1]
+    # (models, 9) far, range of the noise's logarithm, and across; scale, gap_power, volume_power, gap_max
+    _limits: cython.double[:, ::1]
+    _valid: cython.double[:, ::1]  # (outputs, 3) low, high, sigma
+    _knot: cython.double[:, ::1]  # of curves: input, output
+    _re: cython.double[::1]  # products of the current frame
+    _im: cython.double[::1]
+    _terms: cython.double[:, ::1]  # those of a model
+    _outputs: cython.double[:, ::1]  # (outputs, 3) value, sigma, whether out of range
+
+    def __init__(self, inputs: Sequence[str], models: Sequence[Model]) -> None:
+        parts = [_as_process(model) for model in models]
+        for part in parts:
+            _check_sizes(part)
+        self._models, self._inputs = parts, InputRow(inputs)
+        self.names = tuple(name for part in parts for name in part.outputs)
+        self.sigmas = tuple(sigma for part in parts for sigma in part.sigma)
+        lost = [_lost_of(part) for part in parts]
+        knots = [model.knots if isinstance(model, Curve) else [] for model in models]
+        tree = _Tree(inputs)
+        nodes = [tree.nodes(part.terms) for part in parts]
+        noise = [tree.nodes(part.noise_terms) for part in parts]
+        of_lost = [tree.nodes(part.terms) for part in lost]
+        self._nodes = [np.concatenate(own) for own in zip(nodes, noise, of_lost, strict=True)]
+        self._node, self._noise_node, self._lost_node = map(_joined, (nodes, noise, of_lost))
+        self._parent, self._column, sign = np.array(tree.products, np.int32).T.copy()
+        self._sign = sign.astype(np.float64)
+        factors = [_blocks_of(part) for part in parts]
+        rows = zip(nodes, noise, [part.outputs for part in parts], of_lost, factors, knots, strict=True)
+        counts = [tuple(map(len, row)) for row in rows]
+        self._first = np.cumsum([(0,) * 6, *counts], axis=0, dtype=np.int32)
+        self._weight = _table([w for part in parts for w in part.weights], 2)
+        self._factor = np.concatenate([np.empty((0, 2 * ROWS)), *factors])
+        along = [w for part in parts for w in part.noise_weights]
+        across = [w for part in parts for w in (part.across_weights or part.noise_weights)]
+        self._noise_weight = np.array([along, across], np.float64)
+        self._lost_weight = np.array([w for part in lost for w in part.weights], np.float64)
+        self._limits = _table([_limits(*part) for part in zip(parts, lost, strict=True)], 9)
+        ranges = [(*v, s) for part in parts for v, s in zip(part.valid, part.sigma, strict=True)]
+        self._valid = _table(ranges, 3)
+        self._knot = _table([knot for curve in knots for knot in curve], 2)
+        self._re, self._im = np.zeros((2, len(tree.products)))
+        self._terms = np.zeros((max(map(len, nodes), default=0), 2))
+        self._outputs = np.zeros((len(self.names), 3))
+        self.want(None)
+
+    def want(self, outputs: frozenset[str] | None) -> None:
+        """Evaluate from now on the models of these outputs; others become NaN. None: all."""
+        self._wanted = [outputs is None or not outputs.isdisjoint(model.outputs) for model in self._models]
+        parent, needed = np.asarray(self._parent), np.zeros(len(self._parent), np.bool_)
+        for nodes, wanted in zip(self._nodes, self._wanted, strict=True):
+            needed[nodes] |= wanted
+        for k in range(len(needed) - 1, 0, -1):
+            needed[parent[k]] |= needed[k]
+        self._active = np.flatnonzero(needed[1:]).astype(np.int32) + np.int32(1)
+
+    def of_frame(
+        self, features: Features, pattern: PinPattern
+    ) -> tuple[dict[str, float], dict[str, float], frozenset[str]]:
+        """Values and sigmas of a frame, and the names of the known values that are out of range; all new."""
+        self._inputs.write_frame(features, pattern)
+        self._run()
+        values: dict[str, float] = {}
+        sigmas: dict[str, float] = {}
+        outside = _NONE
+        i: cython.Py_ssize_t
+        for i in range(self._outputs.shape[0]):
+            name = self.names[i]
+            values[name] = self._outputs[i, 0]
+            sigmas[name] = self._outputs[i, 1]
+            if self._outputs[i, 2] != 0.0:
+                outside |= {name}
+        return values, sigmas, outside
+
+    def of_contact(self, contact: ContactRegion, features: Features, pattern: PinPattern) -> list[float]:
+        """Values of a contact."""
+        self._inputs.write_contact(contact, features, pattern)
+        self._run()
+        return [self._outputs[i, 0] for i in range(self._outputs.shape[0])]
+
+    def of_inputs(self, z: Complex) -> Array:
+        """(outputs, 3) value, sigma, and whether out of range, of (inputs,) complex128; a new array."""
+        self._inputs.values[:] = z
+        self._run()
+        return np.array(self._outputs)
+
+    @cython.cfunc
+    def _run(self) -> cython.bint:
+        z: cython.double[::1] = self._inputs.numbers
+        k: cython.Py_ssize_t
+        p: cython.Py_ssize_t
+        a: cython.Py_ssize_t
+        x: cython.double
+        y: cython.double
+        i: cython.Py_ssize_t
+        self._re[0] = 1.0
+        for i in range(self._active.shape[0]):
+            k = self._active[i]
+            p = self._parent[k]
+            a = self._column[k]
+            x = z[2 * a]
+            y = self._sign[k] * z[2 * a + 1]
+            self._re[k] = self._re[p] * x - self._im[p] * y
+            self._im[k] = self._re[p] * y + self._im[p] * x
+        for i in range(len(self._wanted)):
+            if self._wanted[i]:
+                self._evaluate(i)
+            else:
+                for k in range(self._first[i, 2], self._first[i + 1, 2]):
+                    self._outputs[k, 0] = self._outputs[k, 1] = NAN
+                    self._outputs[k, 2] = 0.0
+        return True
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _evaluate(self, m: cython.Py_ssize_t) -> cython.void:
+        first: cython.Py_ssize_t = self._first[m, 2]
+        re: cython.double = 0.0
+        im: cython.double = 0.0
+        k: cython.Py_ssize_t
+        begin: cython.Py_ssize_t = self._first[m, 0]
+        for k in range(begin, self._first[m + 1, 0]):
+            x = self._re[self._node[k]]
+            y = self._im[self._node[k]]
+            self._terms[k - begin, 0] = x
+            self._terms[k - begin, 1] = y
+            re += self._weight[k, 0] * x - self._weight[k, 1] * y
+            im += self._weight[k, 0] * y + self._weight[k, 1] * x
+        learnt: cython.double = self._learnt(m)
+        # Written so that a NaN is reported as out of range too.
+        known: cython.bint = learnt <= self._limits[m, 0]
+        if self._first[m, 5] < self._first[m + 1, 5]:
+            known = self._knot[self._first[m, 5], 0] <= re <= self._knot[self._first[m + 1, 5] - 1, 0]
+            re = self._along_curve(m, re)
+        spread: cython.double = learnt + self._lost(m)
+        along: cython.double = self._noise(m, 0)
+        if self._first[m + 1, 2] - first == 1:
+            self._write(first, re, spread + along, known)
+            return
+        across: cython.double = self._noise(m, 1)
+        square: cython.double = re * re + im * im
+        share: cython.double = 0.5  # of x in the direction
+        if square > 0.0:
+            share = re * re / square
+        self._write(first, re, spread + share * along + (1.0 - share) * across, known)
+        self._write(first + 1, im, spread + share * across + (1.0 - share) * along, known)
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _learnt(self, m: cython.Py_ssize_t) -> cython.double:
+        """|L psi|^2."""
+        sums: cython.double[8] = [0.0] * 8
+        others: cython.double[8] = [0.0] * 8
+        factor: cython.double[:, ::1] = self._factor
+        terms: cython.double[:, ::1] = self._terms
+        n: cython.Py_ssize_t = self._first[m + 1, 0] - self._first[m, 0]
+        row: cython.Py_ssize_t
+        k: cython.Py_ssize_t
+        r: cython.Py_ssize_t
+        total: cython.double = 0.0
+        for row in range(self._first[m, 4], self._first[m + 1, 4], n):
+            for r in range(8):
+                sums[r] = others[r] = 0.0
+            for k in range(n):
+                for r in range(8):
+                    sums[r] += factor[row + k, r] * terms[k, 0] + factor[row + k, 16 + r] * terms[k, 1]
+                for r in range(8):
+                    others[r] += factor[row + k, 8 + r] * terms[k, 0] + factor[row + k, 24 + r] * terms[k, 1]
+            for r in range(8):
+                total += sums[r] * sums[r] + others[r] * others[r]
+        return total
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _along_curve(self, m: cython.Py_ssize_t, x: cython.double) -> cython.double:
+        """Linear between the knots, flat beyond them; NaN stays NaN."""
+        k: cython.Py_ssize_t = self._first[m, 5]
+        last: cython.Py_ssize_t = self._first[m + 1, 5] - 1
+        knot: cython.double[:, ::1] = self._knot
+        if x <= knot[k, 0]:
+            return knot[k, 1]
+        if x >= knot[last, 0]:
+            return knot[last, 1]
+        while k + 1 < last and x >= knot[k + 1, 0]:
+            k += 1
+        slope: cython.double = (knot[k + 1, 1] - knot[k, 1]) / (knot[k + 1, 0] - knot[k, 0])
+        return slope * (x - knot[k, 0]) + knot[k, 1]
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _noise(self, m: cython.Py_ssize_t, across: cython.Py_ssize_t) -> cython.double:
+        """Variance of the noise, in units of sigma^2."""
+        h: cython.double = 0.0
+        k: cython.Py_ssize_t
+        for k in range(self._first[m, 1], self._first[m + 1, 1]):
+            h += self._noise_weight[across, k] * self._re[self._noise_node[k]]
+        return exp(min(max(h, self._limits[m, 1 + 2 * across]), self._limits[m, 2 + 2 * across]))
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _lost(self, m: cython.Py_ssize_t) -> cython.double:
+        """Variance from pins that are not seen, in units of sigma^2; NaN: more than the fit tried."""
+        if self._limits[m, 5] == -HUGE_VAL:  # without a model of it
+            return 0.0
+        gap: cython.double = self._re[self._lost_node[self._first[m, 3]]]
+        volume: cython.double = self._re[self._lost_node[self._first[m, 3] + 1]]
+        if gap <= 0.0:
+            return 0.0
+        if not gap <= self._limits[m, 8]:
+            return NAN
+        h: cython.double = self._limits[m, 5]
+        k: cython.Py_ssize_t
+        for k in range(self._first[m, 3], self._first[m + 1, 3]):
+            h += self._lost_weight[k] * self._re[self._lost_node[k]]
+        h += self._limits[m, 6] * log(gap) + self._limits[m, 7] * log(max(volume, VOLUME_MIN))
+        return exp(min(h, LOST_MAX))
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _write(
+        self, o: cython.Py_ssize_t, value: cython.double, variance: cython.double, known: cython.bint
+    ) -> cython.void:
+        low: cython.double = self._valid[o, 0]
+        high: cython.double = self._valid[o, 1]
+        if isnan(variance):
+            value = NAN
+        elif value < low or value > high:
+            value = low if value < low else high
+            known = False
+        self._outputs[o, 0] = value
+        self._outputs[o, 1] = self._valid[o, 2] * sqrt(variance)
+        self._outputs[o, 2] = 0.0 if known or isnan(value) else 1.0
+
+
+class _Tree:
+    """Products of inputs, each its parent times one input; node 0 is 1.
+
+    products  of each node: the parent, the input's column, -1 for its conjugate, else 1
+    """
+
+    def __init__(self, inputs: Sequence[str]) -> None:
+        self._letter = {
+            f"{name}{star}": (column, sign)
+            for star, sign in (("", 1), ("*", -1))
+            for column, name in enumerate(inputs)
+        }
+        self._node: dict[tuple[tuple[int, int], ...], int] = {(): 0}
+        self.products = [(0, 0, 1)]
+
+    def nodes(self, terms: Sequence[Sequence[str]]) -> Index:
+        """Numbers of products; they and their parents are added if new."""
+        letters = [tuple(sorted(self._letter[name] for name in term)) for term in terms]
+        return np.array([self._add(term) for term in letters], np.int32)
+
+    def _add(self, letters: tuple[tuple[int, int], ...]) -> int:
+        if letters not in self._node:
+            last = len(letters) - 1
+            parent = self._add(letters[:last])
+            self._node[letters] = len(self.products)
+            self.products.append((parent, *letters[last]))
+        return self._node[letters]
+
+
+def _joined(nodes: Sequence[Index]) -> Index:
+    return np.concatenate([np.empty(0, np.int32), *nodes])
+
+
+def _table(rows: Sequence[Sequence[float]], columns: int) -> Array:
+    return np.array(rows, np.float64).reshape(-1, columns)
+
+
+def _as_process(model: Model) -> Process:
+    """A curve's or a polynomial's terms, outputs, and sigmas; the noise is the same in every frame."""
+    if isinstance(model, Process):
+        if model.lost is None:
+            return model
+        # Gap and volume come first: their values are read.
+        terms, weights = [["gap"], ["volume"], *model.lost.terms], [0.0, 0.0, *model.lost.weights]
+        lost = msgspec.structs.replace(model.lost, terms=terms, weights=weights)
+        return msgspec.structs.replace(model, lost=lost)
+    if isinstance(model, Curve):
+        if len(model.knots) < 2:
+            raise ValueError(f"curve: two knots or more are wanted, not {len(model.knots)}")
+        free = [(-math.inf, math.inf)]
+        return Process([model.output], [[model.input]], [(1.0, 0.0)], free, [model.sigma], [], math.inf)
+    # Of one output, the imaginary part of L psi counts too: it is the real part of -i L psi.
+    turned = [[(im, -re) for re, im in row] for row in model.spread] if len(model.outputs) == 1 else []
+    factor = [*model.spread, *turned]
+    return Process(model.outputs, model.terms, model.weights, model.valid, model.sigma, factor, math.inf)
+
+
+def _blocks_of(model: Process) -> Array:
+    """(blocks * terms, 2 ROWS) the real rows of L, filled up with zeros: what the real parts of the terms are
+    multiplied by, and what the imaginary ones.
+    """
+    n = len(model.terms)
+    rows = np.array(model.factor, np.float64).reshape(-1, n, 2) * (1.0, -1.0)
+    if len(model.outputs) == 2:
+        rows = np.concatenate([rows, rows[:, :, ::-1] * (-1.0, 1.0)])
+    rows = np.pad(rows, ((0, (ROWS - len(rows) % ROWS) % ROWS), (0, 0), (0, 0)))
+    return np.ascontiguousarray(rows.reshape(-1, ROWS, n, 2).transpose(0, 2, 3, 1)).reshape(-1, 2 * ROWS)
+
+
+def _lost_of(model: Process) -> Lost:
+    """Its own, or one that adds nothing."""
+    return model.lost or Lost(-math.inf, 0.0, 0.0, math.inf)
+
+
+def _limits(model: Process, lost: Lost) -> tuple[float, ...]:
+    """One row of `_limits`."""
+    across = model.across_range if model.across_weights else model.noise_range
+    of_lost = (lost.scale, lost.gap_power, lost.volume_power, lost.gap_max)
+    return (model.far, *model.noise_range, *across, *of_lost)
+
+
+def _check_sizes(model: Process) -> None:
+    """Raises ValueError: lists that belong together differ in length."""
+    lost, noise, outputs = _lost_of(model), len(model.noise_terms), len(model.outputs)
+    sizes = len(model.terms), noise, noise if model.across_weights else 0, outputs, outputs, len(lost.terms)
+    lists = (model.weights, model.noise_weights, model.across_weights, model.valid, model.sigma, lost.weights)
+    given = tuple(len(part) for part in lists)
+    if given != sizes or outputs not in (1, 2):
+        raise ValueError(f"{sizes} weights, noise, across, valid, sigma, lost are wanted, not {given}")
