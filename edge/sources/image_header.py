@@ -2,7 +2,7 @@
 
 Size comes before memory is allocated for the pixels: a 15 MB PNG may stand for 32000 x 32000 of 8 bytes.
 Sources: PNG (RFC 2083), JPEG (ITU T.81, B.2.2), BMP (BITMAPINFOHEADER), Netpbm, TIFF 6.0, WebP (RFC 9649);
-AVI (RIFF, OpenDML), MP4 (ISO 14496-12), Matroska (RFC 8794).
+AVI (RIFF), Matroska (RFC 8794).
 """
 
 import re
@@ -122,35 +122,20 @@ _FORMATS: dict[bytes, Callable[[memoryview], tuple[int, int]]] = {
 
 
 def is_cut_off(path: Path) -> bool:
-    """Whether a video file ends before the last part of its container does.
+    """Whether an AVI or Matroska file ends before its container does.
 
     The number of images that a header states is no proof: it may be an estimate, or count what is not shown.
     """
-    size, at = path.stat().st_size, 0
     with path.open("rb") as file:
-        while 0 <= at < size:
-            file.seek(at)
-            length = _part_bytes(file.read(32).ljust(32, b"\0"))
-            if not length:  # not known, or no container
-                return False
-            at += length
-    return at > size
-
-
-def _part_bytes(head: bytes) -> int:
-    """Length of a container's outermost part; 0: it is none, or goes on to the end of the file."""
+        head = file.read(256)
     if head.startswith(b"RIFF"):
-        return 8 + int.from_bytes(head[4:8], "little") if head[4:8].strip(b"\0") else 0
-    for mark in _MATROSKA:
-        if head.startswith(mark):
-            size_bytes = 9 - head[len(mark)].bit_length()
-            value = int.from_bytes(head[len(mark) : len(mark) + size_bytes], "big")
-            known = value & (1 << 7 * size_bytes) - 1
-            return 0 if known in (0, (1 << 7 * size_bytes) - 1) else len(mark) + size_bytes + known
-    if head[4:8].isalnum() and head[4:8].islower():
-        short = int.from_bytes(head[:4], "big")
-        return int.from_bytes(head[8:16], "big") if short == 1 else short
-    return 0
-
-
-_MATROSKA = (b"\x1a\x45\xdf\xa3", b"\x18\x53\x80\x67")  # EBML header and segment
+        end = 8 + int.from_bytes(head[4:8], "little")
+    else:
+        at = (
+            head.find(b"\x18\x53\x80\x67") + 4
+        )  # Matroska's segment; in the length, leading zeros say how long it is
+        bits = 7 * (9 - head[at].bit_length())
+        length = int.from_bytes(head[at : at + bits // 7], "big") & (1 << bits) - 1
+        known = at > 3 and length != (1 << bits) - 1
+        end = at + bits // 7 + length if known else 0
+    return end > path.stat().st_size

@@ -9,6 +9,7 @@ Sources: sensor_msgs/image_encodings.hpp; Foxglove, RawImage; V4L2, Image Format
 
 from collections.abc import Callable
 from functools import partial
+from math import ceil
 from typing import Any, NamedTuple
 
 import cv2
@@ -55,29 +56,25 @@ def decode_picture(data: Pixels | bytes, check: Callable[[int, int], None] = che
 class Layout(NamedTuple):
     """How rows of bytes become pixels.
 
-    bits     of a pixel that count
-    unit     pixels and bytes of the smallest whole part of a row
-    to_grey  of (h, bytes of a row) uint8
-    planes   rows of all planes, to so many of the first, which has the luma
+    bits         of a pixel that count
+    pixel_bytes  of a pixel in its row, on average
+    to_grey      of (h, bytes of a row) uint8
+    planes       rows of all planes to one of the first, which has the luma
     """
 
     bits: int
-    unit: tuple[int, int]
+    pixel_bytes: float
     to_grey: Callable[[Pixels], Any]
-    planes: tuple[int, int] = (1, 1)
-
-
-def _grey(rows: Pixels) -> Pixels:
-    return rows
-
-
-def _deep(rows: Pixels) -> Pixels:
-    return rows.view("<u2").astype(np.uint16, copy=False)
+    planes: float = 1.0
 
 
 def _colour(dtype: str, values_n: int, code: int, rows: Pixels) -> Any:
     pixels = rows.view(dtype)
     return cv2.cvtColor(pixels.reshape(len(rows), -1, values_n) if values_n > 1 else pixels, code)
+
+
+def _deep(rows: Pixels) -> Pixels:
+    return rows.view("<u2").astype(np.uint16, copy=False)
 
 
 def _packed(bits: int, rows: Pixels) -> Pixels:
@@ -91,16 +88,16 @@ def _packed(bits: int, rows: Pixels) -> Pixels:
 #: By the names of ROS and Foxglove, and of V4L2 in capitals.
 LAYOUTS: dict[str, Layout] = {}
 for _names, _layout in {
-    "mono8 8UC1 GREY": Layout(8, (1, 1), _grey),
-    "mono16 16UC1 Y16": Layout(16, (1, 2), _deep),
-    "Y10": Layout(10, (1, 2), _deep),
-    "Y12": Layout(12, (1, 2), _deep),
-    "Y10P": Layout(10, (4, 5), partial(_packed, 10)),
-    "Y12P": Layout(12, (2, 3), partial(_packed, 12)),
-    "yuyv yuv422_yuy2 YUYV": Layout(8, (2, 4), lambda rows: rows[:, ::2]),
-    "uyvy yuv422 UYVY": Layout(8, (2, 4), lambda rows: rows[:, 1::2]),
-    "nv12 nv21 NV12 NV21 YU12 YV12": Layout(8, (1, 1), _grey, (3, 2)),
-    "nv24": Layout(8, (1, 1), _grey, (3, 1)),
+    "mono8 8UC1 GREY": Layout(8, 1, lambda rows: rows),
+    "mono16 16UC1 Y16": Layout(16, 2, _deep),
+    "Y10": Layout(10, 2, _deep),
+    "Y12": Layout(12, 2, _deep),
+    "Y10P": Layout(10, 1.25, partial(_packed, 10)),
+    "Y12P": Layout(12, 1.5, partial(_packed, 12)),
+    "yuyv yuv422_yuy2 YUYV": Layout(8, 2, lambda rows: rows[:, ::2]),
+    "uyvy yuv422 UYVY": Layout(8, 2, lambda rows: rows[:, 1::2]),
+    "nv12 nv21 NV12 NV21 YU12 YV12": Layout(8, 1, lambda rows: rows, 1.5),
+    "nv24": Layout(8, 1, lambda rows: rows, 3),
 }.items():
     LAYOUTS |= dict.fromkeys(_names.split(), _layout)
 for _names, _n, _code in (
@@ -114,7 +111,7 @@ for _names, _n, _code in (
     ("bayer_grbg8 GRBG", 1, cv2.COLOR_BayerGRBG2GRAY),
 ):
     for _dtype, _bits in (("<u2", 16), ("u1", 8)):
-        _layout = Layout(_bits, (1, _n * _bits // 8), partial(_colour, _dtype, _n, _code))
+        _layout = Layout(_bits, _n * _bits / 8, partial(_colour, _dtype, _n, _code))
         LAYOUTS |= dict.fromkeys(_names.replace("8", str(_bits)).split(), _layout)
 LAYOUTS["BA81"] = LAYOUTS["bayer_bggr8"]
 
@@ -129,11 +126,10 @@ def unpack(
     """
     width, height = size_px
     raw = np.frombuffer(data, np.uint8)
-    pixels, unit_bytes = layout.unit
-    row_bytes = -(-width // pixels) * unit_bytes
+    row_bytes = ceil(width * layout.pixel_bytes)
     if not step:
-        rows_n = height * layout.planes[0] // layout.planes[1]
-        step = len(raw) // rows_n if len(raw) % rows_n == 0 else row_bytes
+        step, left = divmod(len(raw), round(height * layout.planes))
+        step = row_bytes if left else step
     if step < row_bytes or len(raw) < step * height or not height or not width:
         raise ValueError(f"image of {width}x{height} has {len(raw)} bytes, rows of {step}")
     rows = np.ascontiguousarray(raw[: step * height].reshape(height, step)[:, :row_bytes])

@@ -76,7 +76,7 @@ def test_every_layout_is_tested() -> None:
 def test_pixels_of_every_layout(names: str, padding: int) -> None:
     bits, data, change = STORED[names]
     for name in names.split():
-        rows_n = H * LAYOUTS[name].planes[0] // LAYOUTS[name].planes[1]
+        rows_n = round(H * LAYOUTS[name].planes)
         rows = np.frombuffer(data, np.uint8).reshape(rows_n, -1)
         padded = np.pad(rows, ((0, 0), (0, padding)), constant_values=99)
         for step in (0, padded.shape[1]):
