@@ -23,7 +23,7 @@ from edge.sources.files import FileSource, growing
 from edge.sources.live import PARAMS as LIVE
 from edge.sources.live import rate_of
 from edge.sources.options import Options
-from edge.types import Clock, Frame, Image
+from edge.types import Clock, Frame
 
 _TIME_MAX_NS = 1 << 62  # 146 years
 _SEQUENCE_MAX = 1 << 53
@@ -113,22 +113,26 @@ class RecordingSource(FileSource):
         return raw.schema in IMAGE_SCHEMAS and self._topic in (None, raw.topic)
 
     def _frames(self, faults: Counter[str], size_px: tuple[int, int] | None = None) -> Iterator[Frame]:
-        about: tuple[int, _About | None] = (-1, None)  # log time, and the data of that time
-        truth: tuple[int, dict[str, Any] | None] = (-1, None)
+        about_ns = truth_ns = -1  # log times of the data beside an image
+        about, truth = _About(0, 0), None
         n = 0
         broken = damage(TypeError, msgspec.DecodeError)
         for raw in self._messages(faults):
             try:
                 if raw.topic == TOPICS["frame"].name:
-                    about = raw.log_ns, msgspec.json.decode(raw.data, type=_About)
+                    about, about_ns = msgspec.json.decode(raw.data, type=_About), raw.log_ns
                 elif raw.topic == TOPICS["truth"].name:
-                    truth = raw.log_ns, msgspec.json.decode(raw.data, type=_Truth).truth
+                    truth, truth_ns = msgspec.json.decode(raw.data, type=_Truth).truth, raw.log_ns
                 elif self._is_image(raw):
                     image = decode_image(raw, size_px)
                     self._topic = raw.topic
-                    frame_about = about[1] if about[0] == raw.log_ns else None
-                    frame_truth = truth[1] if truth[0] == raw.log_ns else None
-                    yield _frame(image, raw, n, frame_about, frame_truth, self._bits_of(image))
+                    if about_ns != raw.log_ns:  # another tool's file
+                        about = _About(raw.sequence or n, raw.log_ns)
+                    bits, bits_max = about.bits or self._bits_of(image), 8 * image.itemsize
+                    if bits > bits_max or about.capture_ns > _TIME_MAX_NS:
+                        raise ValueError(f"{bits} bits of {bits_max}, at {about.capture_ns} ns")
+                    known = truth if truth_ns == raw.log_ns else None
+                    yield Frame(image, about.capture_ns, about.sequence, Clock.RECORDED, bits, known)
                     n += 1
             except OtherSize:
                 faults["other image size"] += 1
@@ -148,22 +152,6 @@ class RecordingSource(FileSource):
     def frames_n(self) -> int:
         """Images, from the file's index; 0: it has none, as after a kill."""
         return 0 if self._is_bag else image_count(self.path, self._topic)
-
-
-def _frame(
-    image: Image, raw: RawMessage, n: int, about: _About | None, truth: dict[str, Any] | None, bits: int
-) -> Frame:
-    """A frame from another tool's file has no `about`: log time and a running number are used instead.
-
-    bits    of a pixel, where `about` does not say
-    Raises  ValueError: impossible times or bits
-    """
-    bits_max = 8 * image.dtype.itemsize
-    about = about or _About(raw.sequence or n, raw.log_ns)
-    bits = about.bits or bits
-    if bits > bits_max or about.capture_ns > _TIME_MAX_NS:
-        raise ValueError(f"{bits} bits of a pixel that has {bits_max}, at {about.capture_ns} ns")
-    return Frame(image, about.capture_ns, about.sequence, Clock.RECORDED, bits, truth)
 
 
 class RecordingKeys(msgspec.Struct):

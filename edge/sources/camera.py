@@ -4,7 +4,6 @@ import logging
 import threading
 import time
 from abc import abstractmethod
-from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
@@ -33,7 +32,6 @@ class CameraSource(ThreadedSource):
         self._sequence, self._last_ns = -1, 0
         self._stated_ns = 0  # the last time that the driver stated
         self._step_ns, self._long_n = 0, 0  # to the last frame; so many in a row were too long
-        self._missed_n = 0  # in these
         self._opened_ns = clock_ns()
 
     @property
@@ -103,9 +101,9 @@ class CameraSource(ThreadedSource):
         trusted = self._opened_ns <= stated_ns <= now_ns
         if trusted and stated_ns == self._stated_ns:
             trusted = False
-            self.faults["repeated time"] += 1
-            if self.faults["repeated time"] == 1:
+            if not self.faults["repeated time"]:
                 log.warning("%s: its driver's time stands still; the host's is taken", self.name)
+            self.faults["repeated time"] += 1
         self._stated_ns = stated_ns
         capture_ns = stated_ns if trusted else now_ns
         steps = self._steps(capture_ns - self._last_ns, period_ns) if period_ns and self._sequence >= 0 else 1
@@ -129,11 +127,8 @@ class CameraSource(ThreadedSource):
         self._long_n = self._long_n + 1 if step_ns * PARAMS.slow_rel > period_ns else 0
         if self._slow:
             if not was_slow:
-                self.faults -= Counter({"missed frame": self._missed_n})  # they were none
                 advice = "light the tip better, or set exposure_us and gain"
                 rates = 1e9 / step_ns, 1e9 / period_ns
                 log.warning("%s: %.0f images/s instead of %.0f; %s", self.name, *rates, advice)
             period_ns = min(before_ns, step_ns)
-        steps = max(1, round(step_ns / period_ns))
-        self._missed_n = self._missed_n + steps - 1 if self._long_n else 0
-        return steps
+        return max(1, round(step_ns / period_ns))
