@@ -95,7 +95,7 @@ class ThreadedSource(ABC):
         self._last_s = 0.0
         self._condition = ""
         self._slot_condition = ""
-        self.frame_condition = ""  # fault of the frame that `read` gave last: frozen, black
+        self.frame_condition = ""  # fault of the frame that `read` gave last: frozen, black, slow
         self._failure: Exception | None = None
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
@@ -148,7 +148,7 @@ class ThreadedSource(ABC):
 
     @property
     def condition(self) -> str:
-        """ "" or the present fault: lost, stalled, frozen, black."""
+        """ "" or the present fault: lost, stalled, frozen, black, slow."""
         if self._condition or self._ended or not self._started:
             return self._condition
         waited_s = time.monotonic() - self._last_s

@@ -43,7 +43,7 @@ class Options(msgspec.Struct, frozen=True):
     exposure_us: Annotated[int, msgspec.Meta(ge=0, le=EXPOSURE_MAX_US)] = 0  # manual exposure; 0: unchanged
     gain: Whole = 0
     focus: Whole | None = None  # lens position in the camera's own unit; None: unchanged
-    format: str = ""  # pixel format: GREY, Y10, Y12, Y16, MJPG, YUYV; "": the best that the camera has
+    format: str = ""  # pixel format, e.g. GREY, Y10P, MJPG, YUYV; "": the best that the camera has
     pins: Polarity = Polarity.FOUND  # dark or bright; "": found when the rest frame is taken
     lens: str = ""
     buffers: Annotated[int, msgspec.Meta(ge=1, le=_VIDEO_MAX_FRAME)] = 1  # of the kernel, for a V4L2 camera
