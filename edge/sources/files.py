@@ -246,7 +246,7 @@ class VideoSource(FileSource):
                 ok, image = capture.read()
                 if not ok:
                     bad_n += 1
-                    if n + bad_n < self.frames_n:
+                    if n + bad_n < self.frames_n and bad_n < LIVE.first_s * self.rate_hz:
                         continue  # it may go on behind the damage
                     if n < self.frames_n and is_cut_off(self.path):
                         faults["truncated"] = 1
