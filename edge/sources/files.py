@@ -76,7 +76,8 @@ def _read_image(path: Path) -> Image:
         with quiet_opencv():
             return decode_picture(data)
     except ValueError as error:
-        raise ValueError(f"{error}; {_GIVE}") from None
+        advice = "" if ";" in str(error) else f"; {_GIVE}"  # it may have its own
+        raise ValueError(f"{error}{advice}") from None
 
 
 def read_image(path: str | Path) -> Image:
