@@ -3,8 +3,8 @@
 - A call puts references on a bounded queue, a thread encodes and writes them. What does not fit is dropped
   and counted, and a warning in the file marks the gap. A full disk sets `fault`; nothing raises into the
   loop.
-- `log_time` is the capture time plus one offset for the whole file, taken from the wall clock at the first
-  frame: intervals stay exact, and all messages of a frame share one time.
+- `log_time` is the capture time plus an offset, taken from the wall clock at the first frame, and again where
+  the camera's clock begins anew: intervals stay exact, and all messages of a frame share one time.
 """
 
 import threading
@@ -65,8 +65,9 @@ class _LogClock:
         return self._wall_ns() if self._learns else self._last_ns
 
     def of(self, frame: Frame) -> int:
-        if self._offset_ns is None:
-            self._offset_ns = self._wall_ns() - frame.capture_ns
+        """Of a frame; it grows, though the camera's clock may begin anew."""
+        if self._offset_ns is None or frame.capture_ns + self._offset_ns < self._last_ns:
+            self._offset_ns = max(self.now_ns(), self._last_ns + 1) - frame.capture_ns
         self._last_ns = frame.capture_ns + self._offset_ns
         return self._last_ns
 

@@ -137,11 +137,13 @@ def _record(hand: Connection, path: Path, seconds: float | None) -> tuple[int, i
         calling_on_signals(lambda: arrived.put(None)),
         LogWriter(path) if is_can else SerialWriter(path, node) as writer,
     ):
-        # Wall clock: logs are compared with other logs.
-        end = hand.on_raw(lambda data, _: arrived.put((data, time.time())))
+        # Wall clock, since logs are compared with other logs; but one that is set meanwhile is not followed.
+        ahead_s = time.time() - time.monotonic()
+        end = hand.on_raw(lambda data, arrival_s: arrived.put((data, arrival_s + ahead_s)))
         for data, at_s in _until_ended(arrived, None if seconds is None else time.monotonic() + seconds, end):
             events: list[Event] = []
             if isinstance(writer, LogWriter):
+                data.timestamp = at_s
                 writer.write(data)
                 if not (data.is_extended_id or data.is_error_frame or data.is_remote_frame):
                     with suppress(VersionMismatch):  # recorded all the same

@@ -6,21 +6,26 @@ import resource
 import struct
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from importlib.metadata import version
 from math import isnan
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import can
 import click
 import pytest
 
 from hostlink import RestFrameOutcome, RestFrameReason, RestFrameState, Sample, decode_recording
+from hostlink.commands import live
 from hostlink.commands.cli import COMMANDS, cli
 from hostlink.interrupt import ENDING
 from hostlink.output_file import find_unfinished
 from hostlink.recording import read_log
 from hostlink.wire import VERSION, State, pack_state
+from hostlink.wire.address import parse_address
 from tests.hostlink.test_recording import as_candump, write_buses, write_edge
 from tests.support.commands import Done, run_host_without
 from tests.support.commands import run_host as run
@@ -395,6 +400,21 @@ def test_a_log_without_times_is_decoded(
     assert done.code == 0
     if command == "decode":
         assert [json.loads(text)["arrival_s"] for text in done.out.splitlines()] == [None] * 20
+
+
+def test_times_grow_in_a_recording_during_which_the_clock_is_set_back(tmp_path: Path) -> None:
+    stamps_s = (5000.0, 5000.1, 1400.2, 1400.3)  # of the wall clock, an hour back after the second frame
+
+    def on_raw(callback: Callable[[can.Message, float], None]) -> Callable[[], None]:
+        for n, stamp_s in enumerate(stamps_s):
+            callback(can.Message(arbitration_id=0x186, timestamp=stamp_s), 10.0 + n / 10)
+        return lambda: None
+
+    hand: Any = SimpleNamespace(address=parse_address("can:can0"), on_raw=on_raw)
+    assert live._record(hand, tmp_path / "a.log", 0.0) == (4, 0)
+    times_s = [float(line[1 : line.index(")")]) for line in (tmp_path / "a.log").read_text().splitlines()]
+    assert [at - times_s[0] for at in times_s] == pytest.approx([0, 0.1, 0.2, 0.3], abs=1e-5)
+    assert times_s[0] - 10.0 == pytest.approx(time.time() - time.monotonic(), abs=60)
 
 
 @pytest.mark.parametrize(("query", "number"), [("", 1), ("?node=3", 3)])
