@@ -31,9 +31,9 @@ NOT_TUNED: dict[str, frozenset[str]] = {
         "edge/sources/v4l2.py:_EXPOSURE_UNIT_US", "edge/sources/v4l2.py:_MANUAL",
         "edge/sources/v4l2.py:_NO_FOCUS",
         "edge/link/sdo_server.py:TOO_LONG",
-        "edge/recording/images.py:_RAW",
+        "edge/sources/files.py:_DEPTHS",
         "edge/recording/messages.py:_NUMERIC",
-        "edge/runtime/systemd.py:_WATCHDOG_SHARE", "edge/sources/v4l2.py:_FORMATS",
+        "edge/runtime/systemd.py:_WATCHDOG_SHARE",
     }),
     "names of states and of places in an array": frozenset({
         "edge/features/contact_field.py:_UNKNOWN", "edge/features/contact_field.py:_SLOPE",
@@ -90,7 +90,9 @@ NOT_TUNED: dict[str, frozenset[str]] = {
         "edge/pins/templates.py:LANES", "edge/pins/templates.py:BLOCK",
         "edge/worker/shared_memory.py:ALIGN",
     }),
-    "figures of a maker": frozenset({"edge/runtime/board_monitor.py:HOT_DEGC"}),
+    "figures of a maker": frozenset({
+        "edge/runtime/board_monitor.py:HOT_DEGC", "edge/sources/oak.py:RATE_HZ",
+    }),
     "colours": frozenset({
         "edge/view/palette.py:PAPER", "edge/view/palette.py:SAFE", "edge/view/panels.py:_CROSS",
         "edge/view/panels.py:_RING", "edge/view/panels.py:_HOLE",
