@@ -58,8 +58,11 @@ def rest_given(source: FrameSource, how: str | None, calibration: Calibration | 
 def expect_sensor(source: FrameSource, config: Config) -> KnownSensor | None:
     """The configured sensor; the source's pins are looked for as and where it has them.
 
-    Raises  ConfigError; SourceError: the sensor's region is none of these images
+    A recording takes the configured region too, as a camera does when it is opened.
+    Raises  ConfigError; SourceError: the region is none of these images
     """
+    if source.region is None:
+        source.region = region_of(source, config.source.roi, config.source.circle, config.source.mask)
     if not config.sensor.model:
         return None
     sensor = load_sensor(config.sensor.model)

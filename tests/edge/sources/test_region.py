@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from calib.sim import Camera, Simulator, Tip
+from edge.cli.assembly import expect_sensor
+from edge.config import Config, SensorTable, SourceTable
 from edge.errors import SourceError
 from edge.pins import take_rest
 from edge.recording.writer import Recorder
@@ -70,6 +72,13 @@ def test_a_sensor_s_mask_lies_beside_its_file(two_views: Path) -> None:
     path = two_views.parent / "mine.toml"
     path.write_text('title = "mine"\n[camera]\nmask = "left.png"\n')
     assert load_sensor(str(path)).camera.mask == str(two_views.parent / "left.png")
+    for config in (
+        Config(sensor=SensorTable(model=str(path))),
+        Config(source=SourceTable(circle="160,160,158")),
+    ):
+        source = open_source(str(two_views))
+        expect_sensor(source, config)
+        assert len(_pins(next(iter(source)).image)) == 127
 
 
 @pytest.mark.parametrize(
