@@ -40,6 +40,7 @@ from hostlink.wire import (
     unpack_value,
 )
 from hostlink.wire.address import parse_address
+from hostlink.wire.process_data import FRAME_DATA, SAMPLE_DATA
 from tests.support.fingers import Application
 from tests.support.waiting import SOON_S, until
 
@@ -170,8 +171,9 @@ def test_every_readable_object_answers(bench: Bench) -> None:
             bench.remote.sdo.upload(row.index, row.sub)
         except canopen.SdoAbortedError as error:
             silent.add((row.name, error.code))
-    empty = {"calibration", "calibration_id", "camera", "refusal", "rest_frame_message"}
+    empty = {"calibration", "camera", "refusal", "rest_frame_message"}
     empty |= {f"error_{i}" for i in range(1, 9)}
+    empty |= {datum.name for datum in (*SAMPLE_DATA, *FRAME_DATA)}  # before the first sample
     assert silent == {(name, Abort.NO_DATA) for name in empty}
 
 
