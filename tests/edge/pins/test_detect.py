@@ -13,7 +13,7 @@ from edge.errors import NoPins
 from edge.pins import CentroidRefiner, detect, inspect_image, learn_pattern, take_rest
 from edge.pins.rest_frame import with_voted
 from edge.types import Array, Image, Pins, Polarity
-from tests.support.images import read_grey
+from tests.support.images import grey, read_grey
 from tests.support.pins_rendered import draw, expose, hexagon
 
 
@@ -214,6 +214,24 @@ def test_real_thresholded_stills(real_dir: Path) -> None:
     assert max(counts) <= 331
     assert np.median(counts) == 331
     assert min(counts) >= 325  # some frames push pins out of the picture
+
+
+VIDEOS = {"Movement4": (110, 135), "north": (80, 135), "west": (80, 135), "flatSkin": (260, 420)}
+
+
+@pytest.mark.real
+@pytest.mark.parametrize(("name", "count"), VIDEOS.items())
+def test_real_videos_give_a_rest_frame_that_can_be_followed(
+    real_dir: Path, name: str, count: tuple[int, int]
+) -> None:
+    video = cv2.VideoCapture(str(real_dir / "video" / f"{name}.avi"))
+    images = [grey(cv2.cvtColor(video.read()[1], cv2.COLOR_BGR2GRAY)) for _ in range(3)]
+    rest = take_rest(images)
+    assert count[0] <= len(rest) <= count[1]
+    pins = CentroidRefiner(rest).refine(images[0], rest.xy_img)
+    seen = ~np.isnan(pins.xy_img[:, 0])
+    assert seen.mean() > 0.95
+    assert np.median(np.hypot(*(pins.xy_img - rest.xy_img)[seen].T)) < 1.0
 
 
 def dark_pins(glints: bool) -> Image:

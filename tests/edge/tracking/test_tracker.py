@@ -8,6 +8,7 @@ import pytest
 
 from calib.sim import deform
 from edge.errors import DegenerateLayout
+from edge.geometry.lattice import Lattice
 from edge.pins import detect, take_rest
 from edge.sources import read_image
 from edge.tracking import Tracker
@@ -15,7 +16,7 @@ from edge.tracking.hypothesis import Hypothesis
 from edge.tracking.params import TrackingParams
 from edge.tracking.search import Identifier
 from edge.types import Array, Pins, Tracks
-from tests.bench import identity
+from tests.bench import identity, videos
 from tests.bench.recordings import poses_of_stills
 from tests.support.layouts import PITCH_PX, concentric, hexagonal, rest_of, square
 
@@ -328,3 +329,25 @@ def test_published_stills_from_rest_alone(real_dir: Path) -> None:
         tracks = Tracker(rest).identify(blobs)
         assert tracks.confidence > 0.9
         assert identity.consistent(tracks.xy_img - rest.xy_img, around).sum() >= len(blobs) - 4
+
+
+@pytest.mark.real
+@pytest.mark.parametrize("step", [1, 8])
+def test_movement4_there_and_back_ends_where_it_began(real_dir: Path, step: int) -> None:
+    frames = videos.read(real_dir / "video" / "Movement4.avi")
+    rest = take_rest(frames[:1])
+    close = Lattice(rest.xy_img, rest.pattern.pitch_px)
+    there = frames[::step]
+    seen_n, untrusted = [], 0
+    for tracks in videos.run([*there, *there[::-1]], rest)[0]:
+        if tracks.confidence < Tracks.LOW_CONFIDENCE:
+            untrusted += 1
+            continue
+        seen_n.append(tracks.n_seen)
+        gap = np.hypot(*(tracks.xy_img[close.pairs[:, 0]] - tracks.xy_img[close.pairs[:, 1]]).T)
+        assert not np.any(gap < close.distance_min_px)
+    off = np.hypot(*(tracks.xy_img - rest.xy_img)[tracks.seen].T)
+    assert off.max() < 0.3 * rest.pattern.pitch_px
+    assert tracks.n_seen > 0.9 * len(rest)
+    assert np.median(seen_n) > 0.7 * len(rest)
+    assert untrusted <= 2
