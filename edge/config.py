@@ -10,7 +10,7 @@ import msgspec
 
 from edge import limits
 from edge.errors import ConfigError
-from edge.sources.options import EXPOSURE_MAX_US
+from edge.sources.options import EXPOSURE_MAX_US, Side
 from edge.types import Feature
 
 Count = Annotated[int, msgspec.Meta(ge=1, le=10_000)]
@@ -33,9 +33,9 @@ class SourceTable(_Table, frozen=True, kw_only=True):
     """[source] where frames come from: see `python -m edge run --help` for the forms of `spec`."""
 
     spec: str = "v4l2:0"
-    width: Annotated[int, msgspec.Meta(ge=64, le=8192)] = 640
-    height: Annotated[int, msgspec.Meta(ge=64, le=8192)] = 480
-    rate_hz: Rate = 0.0  # 0: the camera's own
+    width: Side = 0  # 0: the source's own
+    height: Side = 0
+    rate_hz: Rate = 0.0  # 0: the source's own
     exposure_us: Annotated[int, msgspec.Meta(ge=0, le=EXPOSURE_MAX_US)] = 0  # 0: unchanged
     gain: Annotated[int, msgspec.Meta(ge=0, le=100_000)] = 0  # 0: unchanged
 

@@ -159,8 +159,8 @@ class LiveSource(FrameSource, Protocol):
     """A source with its own pace (a camera, or a replay as if live); it holds the newest frame.
 
     recorded         its frames come live, but do not show the present
-    condition        "" or the present fault: lost, stalled, frozen, black
-    frame_condition  the same for the frame that `read` gave last: "", frozen, black
+    condition        "" or the present fault: lost, stalled, frozen, black, slow
+    frame_condition  the same for the frame that `read` gave last: "", frozen, black, slow
     ended            no further frame will come
     """
 

@@ -10,6 +10,7 @@
     connect(address)            Connection: iterate, `async for`, on_sample(callback), latest(), statistics
     Connection.finger(node)     Finger: latest, info, tare, set_rate, get/set, upload_calibration, clock
     Sample                      finger, state, host_time_s +- host_error_s, arrival_s, lost_n, age_s
+    Connection.window()         all samples since the last call, as arrays: for learning (`hostlink.window`)
     NO_CONTROL                  status bits of samples that must never move a hand
     CanDecoder, SerialDecoder   the same without any I/O: bytes in, events out (`hostlink.decoder`)
     decode_recording(path)      events of a .log, .blf or .serial file (`hostlink.recording`)

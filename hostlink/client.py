@@ -22,8 +22,9 @@ import asyncio
 import logging
 import threading
 import time
-from collections.abc import AsyncIterator, Callable, Iterator, Mapping
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 from hostlink.clock import ClockMap
@@ -40,11 +41,13 @@ from hostlink.events import (
     SecondSender,
 )
 from hostlink.finger import STALE_S, Finger, Info
+from hostlink.hand_file import HandFile, read_hand
 from hostlink.link_guard import LinkGuard
 from hostlink.links import CanLink, Link, open_link
 from hostlink.objects import ObjectClient, SdoObjects, SerialObjects
 from hostlink.sequence import LinkStatistics
 from hostlink.subscription import End, Subscription
+from hostlink.window import MEASURED, Window, WindowCollector
 from hostlink.wire import CanIds, Kind
 from hostlink.wire.address import Address, AddressError, parse_address
 
@@ -60,10 +63,11 @@ class Connection:
 
     address  parsed; see `hostlink.wire.address`
     ids      bases of the CAN identifiers, if they were changed
+    hand     what its fingers are called, and where they are mounted
     """
 
-    def __init__(self, address: Address, ids: CanIds | None = None) -> None:
-        self.address = address
+    def __init__(self, address: Address, ids: CanIds | None = None, hand: HandFile | None = None) -> None:
+        self.address, self.hand = address, hand or HandFile()
         self._ids = ids or CanIds()
         self._changed = threading.Condition()
         self._fingers: dict[int, Finger] = {}  # those that sent what only a fingertip sends
@@ -77,6 +81,7 @@ class Connection:
         self._serial = SerialDecoder(self._line_node)
         self._is_can = address.is_can
         self._clients: dict[int, SdoObjects | SerialObjects] = {}
+        self._window: WindowCollector | None = None
         self._guard = LinkGuard(f"a callback of {address}")
         self._link: Link = open_link(address, self._receive)
 
@@ -92,15 +97,17 @@ class Connection:
         """Nodes with a heartbeat and no sample, by number: fingers that are stopped, or other devices."""
         return {node: other for node, other in self._others.copy().items() if other.state_nmt is not None}
 
-    def finger(self, node: int | None = None, timeout_s: float = FINGER_S) -> Finger:
-        """A finger by node number, or the only one there is.
+    def finger(self, node: int | str | None = None, timeout_s: float = FINGER_S) -> Finger:
+        """A finger by node number, by its name in the hand's file, or the only one there is.
 
         Waits for its first message. If a given finger sends nothing (stopped, without a heartbeat), it is
         queried; with `timeout_s` 0 it neither waits nor queries.
-        Raises LinkTimeout: it was not heard; UsageError: no such number, or several are there, none named
+        Raises LinkTimeout: it was not heard; UsageError: no such number or name, or several are there, none
+               named
         """
         if node is None:
             return self._only_finger(timeout_s)
+        node = self._node(node)
         if not self._is_can and node != self._line_node:
             raise UsageError(
                 f"{self.address}: the finger on this line has number {self._line_node}; "
@@ -115,6 +122,9 @@ class Connection:
             if node in self._fingers:
                 return self._fingers[node]
         raise LinkTimeout(f"{self.address}: finger {node} was not heard; {self._who_is_there()}")
+
+    def _node(self, which: int | str) -> int:
+        return self.hand.node(which) if isinstance(which, str) else which
 
     def _ask(self, node: int) -> None:
         """Query a node without samples: an answer makes it a finger. Raises UsageError: no such number."""
@@ -150,13 +160,13 @@ class Connection:
             return "none is there"
         return f"finger{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))} heard"
 
-    def latest(self, node: int | None = None, max_age_s: float | None = STALE_S) -> Sample | None:
+    def latest(self, node: int | str | None = None, max_age_s: float | None = STALE_S) -> Sample | None:
         """The newest sample of a finger (or of any); None: there is none, or its `age_s` is over `max_age_s`.
 
         Raises VersionMismatch: that finger is of another version
         """
         if node is not None:
-            finger = self._fingers.get(node)
+            finger = self._fingers.get(self._node(node))
             return None if finger is None else finger.latest(max_age_s)
         fingers = [f for f in list(self._fingers.values()) if f.mismatch is None]
         samples = [s for f in fingers if (s := f.latest(max_age_s)) is not None]
@@ -211,6 +221,20 @@ class Connection:
             return
         finally:
             self._subscriptions.remove(subscription)
+
+    def window(self, names: Sequence[str] = MEASURED) -> Mapping[int, Window]:
+        """All samples since the last call, and pins where they are sent, by finger: every one heard or named
+        by the hand's file. The first call begins it. See `hostlink.window`.
+
+        names   of the values
+        Raises  UsageError: no such value, or NumPy is not installed; VersionMismatch: of another version
+        """
+        if self._window is None:
+            self._window = WindowCollector(self)
+        if (error := self._mismatched()) is not None:
+            raise error
+        nodes = {*self._fingers, *(mount.node for mount in self.hand.mounts)}
+        return self._window.take(sorted(nodes), names)
 
     def on_sample(self, callback: Callable[[Sample], None]) -> Callable[[], None]:
         """Call this with every sample, from the link's thread; returns a function that ends it.
@@ -377,7 +401,7 @@ class Connection:
         def statistics() -> LinkStatistics:
             return self.statistics.get(node, LinkStatistics())
 
-        return Finger(node, self._objects(node), statistics, lambda: self._clock(node))
+        return Finger(self.hand.mount(node), self._objects(node), statistics, lambda: self._clock(node))
 
     def _clock(self, node: int) -> ClockMap:
         return (self._can if self._is_can else self._serial).clock(node)
@@ -428,13 +452,18 @@ class _FromOutside:
         self._client.write(index, sub, data)
 
 
-def connect(address: str, *, ids: CanIds | None = None) -> Connection:
+def connect(
+    address: str, *, ids: CanIds | None = None, hand: HandFile | Path | str | None = None
+) -> Connection:
     """Open a bus or line: `can:can0`, `serial:/dev/ttyACM0?baud=921600`, ... (`hostlink.wire.address`).
 
-    Raises ConnectError, one line: no such interface or port, or an address that makes no sense
+    hand    what its fingers are called, or the file that says so (`hostlink.hand_file`)
+    Raises  ConnectError, one line: no such interface or port, or an address that makes no sense;
+            UsageError: the hand's file
     """
+    named = read_hand(hand) if isinstance(hand, str | Path) else hand
     try:
-        return Connection(parse_address(address), ids)
+        return Connection(parse_address(address), ids, named)
     except AddressError as error:
         raise ConnectError(str(error)) from None
 

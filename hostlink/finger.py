@@ -19,6 +19,7 @@ from hostlink.errors import (
     VersionMismatch,
 )
 from hostlink.events import Emergency, Sample
+from hostlink.hand_file import Mount
 from hostlink.input_file import UPLOAD_BYTES, read_bounded
 from hostlink.objects import ObjectClient
 from hostlink.sequence import LinkStatistics
@@ -33,7 +34,7 @@ from hostlink.wire import (
     pack_value,
     unpack_value,
 )
-from hostlink.wire.objects import REST_FRAME_REASONS
+from hostlink.wire.objects import REST_FRAME_REASONS, SAMPLE_INDEX
 
 __all__ = ["STALE_S", "Finger", "Info", "RestFrameOutcome", "read_upload"]
 
@@ -77,6 +78,7 @@ class RestFrameOutcome:
 class Finger:
     """One finger of a connection.
 
+    mount          its number, name and place in the hand
     objects        access to its objects
     statistics     counts of its samples so far
     clock          the mapping of its clock to the host's
@@ -85,12 +87,13 @@ class Finger:
 
     def __init__(
         self,
-        node: int,
+        mount: Mount,
         objects: ObjectClient,
         statistics: Callable[[], LinkStatistics],
         clock: Callable[[], ClockMap],
     ) -> None:
-        self.node = node
+        self.mount = mount
+        self.node, self.name = mount.node, mount.name
         self._clock = clock
         self.second_sender = False
         self.state_nmt: int | None = None  # CiA 301; 5 is operational
@@ -163,7 +166,8 @@ class Finger:
         """Identity, settings and statistics."""
         values: dict[str, Value] = {}
         for obj in OBJECTS:
-            if obj.index < 0x2000 or obj.access == "wo" or obj.type == "domain" or "max_sub" in obj.name:
+            described = 0x2000 <= obj.index < SAMPLE_INDEX and "max_sub" not in obj.name
+            if not described or obj.access == "wo" or obj.type == "domain":
                 continue
             try:
                 values[obj.name] = self.get(obj.name)

@@ -4,7 +4,7 @@ The same from the bridge, live and in its recordings, and in the recordings of a
 
     /finger_1/sample    voronoi_touch.Sample              the sample's values, JSON
     /finger_1/contacts  foxglove.SceneUpdate              contacts, shear and depth in the tip's frame
-    /tf                 foxglove.FrameTransforms          tips side by side, 30 mm apart
+    /tf                 foxglove.FrameTransforms          where the tips are mounted
     /diagnostics        diagnostic_msgs/DiagnosticArray   of all fingers, JSON
 
 Rules
@@ -24,14 +24,23 @@ from typing import Any
 from hostlink.wire import NO_CONTROL, STATUS, State, Status
 
 __all__ = [
+    "ARROW_M",
+    "ARROW_RGBA",
+    "BALL_RGBA",
     "DIAGNOSIS_S",
     "DIAGNOSTICS",
+    "LIFETIME_NS",
     "SAMPLE",
+    "SPACING_M",
     "Diagnosis",
     "Level",
+    "TipPlace",
+    "arrows_of",
+    "balls_of",
     "contact_scene",
     "diagnostics_message",
     "finger_name",
+    "known",
     "level_of",
     "sample_message",
     "status_text",
@@ -41,9 +50,12 @@ __all__ = [
 
 DIAGNOSIS_S = 1.0  # between two diagnoses: the rate of `diagnostic_updater`, which its viewers expect
 _DIGITS = 6  # finer than the smallest step of any field
-_SPACING_M = 0.03  # between two tips
+SPACING_M = 0.03  # between two tips whose places nobody has given
 _CONTACT_M = 0.002  # a contact is drawn so wide, and wider with its depth
-_LIFETIME_S = 0.5  # no contact is shown for a silent finger
+LIFETIME_NS = 500_000_000  # no contact is shown for a silent finger
+ARROW_M = 1e-3  # width of an arrow's head
+BALL_RGBA = (0.76, 0.29, 0.0, 0.9)
+ARROW_RGBA = (0.0, 0.38, 0.66, 1.0)
 _MM = 1e-3
 
 SAMPLE: dict[str, Any] = {
@@ -163,49 +175,75 @@ def diagnostics_message(diagnoses: Sequence[Diagnosis], at_ns: int) -> dict[str,
     return {"header": {"stamp": {"sec": sec, "nsec": nsec}, "frame_id": ""}, "status": status}
 
 
-def tip_transforms(m: Any, names: Sequence[str], at_ns: int) -> Any:
-    """Places of the tips in the frame `hand`: foxglove.FrameTransforms."""
+@dataclass(frozen=True, slots=True)
+class TipPlace:
+    """Where a tip's frame is in its parent's.
+
+    place_m   its origin
+    rotation  quaternion x, y, z, w
+    """
+
+    name: str
+    parent: str
+    place_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    rotation: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
+
+
+def tip_transforms(m: Any, tips: Sequence[TipPlace], at_ns: int) -> Any:
+    """Places of the tips: foxglove.FrameTransforms."""
     return m.FrameTransforms(
         transforms=[
             m.FrameTransform(
                 timestamp=m.Timestamp(*divmod(at_ns, 1_000_000_000)),
-                parent_frame_id="hand",
-                child_frame_id=name,
-                translation=m.Vector3(x=i * _SPACING_M, y=0.0, z=0.0),
-                rotation=m.Quaternion(x=0.0, y=0.0, z=0.0, w=1.0),
+                parent_frame_id=tip.parent,
+                child_frame_id=tip.name,
+                translation=m.Vector3(**dict(zip("xyz", tip.place_m, strict=True))),
+                rotation=m.Quaternion(**dict(zip("xyzw", tip.rotation, strict=True))),
             )
-            for i, name in enumerate(names)
+            for tip in tips
         ]
     )
 
 
-def contact_scene(m: Any, node: int, state: State, at_ns: int) -> Any:
-    """Contacts as balls; an arrow each for shear and for depth, as long as they are: foxglove.SceneUpdate."""
+def balls_of(state: State) -> list[tuple[float, float, float]]:
+    """Contacts as balls: x, y in the tip's frame, diameter; m."""
+    return [
+        (c.x_mm * _MM, c.y_mm * _MM, _CONTACT_M + known(c.depth_mm) * _MM)
+        for c in state.contacts
+        if isfinite(c.x_mm + c.y_mm)
+    ]
+
+
+def arrows_of(state: State) -> list[tuple[float, float, float]]:
+    """Shear and depth as arrows from the tip's origin, as long as they are, m; if they are known."""
+    both = (state.shear_x_mm, state.shear_y_mm, 0.0), (0.0, 0.0, -state.displacement_mm)
+    return [(x * _MM, y * _MM, z * _MM) for x, y, z in both if isfinite(x + y + z) and (x or y or z)]
+
+
+def contact_scene(m: Any, frame: str, state: State, at_ns: int) -> Any:
+    """Contacts, shear and depth in a tip's frame: foxglove.SceneUpdate."""
     balls = [
         m.SpherePrimitive(
-            pose=m.Pose(position=m.Vector3(x=c.x_mm * _MM, y=c.y_mm * _MM, z=0.0), orientation=_rotation(m)),
-            size=m.Vector3(**dict.fromkeys("xyz", _CONTACT_M + _known(c.depth_mm) * _MM)),
-            color=m.Color(r=0.76, g=0.29, b=0.0, a=0.9),
+            pose=m.Pose(position=m.Vector3(x=x, y=y, z=0.0), orientation=_rotation(m)),
+            size=m.Vector3(**dict.fromkeys("xyz", diameter)),
+            color=m.Color(**dict(zip("rgba", BALL_RGBA, strict=True))),
         )
-        for c in state.contacts
-    ]
-    arrows = [
-        _arrow(m, state.shear_x_mm, state.shear_y_mm, 0.0),
-        _arrow(m, 0.0, 0.0, -state.displacement_mm),
+        for x, y, diameter in balls_of(state)
     ]
     entity = m.SceneEntity(
         timestamp=m.Timestamp(*divmod(at_ns, 1_000_000_000)),
-        frame_id=finger_name(node),
+        frame_id=frame,
         id="touch",
-        lifetime=m.Duration(0, round(_LIFETIME_S * 1e9)),
+        lifetime=m.Duration(0, LIFETIME_NS),
         frame_locked=True,
         spheres=balls,
-        arrows=[arrow for arrow in arrows if arrow is not None],
+        arrows=[_arrow(m, *arrow) for arrow in arrows_of(state)],
     )
     return m.SceneUpdate(entities=[entity])
 
 
-def _known(value: float) -> float:
+def known(value: float) -> float:
+    """The value, or 0 where there is none, for what is drawn."""
     return value if isfinite(value) else 0.0
 
 
@@ -220,16 +258,14 @@ def _rotation(m: Any, x: float = 1.0, y: float = 0.0, z: float = 0.0) -> Any:
     return m.Quaternion(x=0.0, y=qy / norm, z=qz / norm, w=w / norm)
 
 
-def _arrow(m: Any, x_mm: float, y_mm: float, z_mm: float) -> Any:
-    length_m = hypot(x_mm, y_mm, z_mm) * _MM
-    if not isfinite(length_m) or length_m == 0.0:
-        return None
+def _arrow(m: Any, x_m: float, y_m: float, z_m: float) -> Any:
+    length_m = hypot(x_m, y_m, z_m)
     origin = m.Vector3(x=0.0, y=0.0, z=0.0)
     return m.ArrowPrimitive(
-        pose=m.Pose(position=origin, orientation=_rotation(m, x_mm, y_mm, z_mm)),
+        pose=m.Pose(position=origin, orientation=_rotation(m, x_m, y_m, z_m)),
         shaft_length=0.8 * length_m,
-        shaft_diameter=5e-4,
+        shaft_diameter=ARROW_M / 2,
         head_length=0.2 * length_m,
-        head_diameter=1e-3,
-        color=m.Color(r=0.0, g=0.38, b=0.66, a=1.0),
+        head_diameter=ARROW_M,
+        color=m.Color(**dict(zip("rgba", ARROW_RGBA, strict=True))),
     )

@@ -25,7 +25,10 @@ from edge.rest.symmetry import symmetry_of
 from edge.rest.tip_match import in_order_of
 from edge.runtime.board_monitor import HOT_DEGC, STORED_BYTES
 from edge.sensors import KnownSensor, known_sensors, missing_pins
+from edge.sources.camera import CameraSource
 from edge.sources.live import PARAMS as LIVE
+from edge.sources.options import Options, parse_spec
+from edge.sources.v4l2 import lasting_name
 from edge.types import Frame, FrameSource, Lens, LiveSource, Polarity, Rest
 from hostlink.wire.address import Address, AddressError, parse_address
 
@@ -68,7 +71,12 @@ def camera(source: FrameSource, frames: Sequence[Frame], config: Config) -> Iter
         yield Line("camera", "fail", f"{source.name}: {why}", advice)
         return
     width, height = source.size_px
-    yield Line("camera", "ok", f"{source.name}, {width}x{height}")
+    terms = f", {source.terms}" if isinstance(source, CameraSource) else ""
+    yield Line("camera", "ok", f"{source.name}, {width}x{height}{terms}")
+    spec = parse_spec(config.source.spec, Options())
+    if spec.scheme in ("", "v4l2") and (lasting := lasting_name(spec.where)):
+        finding = f"{config.source.spec} may be another camera after a restart"
+        yield Line("camera", "warn", finding, f"give {lasting}, which stays")
     if refused := getattr(source, "refused", ()):
         advice = "set what the camera has: v4l2-ctl --list-ctrls"
         yield Line("camera", "warn", "; ".join(refused), advice)
@@ -276,10 +284,10 @@ def clock(machine: Machine) -> Line:
     )
 
 
-def disk(config: Config, rate_hz: float, machine: Machine) -> Iterator[Line]:
+def disk(config: Config, size_px: tuple[int, int], rate_hz: float, machine: Machine) -> Iterator[Line]:
     """Whether settings can be stored, and recordings keep up: one second of one is written."""
     folder = Path(config.state.directory or ".")
-    need_bytes = round(config.source.width * config.source.height * (rate_hz or 60.0))
+    need_bytes = round(size_px[0] * size_px[1] * (rate_hz or 60.0))
     try:
         free = machine.free_bytes(folder)
         if free < STORED_BYTES + need_bytes:

@@ -86,8 +86,10 @@ def examine(
     except InputError as error:
         advice = "check cable, power and [source] spec; is the service running?"
         lines.append(Line("camera", "fail", str(error), advice))
+        size_px = config.source.width, config.source.height
         asked_hz = config.source.rate_hz
     else:
+        size_px = source.size_px
         sensor = expect_sensor(source, config)
         try:
             frames = _watch(source)
@@ -106,7 +108,11 @@ def examine(
     if not config.link.sinks:
         advice = 'set [link] sinks, e.g. ["can:can0"]'
         lines.append(Line("link", "warn", "no sink: samples are not sent", advice))
-    lines += [*checks.processor(machine), checks.clock(machine), *checks.disk(config, asked_hz, machine)]
+    lines += [
+        *checks.processor(machine),
+        checks.clock(machine),
+        *checks.disk(config, size_px, asked_hz, machine),
+    ]
     return lines
 
 

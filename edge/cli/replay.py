@@ -16,7 +16,7 @@ from edge.sources import Paced, open_source
 from edge.types import LiveSource, RecordedSource, Result
 from hostlink.cli_exit import print_error
 from hostlink.cli_types import counted
-from hostlink.wire import State
+from hostlink.wire import FaultCode, State
 
 log = logging.getLogger("edge")
 
@@ -78,6 +78,8 @@ def replay(
             log.warning("%s: %s", recording, message)
         if message := _lost_to_tare(loop, summary.skipped_n, config.tare.frames_n):
             if summary.skipped_n is None:
+                if refused := loop.faults.active.get(FaultCode.TARE_IMPLAUSIBLE):
+                    raise InputError(f"{recording}: {refused}")
                 raise SystemExit(print_error(f"{recording}: {message}", 1))
             log.warning("%s: %s", recording, message)
 
@@ -123,7 +125,9 @@ def _lost_to_tare(loop: Loop, skipped_n: int | None, tare_n: int) -> str:
     paced = loop.source if isinstance(loop.source, LiveSource) else None
     if skipped_n == 0 or not loop.frames_n or (paced and not paced.ended):
         return ""
-    way_out = "--loop plays it on, --speed max takes every image" if paced else "replay a longer one"
+    way_out = "--loop plays it on" if paced else "replay a longer one"
+    if paced and loop.frames_n + paced.dropped_n > tare_n:
+        way_out += ", --speed max takes every image"
     if skipped_n is None:
         took = f"{counted(tare_n, 'image')} and a search"
         return f"ended while the rest frame was being taken ({took}), no values; {way_out}"

@@ -9,6 +9,7 @@ from edge.cli.assembly import make_loop, open_configured, start_worker
 from edge.cli.options import LoopOptions, loop_options, source_option
 from edge.cli.progress import waiting
 from edge.cli.summary import print_summary
+from edge.sources.camera import CameraSource
 from hostlink.cli_types import WholeNumber
 
 log = logging.getLogger("edge")
@@ -35,6 +36,8 @@ def run(
         with waiting(f"opening {config.source.spec}", not quiet):
             source = open_configured(config.source)
             stack.callback(source.close)
+            if isinstance(source, CameraSource) and not quiet:
+                click.echo(f"{source.name}: {source.terms}", err=True)
             loop = make_loop(stack, source, config, options.calibration_path)
         start_worker(stack, loop, options, listen, config)
         if not loop.sinks and listen is None and options.record_path is None:

@@ -23,7 +23,7 @@ from edge.link.nmt import LEADS_TO, NmtCommand, NmtState
 from edge.link.object_server import Device, ObjectServer
 from edge.link.params import PARAMS
 from edge.link.settings import SettingsFile
-from edge.link.sinks import CanFdSink, CanSink, SerialSink
+from edge.link.sinks import CanClassicSink, CanFdSink, CanSink, SerialSink
 from hostlink.wire import FAULTS, FEATURE_BITS, FaultCode, Kind, State, Status, pack_detail, pack_emergency
 from hostlink.wire.canid import NODES_MAX
 
@@ -58,8 +58,9 @@ class Node:
         self._link_faults: frozenset[FaultCode] = frozenset()
         self.number, self.state = sink.node, NmtState.INITIALISING
         self.objects = ObjectServer(
-            device, self._settings, sink.node, sink.ids, self._changed, self._statistics
-        )
+            device, self._settings, sink.node, sink.ids, self._changed, self._statistics,
+            maps=isinstance(sink, CanClassicSink),
+        )  # fmt: skip
         self._commands = CanCommands(sink, self) if isinstance(sink, CanSink) else SerialCommands(sink, self)
         sink.on_faults = self.watch_link
         self._changed("features")
@@ -73,6 +74,7 @@ class Node:
         """Send a sample if it is due; True: it was sent. A sample that is not due is neither sent nor
         counted.
         """
+        self.objects.newest = state
         if self.state is not NmtState.OPERATIONAL or not self._is_due(state.capture_time_us):
             return False
         if self.objects.transmission[1] != 254:

@@ -24,11 +24,13 @@ from hostlink.wire import (
     Fault,
     FaultCode,
     Object,
+    State,
     object_at,
     pack_value,
     unpack_value,
 )
-from hostlink.wire.objects import TYPES
+from hostlink.wire.objects import SAMPLE_INDEX, TYPES
+from hostlink.wire.state import quantise
 
 log = logging.getLogger(__name__)
 Value = int | float | str | bytes
@@ -98,6 +100,8 @@ class Device(Protocol):
 class ObjectServer:
     """on_change  called with the name of a setting that changed
     link       counters kept by the node itself: name of a statistics object -> present value
+    maps       whether the link's frames are those that the TPDOs' mapping shows
+    newest     sample, which process data are read from
     """
 
     def __init__(
@@ -108,13 +112,15 @@ class ObjectServer:
         ids: CanIds,
         on_change: Callable[[str], None],
         link: Callable[[], dict[str, int]],
+        maps: bool = True,
     ) -> None:
         self._device = device
         self._settings = settings
         self._node = node
         self._ids = ids
         self._on_change = on_change
-        self._link = link
+        self._link, self._maps = link, maps
+        self.newest: State | None = None
         self._description: Mapping[str, Value] = {}
         self._described_s = -math.inf
         self.error_register = 0
@@ -195,6 +201,13 @@ class ObjectServer:
         }
         if name in own:
             return own[name]
+        if obj.index == SAMPLE_INDEX and obj.sub:
+            return None if self.newest is None else quantise(self.newest)[obj.sub - 1]
+        if name.endswith("_inhibit"):
+            rate_hz = self._settings.values.rate_hz
+            return min(0xFFFF, round(10_000 / rate_hz)) if rate_hz else 0
+        if name.endswith("_mapped_n") and not self._maps:
+            return 0
         if obj.index == 0x2032 and obj.sub:
             return self._device.rest_frame()[name]
         if obj.index == 0x1003:
@@ -267,4 +280,5 @@ def _encode(obj: Object, value: Value) -> bytes:
     code = TYPES[obj.type][1]
     if code == "f":
         return struct.pack("<f", value)
-    return struct.pack("<" + code, int(value) & (1 << 8 * struct.calcsize(code)) - 1)
+    size = struct.calcsize(code)
+    return (int(value) & (1 << 8 * size) - 1).to_bytes(size, "little")

@@ -16,8 +16,9 @@ Rules
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any, TypeVar
 
 import cv2
 import numpy as np
@@ -25,7 +26,7 @@ from numpy.typing import NDArray
 
 from edge.limits import PINS_MAX
 from edge.pins.params import PARAMS
-from edge.types import Array, Image, Mask
+from edge.types import Array, Image, Mask, Pins
 
 #: One a pixel round the smallest pin in the reduced image.
 RAYS = round(math.tau * PARAMS.reduced_radius_px)
@@ -62,24 +63,21 @@ class Spots:
         return len(self.xy_img)
 
     def __getitem__(self, which: Mask | Places) -> Spots:
-        return Spots(
-            self.xy_img[which],
-            self.depth[which],
-            self.share[which],
-            self.radius_px[which],
-            self.spread[which],
-        )
+        return rows_of(self, which)
 
 
-def join(parts: list[Spots]) -> Spots:
-    """Spots of several scales in one."""
-    return Spots(
-        np.concatenate([p.xy_img for p in parts]),
-        np.concatenate([p.depth for p in parts]),
-        np.concatenate([p.share for p in parts]),
-        np.concatenate([p.radius_px for p in parts]),
-        np.concatenate([p.spread for p in parts]),
-    )
+Table = TypeVar("Table", Spots, Pins)
+
+
+def rows_of(table: Table, which: Mask | Places) -> Table:
+    """The chosen rows of all columns."""
+    return type(table)(*(getattr(table, column.name)[which] for column in fields(table)))
+
+
+def join(parts: Sequence[Table]) -> Table:
+    """Spots of several scales in one, or pins; one after the other."""
+    columns = [column.name for column in fields(parts[0])]
+    return type(parts[0])(*(np.concatenate([getattr(p, name) for p in parts]) for name in columns))
 
 
 def find_spots(image: Image, radius_px: float, depth_min: float) -> Spots:

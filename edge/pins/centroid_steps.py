@@ -3,8 +3,6 @@
 `centroid_steps.c` has them in C, for vectors: the same to the last bit where the processor rounds products.
 """
 
-from __future__ import annotations
-
 from math import sqrt
 from typing import NamedTuple
 

@@ -6,8 +6,8 @@ Idea: a pin is a blurred disc of known radius d(r) on a local plane. Around a gu
 
 which is linear in b, g, A, A dx, A dy. tx and ty are nonzero on the disc's edge alone, where all information
 about its place is. Their least-squares solution is the maximum-likelihood step and reaches the Cramer-Rao
-bound; the standard deviation of a plain centroid is twice that. Steps are repeated until one is below half a
-phase, so the result does not depend on where the window started.
+bound; the standard deviation of a plain centroid is twice that. Steps are repeated until one is below
+0.75 of a phase, so the result hardly depends on where the window started.
 
 Rules
 - Templates (`templates.py`) are in 16-bit integers for PHASES x PHASES subpixel offsets, zero outside of the
@@ -18,7 +18,8 @@ Rules
 - Dark pins are bright ones in the inverted image, whose sums follow from the image's own: the result is the
   same to the last bit.
 - A pin that the image's border cuts takes its steps alone, by what there is of its templates.
-- Which of the centroids count is decided afterwards, over all pins (`CentroidFilter`).
+- Which of the centroids count is decided afterwards, over all pins (`_reject`). Whether two of them are on
+  one blob, `edge.tracking.follow` decides, which knows the neighbours; among new spots, `edge.pins.detect`.
 """
 
 # mypy: disable-error-code="untyped-decorator,valid-type,index,attr-defined,assignment"
@@ -34,7 +35,6 @@ from edge.pins.window_sums import FETCH, KIND
 from edge.types import Array, Image, Index
 
 if cython.compiled:
-    from cython.cimports.edge.geometry.neighbours import Separation
     from cython.cimports.edge.geometry.select import select_kth
     from cython.cimports.edge.pins.centroid_steps import (
         D2,
@@ -49,13 +49,12 @@ if cython.compiled:
         take_steps,
     )
     from cython.cimports.edge.pins.window_sums import Fetch, Kind, Windows, sum_window, windows_of
-    from cython.cimports.libc.math import HUGE_VAL, NAN, isnan, sqrt
+    from cython.cimports.libc.math import HUGE_VAL, NAN, sqrt
 else:
     from math import inf as HUGE_VAL  # noqa: N812
-    from math import isnan, sqrt
     from math import nan as NAN  # noqa: N812
+    from math import sqrt
 
-    from edge.geometry.neighbours import Separation
     from edge.geometry.select import select_kth
     from edge.pins.centroid_steps import (
         D2,
@@ -73,177 +72,6 @@ else:
 INT_MAX = cython.declare(cython.Py_ssize_t, np.iinfo(np.int32).max)
 N_PHASES = cython.declare(cython.int, PHASES)
 LEVEL_MAX = cython.declare(cython.int, STEP_MAX)
-#: Pins are compared in their order along (1, slant), turned and scaled: along x, whole columns of a lattice
-#: would come together.
-_SLANT = cython.declare(cython.double, 0.3)
-
-
-@cython.cclass
-class CentroidFilter:
-    """Rejects those of the n centroids of one tip that do not count: spots unlike their pin, two on a blob.
-
-    The disc must explain enough of its window, and be bright enough beside the pin at rest. Illumination may
-    have changed for all pins at once: brightness is compared after the gain that they share. Of a pair closer
-    than their clash distance the one that moved further from its prediction is lost.
-
-    rest_amplitude  (n,) float64, levels
-    share_min       of its window's variation that the disc has to explain, and of the amplitude at rest that
-                    is left after the common gain
-    clash_px        two centroids nearer than this lie on one blob
-    """
-
-    n: cython.Py_ssize_t
-    share_min: cython.double
-    scale: cython.double
-    clash_slanted: cython.double
-    rest_amplitude: cython.double[::1]
-    ratio: cython.double[::1]
-    along: cython.double[::1]
-    x: cython.double[::1]
-    y: cython.double[::1]
-    order: cython.int[::1]
-    separation: Separation
-
-    def __init__(self, rest_amplitude: Array, share_min: float, clash_px: float) -> None:
-        self.rest_amplitude = np.array(rest_amplitude, np.float64)
-        self.n = self.rest_amplitude.shape[0]
-        self.share_min = share_min
-        self.scale = (1.0 + _SLANT * _SLANT) ** 0.5
-        self.clash_slanted = clash_px * self.scale
-        self.ratio = np.empty(self.n)
-        self.order = np.arange(self.n, dtype=np.int32)
-        self.along = np.empty(self.n)
-        self.x, self.y = np.empty(self.n), np.empty(self.n)  # slanted, of the pins in that order
-        self.separation = Separation(self.n)
-
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def reject(
-        self,
-        xy: cython.double[:, ::1],
-        sigma: cython.double[::1],
-        amplitude: cython.const[cython.double][::1],
-        fit: cython.const[cython.double][::1],
-        predicted: cython.const[cython.double][:, ::1],
-    ) -> cython.void:
-        """NaN in xy and sigma of the pins that do not count.
-
-        xy, sigma, amplitude, fit  of `CentroidKernel`; xy and sigma are written
-        predicted                  (n, 2) px
-        """
-        i: cython.Py_ssize_t
-        m: cython.Py_ssize_t = 0
-        gain: cython.double
-        low: cython.double = HUGE_VAL
-        high: cython.double = 0.0
-        for i in range(self.n):
-            if fit[i] > self.share_min:
-                gain = amplitude[i] / self.rest_amplitude[i]
-                low = gain if gain < low else low
-                high = gain if gain > high else high
-                self.ratio[m] = gain
-                m += 1
-            else:
-                xy[i, 0] = xy[i, 1] = sigma[i] = NAN
-        if not low > self.share_min * high:  # else none is too dim, whatever the gain
-            self._reject_dim(xy, sigma, amplitude, m)
-        if not self.separation.holds(xy):
-            self._sort(xy)
-            self._reject_clashes(xy, sigma, predicted)
-
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _reject_dim(
-        self,
-        xy: cython.double[:, ::1],
-        sigma: cython.double[::1],
-        amplitude: cython.const[cython.double][::1],
-        m: cython.Py_ssize_t,
-    ) -> cython.void:
-        """The pins that are too dim beside the gain, the median of the first m of `ratio`, are lost."""
-        i: cython.Py_ssize_t
-        gain: cython.double = select_kth(self.ratio, m, m // 2) if m else 1.0
-        least: cython.double = self.share_min * gain
-        for i in range(self.n):
-            if amplitude[i] < least * self.rest_amplitude[i]:
-                xy[i, 0] = xy[i, 1] = sigma[i] = NAN
-
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _sort(self, xy: cython.const[cython.double][:, ::1]) -> cython.void:
-        """`order` by `along`, lost pins last. It is kept from image to image, so it is nearly sorted
-        already.
-        """
-        along: cython.double[::1] = self.along
-        order: cython.int[::1] = self.order
-        i: cython.Py_ssize_t
-        j: cython.Py_ssize_t
-        who: cython.int
-        for i in range(self.n):
-            along[i] = HUGE_VAL if isnan(xy[i, 0]) else xy[i, 0] + _SLANT * xy[i, 1]
-        for i in range(1, self.n):
-            who = order[i]
-            j = i
-            while j > 0 and along[order[j - 1]] > along[who]:
-                order[j] = order[j - 1]
-                j -= 1
-            order[j] = who
-
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _reject_clashes(
-        self,
-        xy: cython.double[:, ::1],
-        sigma: cython.double[::1],
-        predicted: cython.const[cython.double][:, ::1],
-    ) -> cython.void:
-        """Of two pins on one blob the one that moved further is lost."""
-        x: cython.double[::1] = self.x
-        y: cython.double[::1] = self.y
-        i: cython.Py_ssize_t
-        j: cython.Py_ssize_t
-        m: cython.Py_ssize_t = 0  # of the pins that are not lost, which come first in order
-        dx: cython.double
-        dy: cython.double
-        distance2: cython.double
-        clash: cython.double = self.clash_slanted
-        nearest2: cython.double = HUGE_VAL  # of two that do not clash
-        while m < self.n and self.along[self.order[m]] < HUGE_VAL:
-            x[m] = self.along[self.order[m]]
-            y[m] = xy[self.order[m], 1] - _SLANT * xy[self.order[m], 0]
-            m += 1
-        for i in range(m):
-            for j in range(i + 1, m):
-                dx = x[j] - x[i]
-                if dx * dx > nearest2:
-                    break
-                dy = y[j] - y[i]  # NaN where one is lost by now
-                distance2 = dx * dx + dy * dy
-                if distance2 <= clash * clash:
-                    self._reject_one(xy, sigma, predicted, i, j)
-                elif distance2 < nearest2:
-                    nearest2 = distance2
-        self.separation.renew(xy, (sqrt(nearest2) - clash) / self.scale)
-
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    def _reject_one(
-        self,
-        xy: cython.double[:, ::1],
-        sigma: cython.double[::1],
-        predicted: cython.const[cython.double][:, ::1],
-        i: cython.Py_ssize_t,
-        j: cython.Py_ssize_t,
-    ) -> cython.void:
-        """The i-th or the j-th in order: the one that moved further."""
-        a: cython.Py_ssize_t = self.order[i]
-        b: cython.Py_ssize_t = self.order[j]
-        went2: cython.double = square(xy[a, 0] - predicted[a, 0], xy[a, 1] - predicted[a, 1])
-        if not went2 > square(xy[b, 0] - predicted[b, 0], xy[b, 1] - predicted[b, 1]):
-            i = j
-        self.y[i] = NAN
-        i = self.order[i]
-        xy[i, 0] = xy[i, 1] = sigma[i] = NAN
 
 
 @cython.final
@@ -270,7 +98,7 @@ class CentroidKernel:
     _reach2: cython.double
     _noise2: cython.double
     _steps_max: cython.int
-    _share_min: cython.double  # of a disc at the image's border
+    _share_min: cython.double  # `pin_share_min`
     _near2: cython.double  # px2: a step this short is the last
     _far2: cython.double  # px2: of a longer one the slopes alone are enough
     _sign: cython.int  # -1: dark pins
@@ -296,15 +124,19 @@ class CentroidKernel:
     _values: cython.short[::1]  # of the templates
     _uv: cython.schar[::1]
     _norms: cython.double[:, ::1]
-    _filter: CentroidFilter
+    _rest_amplitude: cython.double[::1]
+    _ratio: cython.double[::1]  # of the amplitude to that at rest
     _pixels: cython.uchar[::1]
     _window: cython.short[::1]
     _sums: cython.double[::1]  # of the window in hand
+    _is_in_view: cython.uchar[::1]  # of its pixels; and how many are
+    _in_view: cython.Py_ssize_t
+    _energy: cython.double  # of these; the least-squares fit to them
+    _basis: cython.double[::1]
     _normal: cython.double[:, ::1]
     _inverse: cython.double[:, ::1]
-    _basis: cython.double[::1]
-    _energy: cython.double
-    _in_view: cython.double  # pixels
+    _right: cython.double[::1]
+    _solution: cython.double[::1]
 
     def __init__(
         self,
@@ -319,7 +151,7 @@ class CentroidKernel:
         templates       of k kinds of pins
         kind_of         (n,) int32, which of the kinds each pin is
         rest_amplitude  (n,) float64, levels
-        limits          share_min, reach_px, clash_px, near_phases, steps_max, noise (levels), spare_bits
+        limits          share_min, reach_px, near_phases, steps_max, noise (levels), spare_bits
         dark            the pins are darker than the skin
         Raises          ValueError: arrays that do not belong together, an index out of range
         """
@@ -344,7 +176,7 @@ class CentroidKernel:
         self._steps_max = int(limits["steps_max"])
         self._near2, self._far2 = (limits["near_phases"] / PHASES) ** 2, FAR_PX**2
         self._share_min = limits["share_min"]
-        self._filter = CentroidFilter(rest_amplitude, limits["share_min"], limits["clash_px"])
+        self._rest_amplitude, self._ratio = np.array(rest_amplitude, np.float64), np.empty(self.n)
         self.predicted = self._predicted = np.full((self.n, 2), np.nan)
         self.xy = self._xy = np.full((self.n, 2), np.nan)
         self.sigma = self._sigma = np.full(self.n, np.nan)
@@ -354,9 +186,9 @@ class CentroidKernel:
         self._pixels = np.zeros(plane_max + 2 * HALF_MAX + LANES, np.uint8)
         self._window = np.zeros(plane_max, np.int16)
         self._sums = np.zeros(NORM.index("inv_d"))
-        self._normal = np.empty((4, 5))
-        self._inverse = np.empty((4, 4))
-        self._basis = np.empty(4)
+        self._is_in_view = np.zeros(plane_max, np.uint8)
+        self._normal, self._inverse = np.empty((2, 4, 4))
+        self._basis, self._right, self._solution = np.empty((3, 4))
 
     def read(self, image: Image) -> None:
         """Find the pins of one image (h, w) uint8 or uint16. Raises ValueError: another kind of image."""
@@ -373,7 +205,7 @@ class CentroidKernel:
         else:
             raise ValueError(f"image of {image.ndim} axes, {image.dtype}: 2 axes, uint8 or uint16 wanted")
         self._read()
-        self._filter.reject(self._xy, self._sigma, self._amplitude, self._fit, self._predicted)
+        self._reject()
 
     @cython.cfunc
     @cython.inline
@@ -455,6 +287,39 @@ class CentroidKernel:
             iteration += 1
 
     @cython.cfunc
+    @cython.exceptval(check=False)
+    def _reject(self) -> cython.void:
+        """NaN in `xy` and `sigma` of the pins whose disc explains too little of its window, or is too dim
+        beside the pin at rest. Illumination may have changed for all pins at once: brightness is compared
+        after the gain that they share, their median.
+        """
+        xy: cython.double[:, ::1] = self._xy
+        sigma: cython.double[::1] = self._sigma
+        amplitude: cython.double[::1] = self._amplitude
+        at_rest: cython.double[::1] = self._rest_amplitude
+        fit: cython.double[::1] = self._fit
+        ratio: cython.double[::1] = self._ratio
+        i: cython.Py_ssize_t
+        m: cython.Py_ssize_t = 0
+        low = HUGE_VAL
+        high = 0.0
+        for i in range(self.n):
+            if fit[i] > self._share_min:
+                gain = amplitude[i] / at_rest[i]
+                low = min(low, gain)
+                high = max(high, gain)
+                ratio[m] = gain
+                m += 1
+            else:
+                xy[i, 0] = xy[i, 1] = sigma[i] = NAN
+        if low > self._share_min * high:  # none is too dim, whatever the gain
+            return
+        least = self._share_min * select_kth(ratio, m, m // 2)
+        for i in range(self.n):
+            if amplitude[i] < least * at_rest[i]:
+                xy[i, 0] = xy[i, 1] = sigma[i] = NAN
+
+    @cython.cfunc
     @cython.inline
     @cython.exceptval(check=False)
     def _far2_of(self, iteration: cython.int) -> cython.double:
@@ -472,8 +337,6 @@ class CentroidKernel:
     @cython.exceptval(check=False)
     def _find(self, i: cython.Py_ssize_t, iteration: cython.int) -> cython.void:
         """Steps of pin i, which has taken `iteration` of them."""
-        x: cython.double
-        y: cython.double
         while iteration < self._steps_max:
             x, y = self._predicted[i, 0], self._predicted[i, 1]
             if iteration:
@@ -486,9 +349,6 @@ class CentroidKernel:
     @cython.exceptval(check=False)
     def _begin_to_fetch(self) -> cython.void:
         """What lies round the predictions is to be fetched while windows are read: pins come in rows."""
-        i: cython.Py_ssize_t
-        x: cython.double
-        y: cython.double
         left: cython.double = self._columns
         right: cython.double = 0.0
         top: cython.double = self._rows
@@ -549,9 +409,8 @@ class CentroidKernel:
             sum_window(self._windows, cy * self._stride + cx, kind, norm)
         else:
             self._take_window(cx, cy, kind)
-            half: cython.Py_ssize_t = self._kinds[kind].half
-            if cx < half or cy < half or cx + half >= self._columns or cy + half >= self._rows:
-                return self._step_cut(i, kind, cx, cy, phase, middle_x, middle_y, near2)
+            if self._in_view < self._kinds[kind].pixels:
+                return self._step_cut(i, kind, phase, middle_x, middle_y, near2)
             self._sum_levels(kind, phase, norm)
         return take_step(self._steps_of, self._sums, i, norm, middle_x, middle_y, near2, far2, first)
 
@@ -600,13 +459,16 @@ class CentroidKernel:
         y: cython.Py_ssize_t
         at: cython.Py_ssize_t = 0
         step: cython.int
+        self._in_view = 0
         for j in range(k.first_span, k.end_span):
             y = cy + self._spans[j, 1]
             for i in range(self._spans[j, 2]):
                 x = cx + self._spans[j, 0] + i
                 step = 0
-                if 0 <= y < self._rows and 0 <= x < self._columns:
+                self._is_in_view[at] = 0 <= y < self._rows and 0 <= x < self._columns
+                if self._is_in_view[at]:
                     step = (self._sign * (self._level(x, y) - level)) >> self._shift
+                    self._in_view += 1
                 self._window[at] = cython.cast(cython.short, min(max(step, -LEVEL_MAX), LEVEL_MAX))
                 at += 1
         while at < k.plane:
@@ -616,58 +478,42 @@ class CentroidKernel:
     @cython.cfunc
     @cython.exceptval(check=False)
     def _step_cut(
-        self, i: cython.Py_ssize_t, kind: cython.Py_ssize_t, cx: cython.Py_ssize_t, cy: cython.Py_ssize_t,
-        phase: cython.Py_ssize_t, middle_x: cython.double, middle_y: cython.double, near2: cython.double,
+        self, i: cython.Py_ssize_t, kind: cython.Py_ssize_t, phase: cython.Py_ssize_t,
+        middle_x: cython.double, middle_y: cython.double, near2: cython.double,
     ) -> cython.bint:  # fmt: skip
         """The same for a pin that the border cuts: the fit of 1, d, tx, ty over the pixels there are."""
         n: cython.Py_ssize_t = self._norm_of[i] + phase
         step_max: cython.double = self._norms[n, LONGEST]
-        self._gather_cut(kind, cx, cy, phase)
-        energy: cython.double = self._energy
-        seen: cython.double = self._in_view
-        total: cython.double = self._normal[0, 4]
-        if self._normal[1, 1] < self._share_min * self._norms[n, D2] or seen <= 4 or not self._invert():
-            return False
-        energy -= total * total / seen
-        explained: cython.double = -total * total / seen
-        amplitude: cython.double = 0
-        ex: cython.double = 0
-        ey: cython.double = 0
-        solved: cython.double
+        freedom: cython.double = self._in_view - 4
         r: cython.int
-        c: cython.int
+        self._gather_cut(kind, phase, n)
+        if self._normal[1, 1] < self._share_min * self._norms[n, D2] or freedom <= 0 or not self._solve():
+            return False
+        level = self._right[0] * self._right[0] / self._in_view
+        energy = self._energy - level
+        explained = -level
         for r in range(4):
-            solved = 0
-            for c in range(4):
-                solved += self._inverse[r, c] * self._normal[c, 4]
-            explained += solved * self._normal[r, 4]
-            if r == 1:
-                amplitude = solved
-            elif r == 2:
-                ex = solved
-            elif r == 3:
-                ey = solved
+            explained += self._solution[r] * self._right[r]
+        amplitude = self._solution[1]
         if not (amplitude > 0) or not (energy > 0):
             return False
-        rest: cython.double = energy - explained
-        variance: cython.double = (rest if rest > 0 else 0.0) / (seen - 4) + 1.0 / 12.0
-        ex /= amplitude
-        ey /= amplitude
-        far: cython.double = sqrt(square(ex, ey))
-        shorten: cython.double = step_max / far if far > step_max else 1.0
+        rest = energy - explained
+        variance = max(rest, 0.0) / freedom + 1.0 / 12.0
+        ex = self._solution[2] / amplitude
+        ey = self._solution[3] / amplitude
+        far = sqrt(square(ex, ey))
+        shorten = step_max / far if far > step_max else 1.0
         self._xy[i, 0] = middle_x + shorten * ex
         self._xy[i, 1] = middle_y + shorten * ey
-        if (
-            square(self._xy[i, 0] - self._predicted[i, 0], self._xy[i, 1] - self._predicted[i, 1])
-            > self._reach2
-        ):
+        went2 = square(self._xy[i, 0] - self._predicted[i, 0], self._xy[i, 1] - self._predicted[i, 1])
+        if went2 > self._reach2:
             return False
         if far * far >= near2:
             return True
         self._amplitude[i] = amplitude * self._gain
         self._sigma[i] = sigma_of(
             variance * 0.5 * (self._inverse[2, 2] + self._inverse[3, 3]) / (amplitude * amplitude),
-            rest, seen - 4, energy, self._noise2, self._norms[n, RADIUS],
+            rest, freedom, energy, self._noise2, self._norms[n, RADIUS],
         )  # fmt: skip
         self._fit[i] = explained / energy
         return False
@@ -675,56 +521,40 @@ class CentroidKernel:
     @cython.cfunc
     @cython.exceptval(check=False)
     def _gather_cut(
-        self, kind: cython.Py_ssize_t, cx: cython.Py_ssize_t, cy: cython.Py_ssize_t, phase: cython.Py_ssize_t
+        self, kind: cython.Py_ssize_t, phase: cython.Py_ssize_t, norm: cython.Py_ssize_t
     ) -> cython.void:
-        """Normal equations of 1, d, tx, ty over the pixels in view, their energy and number."""
+        """Normal equations of 1, d, tx, ty over the pixels in view, and their energy."""
         k: Kind = self._kinds[kind]
-        n: cython.Py_ssize_t = kind * N_PHASES * N_PHASES + phase
         t: cython.Py_ssize_t = k.first + 3 * k.plane * phase
-        unit_d: cython.double = self._norms[n, UNIT_D]
-        unit_t: cython.double = self._norms[n, UNIT_T]
-        i: cython.int
-        j: cython.int
+        unit_t: cython.double = self._norms[norm, UNIT_T]
         r: cython.int
         c: cython.int
-        x: cython.Py_ssize_t
-        y: cython.Py_ssize_t
-        at: cython.Py_ssize_t = -1
-        basis: cython.double
+        at: cython.Py_ssize_t
         level: cython.double
-        for r in range(4):
-            for c in range(5):
-                self._normal[r, c] = 0
-        self._energy = self._in_view = 0
-        for j in range(k.first_span, k.end_span):
-            y = cy + self._spans[j, 1]
-            for i in range(self._spans[j, 2]):
-                x = cx + self._spans[j, 0] + i
-                at += 1
-                if x < 0 or y < 0 or x >= self._columns or y >= self._rows:
-                    continue
-                level = cython.cast(cython.double, self._window[at])
-                self._basis[0] = 1
-                self._basis[1] = unit_d * self._values[t + at]
-                self._basis[2] = unit_t * self._values[t + k.plane + at]
-                self._basis[3] = unit_t * self._values[t + 2 * k.plane + at]
-                for r in range(4):
-                    basis = self._basis[r]
-                    for c in range(4):
-                        self._normal[r, c] += basis * self._basis[c]
-                    self._normal[r, 4] += basis * level
-                self._energy += level * level
-                self._in_view += 1
+        self._normal[:, :] = 0
+        self._right[:] = 0
+        self._energy = 0
+        for at in range(k.pixels):
+            if not self._is_in_view[at]:
+                continue
+            level = self._window[at]
+            self._basis[0] = 1
+            self._basis[1] = self._norms[norm, UNIT_D] * self._values[t + at]
+            self._basis[2] = unit_t * self._values[t + k.plane + at]
+            self._basis[3] = unit_t * self._values[t + 2 * k.plane + at]
+            for r in range(4):
+                for c in range(4):
+                    self._normal[r, c] += self._basis[r] * self._basis[c]
+                self._right[r] += self._basis[r] * level
+            self._energy += level * level
 
     @cython.cfunc
     @cython.exceptval(check=False)
-    def _invert(self) -> cython.bint:
+    def _solve(self) -> cython.bint:
         """Gauss-Jordan on the small symmetric matrix; the inverse gives sigma. False: singular."""
         r: cython.int
         c: cython.int
         o: cython.int
-        pivot: cython.double
-        f: cython.double
         for r in range(4):
             for c in range(4):
                 self._inverse[r, c] = 1 if r == c else 0
@@ -736,12 +566,15 @@ class CentroidKernel:
                 self._normal[r, c] /= pivot
                 self._inverse[r, c] /= pivot
             for o in range(4):
-                if o == r:
-                    continue
-                f = self._normal[o, r]
-                for c in range(4):
-                    self._normal[o, c] -= f * self._normal[r, c]
-                    self._inverse[o, c] -= f * self._inverse[r, c]
+                if o != r:
+                    f = self._normal[o, r]
+                    for c in range(4):
+                        self._normal[o, c] -= f * self._normal[r, c]
+                        self._inverse[o, c] -= f * self._inverse[r, c]
+        for r in range(4):
+            self._solution[r] = 0
+            for c in range(4):
+                self._solution[r] += self._inverse[r, c] * self._right[c]
         return True
 
 

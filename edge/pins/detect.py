@@ -9,8 +9,6 @@ Idea
   Where pins are missing, those that the view's border cuts are found too (`partial`); not in a rest frame.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import cast
 
@@ -22,7 +20,7 @@ from edge.geometry.lattice import pitch_of
 from edge.geometry.neighbours import nearest_of, pairs_within
 from edge.geometry.select import SIGMA_OF_MAD
 from edge.limits import PINS_MIN
-from edge.pins.blobs import Spots, find_spots, join, measure_discs
+from edge.pins.blobs import Spots, find_spots, join, measure_discs, rows_of
 from edge.pins.lens import corrected_pins, pattern_as_seen
 from edge.pins.params import PARAMS
 from edge.pins.partial import find_cut
@@ -61,12 +59,7 @@ def detect(image: Image, pattern: PinPattern | None = None) -> Pins:
     if len(whole) >= pattern.count:
         return whole
     cut = find_cut(grey, whole, pattern, pattern.count - len(whole))
-    return Pins(
-        np.concatenate([whole.xy_img, cut.xy_img]),
-        np.concatenate([whole.sigma_px, cut.sigma_px]),
-        np.concatenate([whole.radius_px, cut.radius_px]),
-        np.concatenate([whole.brightness, cut.brightness]),
-    )
+    return join([whole, cut])
 
 
 def inspect_image(image: Image) -> Pins:
@@ -188,8 +181,7 @@ def _learn(grey: Image, dark: bool) -> _Learnt:
 def in_view(pins: Pins, size_px: tuple[int, int]) -> Pins:
     """Without those that the image's border halves: the least motion outwards takes them out of view."""
     free_space = np.minimum(pins.xy_img, np.array(size_px) - 1.0 - pins.xy_img).min(axis=1)
-    kept = free_space >= PARAMS.rest_gap_radii * pins.radius_px
-    return Pins(pins.xy_img[kept], pins.sigma_px[kept], pins.radius_px[kept], pins.brightness[kept])
+    return rows_of(pins, free_space >= PARAMS.rest_gap_radii * pins.radius_px)
 
 
 def _refuse_glints(grey: Image, pins: Pins, pattern: PinPattern) -> None:
@@ -213,7 +205,8 @@ def _find(grey: Image, pattern: PinPattern) -> Spots:
         1, int(np.ceil(np.log(large / small) / np.log(PARAMS.scale_range[1] / PARAMS.scale_range[0])))
     )
     scales = small * (large / small) ** ((np.arange(count) + 0.5) / count)
-    found = _at_scales(grey, scales, 0.15 * pattern.brightness)
+    # The light may have halved since.
+    found = _at_scales(grey, scales, 0.5 * PARAMS.depth_min_pins * pattern.brightness)
     found = found[np.hypot(*(found.xy_img - pattern.centre_img).T) < 1.1 * pattern.tip_radius_px]
     spots = found[_well_shaped(found)]
     if len(spots) == 0:
@@ -275,8 +268,7 @@ def _centroids(grey: Image, spots: Spots, pattern: PinPattern) -> tuple[Pins, fl
     fit = refiner.fit
     seen = ~np.isnan(found.xy_img[:, 0])
     seen[_twins(found, np.where(seen, fit, -np.inf))] = False
-    pins = Pins(found.xy_img[seen], found.sigma_px[seen], found.radius_px[seen], found.brightness[seen])
-    return pins, float(np.median(fit))
+    return rows_of(found, seen), float(np.median(fit))
 
 
 def _twins(pins: Pins, fit: Array) -> Mask:

@@ -9,8 +9,6 @@ and glints are those of the corrected pins; sizes and levels of a pin are always
 nothing here runs.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import cv2

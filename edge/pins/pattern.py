@@ -9,8 +9,6 @@ Rules
   with another pin, is still a pin.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

@@ -1,7 +1,5 @@
 """Where each known pin is now, from its neighbourhood alone: the tip's constants for `centroids`."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
@@ -41,7 +39,6 @@ class CentroidRefiner:
                 "near_phases": params.near_phases,
                 "share_min": params.pin_share_min,
                 "reach_px": params.own_pitches * pattern.pitch_px,
-                "clash_px": radius.min(),  # nearer, one's middle lies on the other's disc
                 "noise": pattern.noise,
                 # So few that one bit is left above the pins' brightness: the light may double.
                 "spare_bits": max(0.0, np.ceil(np.log2(pattern.brightness / STEP_MAX)) + 1.0),

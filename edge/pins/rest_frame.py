@@ -1,7 +1,5 @@
 """The rest frame: the untouched tip, from several images; row i defines pin i from then on."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import cast
@@ -11,6 +9,7 @@ import numpy as np
 
 from edge.errors import NoPins
 from edge.geometry.neighbours import nearest_of
+from edge.pins.blobs import join, rows_of
 from edge.pins.detect import as_bright, detect, in_view, learn, noise_of, to_grey
 from edge.pins.lens import corrected_rest
 from edge.pins.params import PARAMS
@@ -39,8 +38,7 @@ def take_rest(images: Sequence[Image], polarity: Polarity = Polarity.FOUND, lens
     # The noise is that of a single image, like later frames, not that of the mean.
     pattern = replace(pattern, noise=float(np.median([noise_of(grey) for grey in greys])), dark=dark)
     order = np.lexsort((pins.xy_img[:, 0], np.rint(pins.xy_img[:, 1] / pattern.pitch_px)))
-    pins = Pins(pins.xy_img[order], pins.sigma_px[order], pins.radius_px[order], pins.brightness[order])
-    rest = Rest(pins, pattern)
+    rest = Rest(rows_of(pins, order), pattern)
     return rest if lens is None else corrected_rest(rest, lens)
 
 
@@ -87,29 +85,22 @@ def with_voted(greys: Sequence[Image], pattern: PinPattern, pins: Pins) -> tuple
     reach_px = pattern.tip_radius_px + PARAMS.link_pitches_outside * pattern.pitch_px
     wider = replace(pattern, tip_radius_px=reach_px, count=0)
     shown = [in_view(detect(grey, wider), pattern.size_px) for grey in greys]
-    xy, sigma, radius, brightness = (
-        np.concatenate([getattr(one, name) for one in shown])
-        for name in ("xy_img", "sigma_px", "radius_px", "brightness")
-    )
+    together = join(shown)
+    xy = together.xy_img
     which = np.repeat(np.arange(len(shown)), [len(one) for one in shown])
     near_px = 0.5 * pattern.pitch_px
     free = nearest_of(pins.xy_img, xy)[0][:, 0] > near_px
-    added: list[tuple[float, ...]] = []
+    added = [pins]
     for i in np.flatnonzero(free):
         same = free & (np.hypot(*(xy - xy[i]).T) < near_px)
         if 2 * len(np.unique(which[same])) >= len(greys):
             free &= ~same
-            place = np.median(xy[same], axis=0)
-            added.append((*place, *(float(np.median(v[same])) for v in (sigma, radius, brightness))))
-    if not added:
+            one = rows_of(together, same)
+            columns = (one.xy_img, one.sigma_px, one.radius_px, one.brightness)
+            added.append(Pins(*(np.median(column, axis=0, keepdims=True) for column in columns)))
+    if len(added) == 1:
         return pattern, pins
-    rows = np.array(added)
-    pins = Pins(
-        np.concatenate([pins.xy_img, rows[:, :2]]),
-        np.concatenate([pins.sigma_px, rows[:, 2]]),
-        np.concatenate([pins.radius_px, rows[:, 3]]),
-        np.concatenate([pins.brightness, rows[:, 4]]),
-    )
+    pins = join(added)
     (x, y), reach = cv2.minEnclosingCircle(pins.xy_img.astype(np.float32))
     outermost_px = float(reach) + pattern.pin_radius_px
     return replace(pattern, count=len(pins), centre_img=np.array([x, y]), tip_radius_px=outermost_px), pins

@@ -8,8 +8,6 @@ Rules
 - Only the support circle is kept, row after row without gaps: half of the square round it is outside.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 from math import erfc

@@ -3,8 +3,6 @@
 Sums are of integers: both give exactly the same.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -2,7 +2,7 @@
 
 It is read chunk by chunk; damage is counted in `faults`, and reading goes on. Memory is bounded before it is
 allocated: no length may point beyond the end of the file (`_Bounded`), no chunk unpacks to more than
-`UNPACKED_MAX`, and its records are read one by one.
+`UNPACKED_MAX`, its records are read one by one, and few wait for earlier ones.
 """
 
 import io
@@ -10,10 +10,13 @@ import struct
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from heapq import heappop, heappush
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
 from edge.errors import SourceError
+from edge.limits import IMAGE_PIXELS
+from edge.recording.mcap_writer import PARAMS
 from hostlink.input_file import open_input
 from hostlink.mcap_chunk import UNPACKED_MAX, unpack_chunk
 
@@ -100,7 +103,7 @@ def _opened(path: Path) -> Iterator[_Bounded]:
 
 
 def _chunks(file: _Bounded, faults: Counter[str]) -> Iterator[Any]:
-    """Schema, channel and chunk records; by the index if there is one, else in the file's order."""
+    """Schema, channel and chunk records; in order of time if there is an index, else in the file's order."""
     from mcap.records import Channel, Chunk, Message, Schema
 
     broken = damage(OSError)
@@ -112,11 +115,10 @@ def _chunks(file: _Bounded, faults: Counter[str]) -> Iterator[Any]:
     if summary is not None and summary.chunk_indexes:
         yield from summary.schemas.values()
         yield from summary.channels.values()
-        end = 0
-        for index in sorted(summary.chunk_indexes, key=lambda index: index.chunk_start_offset):
+        indexes = {index.chunk_start_offset: index for index in summary.chunk_indexes}
+        for at, _ in sorted(indexes.items(), key=lambda item: (item[1].message_start_time, item[0])):
             try:
-                chunk = _record_at(file, index.chunk_start_offset, end, Chunk)
-                end = file.tell()
+                chunk = _record_at(file, at, 0, Chunk)
             except broken:
                 faults["damaged chunk"] += 1
             else:
@@ -148,10 +150,27 @@ def _unpacked(chunk: Any) -> Iterator[Any]:
 
 
 def raw_messages(path: Path, faults: Counter[str]) -> Iterator[RawMessage]:
-    """All messages in the file's order; damaged ones are counted.
+    """All messages in order of time; damaged ones are counted.
 
-    Raises SourceError: does not exist, not MCAP
+    As many bytes wait for earlier messages as the largest image has; a message that stands still later in the
+    file comes when it is met.
+    Raises  SourceError: does not exist, not MCAP
     """
+    held: list[tuple[int, int, RawMessage]] = []  # a heap
+    held_bytes = 0
+    for n, message in enumerate(_messages(path, faults)):
+        heappush(held, (message.log_ns, n, message))
+        held_bytes += len(message.data) + PARAMS.item_bytes
+        while held_bytes > IMAGE_PIXELS and len(held) > 1:
+            first = heappop(held)[2]
+            held_bytes -= len(first.data) + PARAMS.item_bytes
+            yield first
+    while held:
+        yield heappop(held)[2]
+
+
+def _messages(path: Path, faults: Counter[str]) -> Iterator[RawMessage]:
+    """All messages as the chunks have them."""
     from mcap.records import Channel, Chunk, Message, Schema
 
     broken = damage()

@@ -11,21 +11,22 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import msgspec
-import numpy as np
 
 from edge.errors import SourceError
 from edge.limits import RATE_MAX_HZ
-from edge.recording.images import OtherSize, decode_image
+from edge.recording.images import IMAGE_SCHEMAS, OtherSize, decode_image
 from edge.recording.mcap_file import RawMessage, damage, image_count, raw_messages, read_metadata
+from edge.recording.ros import bag_messages
 from edge.recording.topics import TOPICS, proto
-from edge.sources.files import FileSource
+from edge.sources.files import PARAMS as FILES
+from edge.sources.files import FileSource, growing
 from edge.sources.live import PARAMS as LIVE
+from edge.sources.live import rate_of
 from edge.sources.options import Options
-from edge.types import Clock, Frame, Image
+from edge.types import Clock, Frame
 
 _TIME_MAX_NS = 1 << 62  # 146 years
 _SEQUENCE_MAX = 1 << 53
-_IMAGE_SCHEMAS = ("foxglove.RawImage", "foxglove.CompressedImage")
 
 
 class _About(msgspec.Struct):
@@ -44,7 +45,7 @@ class _Truth(msgspec.Struct):
 
 
 def read_messages(path: str | Path, topics: Sequence[str] | None = None) -> Iterator[tuple[str, int, Any]]:
-    """(topic, log time ns, message) in the file's order: JSON as dict, Foxglove as protobuf object.
+    """(topic, log time ns, message) in order of time: JSON as dict, Foxglove as protobuf object.
 
     A damaged message is skipped.
     Raises SourceError: does not exist, not MCAP
@@ -66,27 +67,36 @@ def read_messages(path: str | Path, topics: Sequence[str] | None = None) -> Iter
 
 
 class RecordingSource(FileSource):
-    """FrameSource over an MCAP file.
+    """FrameSource over an MCAP file, or a bag of ROS 2: a folder, or a .db3 of it.
 
-    topic   image topic; None: /camera/image, else the first one with images
-    Raises  SourceError: does not exist, not MCAP, no images. Images of another size are counted in `faults`
+    topic   image topic; None: the first one with images that can be read
+    Raises  SourceError: does not exist, no recording, no images; those of another size are counted
     """
 
     def __init__(self, path: str | Path, topic: str | None = None) -> None:
         super().__init__("recording", path)
-        self.metadata = read_metadata(self.path)
+        self._is_bag = self.path.is_dir() or self.path.suffix.lower() == ".db3"
+        self.metadata = {} if self._is_bag else read_metadata(self.path)
         self._topic = topic
+        self._refused = ""  # why the first image that could not be read was not
         faults: Counter[str] = Counter()
-        first = list(islice(self._frames(faults), 1))
-        if not first and (faults["truncated"] or faults["damaged chunk"]):
+        first = next(self._frames(faults), None)
+        if first is None and (faults["truncated"] or faults["damaged chunk"]):
             how = "cut off" if faults["truncated"] else "damaged"
             raise SourceError(f"{self.name}: {how} before its first whole image; copy or record it again")
-        if not first:
+        if first is None:
             wanted = f"on topic {topic}" if topic else "on any topic"
-            raise SourceError(f"{self.name}: no complete image {wanted}; record again or name another topic")
-        height, width = first[0].image.shape
-        self.size_px = (width, height)
+            raise SourceError(f"{self.name}: no complete image {wanted}: {self._refused or self._listed()}")
+        self.size_px = (first.image.shape[1], first.image.shape[0])
         self.rate_hz = self._rate_hz()
+
+    def _messages(self, faults: Counter[str]) -> Iterator[RawMessage]:
+        return (bag_messages if self._is_bag else raw_messages)(self.path, faults)
+
+    def _listed(self) -> str:
+        """The topics, for one who expected an image."""
+        found = sorted({f"{raw.topic} ({raw.schema})" for raw in self._messages(Counter())})
+        return f"its topics are {', '.join(found[:9])}" if found else "it has no messages"
 
     def _rate_hz(self) -> float:
         """The rate stated by the recorder, else from the median of the first intervals."""
@@ -96,42 +106,44 @@ class RecordingSource(FileSource):
             rate_hz = 0.0
         if 0 < rate_hz < RATE_MAX_HZ:
             return rate_hz
-        images = (raw.log_ns for raw in raw_messages(self.path, Counter()) if self._is_image(raw))
-        steps = np.diff(list(islice(images, LIVE.rate_frames_n + 1)))
-        return 1e9 / float(np.median(steps)) if len(steps) and np.median(steps) > 0 else 0.0
+        images = (raw.log_ns for raw in self._messages(Counter()) if self._is_image(raw))
+        return rate_of(list(islice(images, LIVE.rate_frames_n + 1)), 1e9)
 
     def _is_image(self, raw: RawMessage) -> bool:
-        if raw.schema not in _IMAGE_SCHEMAS:
-            return False
-        self._topic = self._topic or raw.topic
-        return raw.topic == self._topic
+        return raw.schema in IMAGE_SCHEMAS and self._topic in (None, raw.topic)
 
     def _frames(self, faults: Counter[str], size_px: tuple[int, int] | None = None) -> Iterator[Frame]:
-        about: tuple[int, _About | None] = (-1, None)  # log time, and the data of that time
-        truth: tuple[int, dict[str, Any] | None] = (-1, None)
+        about_ns = truth_ns = -1  # log times of the data beside an image
+        about, truth = _About(0, 0), None
         n = 0
         broken = damage(TypeError, msgspec.DecodeError)
-        for raw in raw_messages(self.path, faults):
+        for raw in self._messages(faults):
             try:
                 if raw.topic == TOPICS["frame"].name:
-                    about = raw.log_ns, msgspec.json.decode(raw.data, type=_About)
+                    about, about_ns = msgspec.json.decode(raw.data, type=_About), raw.log_ns
                 elif raw.topic == TOPICS["truth"].name:
-                    truth = raw.log_ns, msgspec.json.decode(raw.data, type=_Truth).truth
+                    truth, truth_ns = msgspec.json.decode(raw.data, type=_Truth).truth, raw.log_ns
                 elif self._is_image(raw):
-                    image = decode_image(raw.schema, raw.data, size_px)
-                    frame_about = about[1] if about[0] == raw.log_ns else None
-                    frame_truth = truth[1] if truth[0] == raw.log_ns else None
-                    yield _frame(image, raw, n, frame_about, frame_truth)
+                    image = decode_image(raw, size_px)
+                    self._topic = raw.topic
+                    if about_ns != raw.log_ns:  # another tool's file
+                        about = _About(raw.sequence or n, raw.log_ns)
+                    bits, bits_max = about.bits or self._bits_of(image), 8 * image.itemsize
+                    if bits > bits_max or about.capture_ns > _TIME_MAX_NS:
+                        raise ValueError(f"{bits} bits of {bits_max}, at {about.capture_ns} ns")
+                    known = truth if truth_ns == raw.log_ns else None
+                    yield Frame(image, about.capture_ns, about.sequence, Clock.RECORDED, bits, known)
                     n += 1
             except OtherSize:
                 faults["other image size"] += 1
-            except broken:
+            except broken as error:
                 faults["damaged message"] += 1
+                self._refused = self._refused or f"{raw.topic}: {error}"
 
     def __iter__(self) -> Iterator[Frame]:
         faults: Counter[str] = Counter()
         self.faults = faults
-        for frame in self._frames(faults, self.size_px):
+        for frame in growing(self._frames(faults, self.size_px), self.rate_hz or FILES.stills_hz):
             if self._closed:
                 return
             yield frame
@@ -139,22 +151,7 @@ class RecordingSource(FileSource):
     @property
     def frames_n(self) -> int:
         """Images, from the file's index; 0: it has none, as after a kill."""
-        return image_count(self.path, self._topic)
-
-
-def _frame(
-    image: Image, raw: RawMessage, n: int, about: _About | None, truth: dict[str, Any] | None
-) -> Frame:
-    """A frame from another tool's file has no `about`: log time and a running number are used instead.
-
-    Raises ValueError: impossible times or bits
-    """
-    bits_max = 8 * image.dtype.itemsize
-    about = about or _About(raw.sequence or n, raw.log_ns)
-    bits = about.bits or bits_max
-    if bits > bits_max or about.capture_ns > _TIME_MAX_NS:
-        raise ValueError(f"{bits} bits of a pixel that has {bits_max}, at {about.capture_ns} ns")
-    return Frame(image, about.capture_ns, about.sequence, Clock.RECORDED, bits, truth)
+        return 0 if self._is_bag else image_count(self.path, self._topic)
 
 
 class RecordingKeys(msgspec.Struct):

@@ -3,8 +3,8 @@
 - A call puts references on a bounded queue, a thread encodes and writes them. What does not fit is dropped
   and counted, and a warning in the file marks the gap. A full disk sets `fault`; nothing raises into the
   loop.
-- `log_time` is the capture time plus one offset for the whole file, taken from the wall clock at the first
-  frame: intervals stay exact, and all messages of a frame share one time.
+- `log_time` is the capture time plus an offset, taken from the wall clock at the first frame, and again where
+  the camera's clock begins anew: intervals stay exact, and all messages of a frame share one time.
 """
 
 import threading
@@ -27,6 +27,7 @@ from edge.view.palette import cell_rgba
 from hostlink.topics import (
     DIAGNOSIS_S,
     Diagnosis,
+    TipPlace,
     contact_scene,
     diagnostics_message,
     finger_name,
@@ -64,8 +65,9 @@ class _LogClock:
         return self._wall_ns() if self._learns else self._last_ns
 
     def of(self, frame: Frame) -> int:
-        if self._offset_ns is None:
-            self._offset_ns = self._wall_ns() - frame.capture_ns
+        """Of a frame; it grows, though the camera's clock may begin anew."""
+        if self._offset_ns is None or frame.capture_ns + self._offset_ns < self._last_ns:
+            self._offset_ns = max(self.now_ns(), self._last_ns + 1) - frame.capture_ns
         self._last_ns = frame.capture_ns + self._offset_ns
         return self._last_ns
 
@@ -193,7 +195,8 @@ class Recorder:
         log_ns = self._clock.of(frame)
 
         def scene() -> bytes:
-            return bytes(contact_scene(FoxgloveMessages(), finger, state(), log_ns).SerializeToString())
+            made = contact_scene(FoxgloveMessages(), finger_name(finger), state(), log_ns)
+            return bytes(made.SerializeToString())
 
         values = (sample_topic(finger), lambda: messages.to_json(sample_message(state())))
         return self._put(frame, [values, (contacts_topic(finger), scene)])
@@ -211,7 +214,8 @@ class Recorder:
         found = Diagnosis(name, level_of(state.status, problem), problem or "measures", self._serial, values)
 
         def tips() -> bytes:
-            return bytes(tip_transforms(FoxgloveMessages(), [name], log_ns).SerializeToString())
+            made = tip_transforms(FoxgloveMessages(), [TipPlace(name, "hand")], log_ns)
+            return bytes(made.SerializeToString())
 
         about = ("diagnostics", lambda: messages.to_json(diagnostics_message([found], log_ns)))
         self._put(frame, [about, ("tf", tips)])

@@ -1,6 +1,6 @@
 """Where frames come from. One door: `open_source(spec)`.
 
-    press.mcap                  a recording
+    press.mcap, bag/, a.db3     a recording: MCAP, or a bag of ROS 2
     north.avi, frames/, a.png   a video, a folder of images, one image
     v4l2:0, /dev/video0         a UVC or other V4L2 camera; also v4l2:SERIAL and /dev/v4l/by-id/...
     oak:, oak:MXID              an OAK module, through depthai
@@ -58,6 +58,7 @@ _BUILT_IN = {
     "picamera": "edge.sources.picamera:open_picamera",
     "mcap": "edge.recording.reader:open_recording",
 }
+_RECORDINGS = (".mcap", ".db3")
 _FROM_EXTRA = {"sim": "voronoi-touch[calib]"}
 
 
@@ -108,9 +109,11 @@ def _scheme_of(where: str) -> str:
         raise SourceError(
             f"source {where}: no such file or folder; give a recording, a folder or e.g. v4l2:0"
         )
-    if path.is_dir() or path.suffix.lower() in IMAGE_SUFFIXES:
-        return "images"
-    return "mcap" if path.suffix.lower() == ".mcap" else "video"
+    if path.suffix.lower() in _RECORDINGS:
+        return "mcap"
+    if (path / "metadata.yaml").is_file() and any(file.suffix in _RECORDINGS for file in path.iterdir()):
+        return "mcap"  # a bag
+    return "images" if path.is_dir() or path.suffix.lower() in IMAGE_SUFFIXES else "video"
 
 
 def open_source(spec: str, **settings: Any) -> FrameSource:

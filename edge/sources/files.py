@@ -7,24 +7,27 @@ is counted in `faults`, and reading goes on.
 import os
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import cv2
-import numpy as np
 from cv2.utils import logging
 
 from edge.errors import SourceError
 from edge.limits import RATE_MAX_HZ
-from edge.sources.image_header import check_size, image_size
+from edge.sources.image_header import check_size, is_cut_off
+from edge.sources.live import PARAMS as LIVE
+from edge.sources.live import rate_of
 from edge.sources.options import NoKeys, Options
+from edge.sources.pixels import decode_picture, to_grey
 from edge.types import Clock, Frame, Image, Lens, Polarity
 from hostlink.input_file import read_bounded
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".webp")
+_DEPTHS = (8, 10, 12, 14, 16)  # bits of a sensor's pixel
 _GIVE = f"give {', '.join(IMAGE_SUFFIXES)}"
 
 
@@ -36,6 +39,8 @@ class FileParams:
 
 
 PARAMS = FileParams()
+#: FFmpeg's names of grey that OpenCV gives as it is, of 8 and 16 bits; all else becomes colour of 8 bits.
+_GREY_FORMATS = [int.from_bytes(name, "little") for name in (b"Y800", b"Y1\0\x10")]
 
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # damage is counted here, not printed by FFmpeg
 
@@ -51,20 +56,6 @@ def quiet_opencv() -> Iterator[None]:
         logging.setLogLevel(level)
 
 
-def to_grey(image: np.ndarray[Any, Any]) -> Image:
-    """Grey of the same depth. Raises ValueError: not an image of 8 or 16 bits."""
-    if image.dtype not in (np.uint8, np.uint16):
-        raise ValueError(f"pixels of type {image.dtype}; save it with 8 or 16 bits a pixel")
-    if image.ndim == 2:
-        return image
-    conversions = {1: None, 3: cv2.COLOR_BGR2GRAY, 4: cv2.COLOR_BGRA2GRAY}
-    if image.ndim != 3 or image.shape[2] not in conversions:
-        raise ValueError(f"{image.shape} values; save it as grey or RGB")
-    code = conversions[image.shape[2]]
-    grey: Any = image[:, :, 0] if code is None else cv2.cvtColor(image, code)
-    return np.asarray(grey)
-
-
 def _natural(path: Path) -> list[tuple[int, int, str]]:
     """frame_2 before frame_10."""
     parts = re.split(r"(\d+)", path.name.lower())
@@ -74,7 +65,7 @@ def _natural(path: Path) -> list[tuple[int, int, str]]:
 def _read_image(path: Path) -> Image:
     """Raises ValueError: not an image."""
     try:
-        data = np.frombuffer(read_bounded(path), np.uint8)
+        data = read_bounded(path)
     except IsADirectoryError:
         raise ValueError("is a folder; give the images in it, one by one") from None
     except FileNotFoundError:
@@ -82,17 +73,11 @@ def _read_image(path: Path) -> Image:
     except OSError as error:
         raise ValueError(f"cannot be read: {error.strerror}") from None
     try:
-        check_size(*image_size(data.data))
+        with quiet_opencv():
+            return decode_picture(data)
     except ValueError as error:
-        raise ValueError(f"{error}; {_GIVE}") from None
-    with quiet_opencv():
-        try:
-            image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
-        except cv2.error as error:
-            raise ValueError(f"damaged; {_GIVE}") from error
-    if image is None:
-        raise ValueError(f"not an image; {_GIVE}")
-    return to_grey(image)
+        advice = "" if ";" in str(error) else f"; {_GIVE}"  # it may have its own
+        raise ValueError(f"{error}{advice}") from None
 
 
 def read_image(path: str | Path) -> Image:
@@ -101,6 +86,22 @@ def read_image(path: str | Path) -> Image:
         return _read_image(Path(path))
     except ValueError as error:
         raise SourceError(f"image {path}: {error}") from error
+
+
+def growing(frames: Iterable[Frame], rate_hz: float) -> Iterator[Frame]:
+    """The frames with times that grow: their own, shifted as long as they are not later than those before.
+
+    A time that is repeated becomes half a period later, so that the next one may be as it is.
+    """
+    last_ns, shift_ns = -1, 0
+    for frame in frames:
+        own_ns = frame.capture_ns
+        if own_ns > last_ns:
+            shift_ns = 0
+        elif own_ns + shift_ns <= last_ns:
+            shift_ns = last_ns + max(1, round(0.5e9 / rate_hz)) - own_ns
+        last_ns = own_ns + shift_ns
+        yield replace(frame, capture_ns=last_ns)
 
 
 class FileSource:
@@ -118,7 +119,14 @@ class FileSource:
         self.polarity = Polarity.FOUND
         self.lens: Lens | None = None
         self.faults: Counter[str] = Counter()
+        self._bits = 0  # of a pixel, by the first image
         self._closed = False
+
+    def _bits_of(self, image: Image) -> int:
+        """Bits of a pixel that count, where the file does not say so: as many as the first image needs."""
+        largest = int(image.max())
+        self._bits = self._bits or next(bits for bits in _DEPTHS if not largest >> bits)
+        return 8 * image.itemsize if largest >> self._bits else self._bits
 
     def close(self) -> None:
         self._closed = True
@@ -144,11 +152,12 @@ class FolderSource(FileSource):
         if not self.paths:
             raise SourceError(f"{self.name}: no images in it; {_GIVE}")
         try:
-            height, width = _read_image(self.paths[0]).shape
+            image = _read_image(self.paths[0])
         except ValueError as error:
             where = self.name if self.path.is_file() else f"{self.name}: {self.paths[0].name}"
             raise SourceError(f"{where}: {error}") from error
-        self.size_px = (width, height)
+        self.size_px = (image.shape[1], image.shape[0])
+        self._bits_of(image)
 
     @property
     def frames_n(self) -> int:
@@ -170,20 +179,20 @@ class FolderSource(FileSource):
                     f"{self.name}: {path.name} is {image.shape[1]}x{image.shape[0]}, the first one "
                     f"{self.size_px[0]}x{self.size_px[1]}; keep one size in a folder"
                 )
-            bits = 16 if image.dtype == np.uint16 else 8
-            yield Frame(image, round(n * 1e9 / self.rate_hz), n, Clock.RECORDED, bits)
+            capture_ns = round(n * 1e9 / self.rate_hz)
+            yield Frame(image, capture_ns, n, Clock.RECORDED, self._bits_of(image))
 
 
 class VideoSource(FileSource):
     """A video file, through OpenCV's FFmpeg.
 
-    rate_hz  0: the file's own
-    Raises   SourceError: does not exist, not a video, no frame in it
+    rate_hz   0: the file's own, measured from its first images if they do not come at the stated rate
+    frames_n  as the file states it, which is an estimate in some; 0: it does not
+    Raises    SourceError: does not exist, not a video, no frame in it
     """
 
     def __init__(self, path: str | Path, rate_hz: float = 0.0) -> None:
         super().__init__("video", path)
-        self._own_rate = not rate_hz
         capture = self._open()
         try:
             stated_n = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
@@ -193,13 +202,21 @@ class VideoSource(FileSource):
                 int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
             )
             ok, image = capture.read()
+            times_ms = [float(capture.get(cv2.CAP_PROP_POS_MSEC))]
+            while len(times_ms) <= LIVE.rate_frames_n and capture.grab():
+                times_ms.append(float(capture.get(cv2.CAP_PROP_POS_MSEC)))
         except ValueError as error:
             raise SourceError(f"{self.name}: {error}") from None
         finally:
             capture.release()
         if not ok:
             raise SourceError(f"{self.name}: no frame can be decoded; give a complete video")
-        self.rate_hz = rate_hz or (stated_hz if 0 < stated_hz < RATE_MAX_HZ else PARAMS.stills_hz)
+        stated_hz = stated_hz if 0 < stated_hz < RATE_MAX_HZ else PARAMS.stills_hz
+        measured_hz = rate_of(times_ms, 1e3) or stated_hz
+        self._own_times = not rate_hz and max(times_ms) > times_ms[0]
+        mean_hz = (len(times_ms) - 1) * 1e3 / max(1e-3, times_ms[-1] - times_ms[0])  # of a variable rate
+        as_stated = any(LIVE.slow_rel < hz / stated_hz < 1 / LIVE.slow_rel for hz in (measured_hz, mean_hz))
+        self.rate_hz = rate_hz or (stated_hz if as_stated else measured_hz)
         self.size_px = (image.shape[1], image.shape[0])
 
     def _open(self) -> Any:
@@ -212,34 +229,37 @@ class VideoSource(FileSource):
             capture = cv2.VideoCapture(str(self.path.absolute()), cv2.CAP_FFMPEG)
         if not capture.isOpened():
             raise SourceError(f"{self.name}: not a video; give avi, mp4, mkv, or an MCAP recording")
+        capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
+        if int(capture.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT)) in _GREY_FORMATS:
+            capture.set(cv2.CAP_PROP_CONVERT_RGB, 0)
         return capture
 
     def __iter__(self) -> Iterator[Frame]:
+        return growing(self._frames(), self.rate_hz)
+
+    def _frames(self) -> Iterator[Frame]:
         faults: Counter[str] = Counter()
         self.faults = faults
         capture = self._open()
         n = bad_n = 0
-        last_ns = -1
         try:
             while not self._closed:
                 ok, image = capture.read()
-                at = n + faults["damaged frame"]
                 if not ok:
-                    if at + 1 >= self.frames_n:
-                        if bad_n:
-                            faults["damaged frame"] -= bad_n  # they were the end of the file
-                            faults["truncated"] = 1
-                        return
                     bad_n += 1
-                    faults["damaged frame"] += 1
-                    continue
-                bad_n = 0
-                own_ns = round(float(capture.get(cv2.CAP_PROP_POS_MSEC)) * 1e6)
-                # Files with variable rate store times; if there are none, the index is used.
-                capture_ns = own_ns if self._own_rate and own_ns > last_ns else round(at * 1e9 / self.rate_hz)
-                last_ns = capture_ns = max(capture_ns, last_ns + 1)
+                    if n + bad_n < self.frames_n and bad_n < LIVE.first_s * self.rate_hz:
+                        continue  # it may go on behind the damage
+                    if n < self.frames_n and is_cut_off(self.path):
+                        faults["truncated"] = 1
+                    return
+                if bad_n:
+                    faults["damaged frame"] += bad_n
+                    n, bad_n = n + bad_n, 0
+                own_ms = float(capture.get(cv2.CAP_PROP_POS_MSEC))
+                capture_ns = round(own_ms * 1e6 if self._own_times else n * 1e9 / self.rate_hz)
+                grey = to_grey(image)
+                yield Frame(grey, capture_ns, n, Clock.RECORDED, self._bits_of(grey))
                 n += 1
-                yield Frame(to_grey(image), capture_ns, at, Clock.RECORDED)
         finally:
             capture.release()
 

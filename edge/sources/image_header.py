@@ -1,12 +1,14 @@
-"""Width and height of an image file from its first bytes, before memory is allocated for its pixels.
+"""What the header of a file says: width and height of an image, and whether a video was cut off.
 
-A 15 MB PNG may stand for 32000 x 32000 pixels of 8 bytes. Sources: PNG (RFC 2083), JPEG (ITU T.81, B.2.2),
-BMP (BITMAPINFOHEADER), Netpbm, TIFF 6.0, WebP (RFC 9649).
+Size comes before memory is allocated for the pixels: a 15 MB PNG may stand for 32000 x 32000 of 8 bytes.
+Sources: PNG (RFC 2083), JPEG (ITU T.81, B.2.2), BMP (BITMAPINFOHEADER), Netpbm, TIFF 6.0, WebP (RFC 9649);
+AVI (RIFF), Matroska (RFC 8794).
 """
 
 import re
 import struct
 from collections.abc import Callable
+from pathlib import Path
 
 from edge.limits import IMAGE_PIXELS, IMAGE_SIDE_PX
 
@@ -117,3 +119,23 @@ _FORMATS: dict[bytes, Callable[[memoryview], tuple[int, int]]] = {
     b"MM\0*": _tiff,
     b"RIFF": _webp,
 }
+
+
+def is_cut_off(path: Path) -> bool:
+    """Whether an AVI or Matroska file ends before its container does.
+
+    The number of images that a header states is no proof: it may be an estimate, or count what is not shown.
+    """
+    with path.open("rb") as file:
+        head = file.read(256)
+    if head.startswith(b"RIFF"):
+        end = 8 + int.from_bytes(head[4:8], "little")
+    else:
+        at = (
+            head.find(b"\x18\x53\x80\x67") + 4
+        )  # Matroska's segment; in the length, leading zeros say how long it is
+        bits = 7 * (9 - head[at].bit_length())
+        length = int.from_bytes(head[at : at + bits // 7], "big") & (1 << bits) - 1
+        known = at > 3 and length != (1 << bits) - 1
+        end = at + bits // 7 + length if known else 0
+    return end > path.stat().st_size

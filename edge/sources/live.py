@@ -9,7 +9,7 @@ import time
 import zlib
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,6 +37,13 @@ def stalled_after_s(rate_hz: float | None) -> float:
     the slowest one that does not count as slow, or `stall_s` if that is longer.
     """
     return max(RUNTIME.stall_s, 2.0 / (PARAMS.slow_rel * rate_hz) if rate_hz else 0.0)
+
+
+def rate_of(times: Sequence[float], per_s: float) -> float:
+    """Frames a second by the median step between times, of which `per_s` make a second; 0: none grows."""
+    steps = np.diff(times)
+    steps = steps[steps > 0]
+    return per_s / float(np.median(steps)) if len(steps) else 0.0
 
 
 class Watch:
@@ -88,7 +95,7 @@ class ThreadedSource(ABC):
         self._last_s = 0.0
         self._condition = ""
         self._slot_condition = ""
-        self.frame_condition = ""  # fault of the frame that `read` gave last: frozen, black
+        self.frame_condition = ""  # fault of the frame that `read` gave last: frozen, black, slow
         self._failure: Exception | None = None
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
@@ -141,7 +148,7 @@ class ThreadedSource(ABC):
 
     @property
     def condition(self) -> str:
-        """ "" or the present fault: lost, stalled, frozen, black."""
+        """ "" or the present fault: lost, stalled, frozen, black, slow."""
         if self._condition or self._ended or not self._started:
             return self._condition
         waited_s = time.monotonic() - self._last_s
@@ -209,9 +216,7 @@ class ThreadedSource(ABC):
             raise SourceError(
                 f"{self.name}: no frame within {patience_s:g} s; check the cable and who else uses it"
             )
-        steps = np.diff(times)
-        steps = steps[steps > 0]
-        measured_hz = 1e9 / float(np.median(steps)) if len(steps) else 0.0
+        measured_hz = rate_of(times, 1e9)
         if measured_hz < least_hz:
             raise SourceError(
                 f"{self.name}: {measured_hz:.1f} frames/s, at least {least_hz:g} wanted; "

@@ -50,6 +50,7 @@ class OakParams:
 
 
 PARAMS = OakParams()
+RATE_HZ = 60.0  # that every camera of the maker's gives at this size; without a rate the modules give 30
 _READ = timedelta(seconds=RUNTIME.wait_s)
 
 
@@ -77,18 +78,25 @@ def find_module(where: str) -> dai.DeviceInfo:
     )
 
 
+def _with_own(options: Options) -> Options:
+    return options.or_own(LIVE.size_px, RATE_HZ)
+
+
 def camera_output(
     options: Options, socket: str = "CAM_B", crop: Crop | None = None, sync: str = ""
 ) -> MakeOutput:
     """Mono camera of a module: manual exposure and focus, no anti-banding, one chunk a frame.
 
+    Unasked it has the size that its maker's mono sensors give fastest, and a rate that each of them gives.
     sync  what the camera's frame sync pin is: a key of `SYNC_MODES`; "": as depthai has it
     """
+
+    options = _with_own(options)
 
     def make(pipeline: dai.Pipeline) -> dai.Node.Output:
         import depthai as dai
 
-        rate_hz = options.rate_hz or None
+        rate_hz = options.rate_hz
         camera = pipeline.create(dai.node.Camera).build(_socket(socket), sensorFps=rate_hz)
         control = camera.initialControl
         control.setManualExposure(options.exposure_us or PARAMS.exposure_us, options.gain or PARAMS.gain_iso)
@@ -98,9 +106,7 @@ def camera_output(
         if sync:
             control.setFrameSyncMode(getattr(dai.CameraControl.FrameSyncMode, SYNC_MODES[sync]))
         pipeline.setXLinkChunkSize(0)
-        output = camera.requestOutput(
-            options.size_or(LIVE.size_px), type=dai.ImgFrame.Type.GRAY8, fps=rate_hz
-        )
+        output = camera.requestOutput(options.size_px, type=dai.ImgFrame.Type.GRAY8, fps=rate_hz)
         return output if crop is None else crop.of(pipeline, output)
 
     return make
@@ -209,7 +215,7 @@ class OakSource(CameraSource):
         own_clock: bool = False,
         crop: Crop | None = None,
     ) -> None:
-        super().__init__(name, options, RUNTIME.announced_s)
+        super().__init__(name, _with_own(options), RUNTIME.announced_s)
         self._dai = load_depthai()
         self._make_output, self._module, self._socket_name = make_output, module, socket
         self._own_clock, self._crop = own_clock, crop
@@ -218,8 +224,8 @@ class OakSource(CameraSource):
         self.factory_lens: Lens | None = None
         self._device = self._open()
         if module is None:  # not for a replay, which would lose its first frames
-            self.size_px = options.size_or(LIVE.size_px) if crop is None else (crop.width, crop.height)
-            self.rate_hz = options.rate_hz
+            self.size_px = self._options.size_px if crop is None else (crop.width, crop.height)
+            self.rate_hz = self._options.rate_hz
         else:
             self._check_rate(LIVE.first_s)
 
@@ -232,7 +238,7 @@ class OakSource(CameraSource):
             device = dai.Device(self._module())
             check_socket(device, self._socket_name)
             self.factory_lens = lens_of(
-                device.readCalibration(), self._socket_name, self._options.size_or(LIVE.size_px), self._crop
+                device.readCalibration(), self._socket_name, self._options.size_px, self._crop
             )
             pipeline = dai.Pipeline(device)
         queue = self._make_output(pipeline).createOutputQueue()
@@ -285,7 +291,8 @@ class OakKeys(msgspec.Struct):
 def open_oak(where: str, options: Options) -> OakSource:
     """The scheme `oak:`; its own keys: `OakKeys`."""
     keys = options.own(f"oak:{where}", OakKeys)
-    crop = None if keys.crop is None else Crop.parse(keys.crop, options.size_or(LIVE.size_px))
+    options = _with_own(options)
+    crop = None if keys.crop is None else Crop.parse(keys.crop, options.size_px)
     load_depthai()
     _socket(keys.socket)
     return OakSource(

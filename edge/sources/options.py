@@ -8,7 +8,7 @@ scheme where  keys; they win over the settings given in code or configuration
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Self, TypeVar
 from urllib.parse import parse_qsl
 
 import msgspec
@@ -31,7 +31,7 @@ class NoKeys(msgspec.Struct):
 
 
 class Options(msgspec.Struct, frozen=True):
-    """width, height  px; 0: the camera's own
+    """width, height  px; 0: the source's own
     gain           in the camera's own unit (V4L2 control, ISO for OAK, a factor for picamera2); 0: unchanged
     lens           file of `edge lens`, or factory: distortion that is removed from the pins' places; "": none
     extra          keys of the specification that are the source's own
@@ -43,16 +43,22 @@ class Options(msgspec.Struct, frozen=True):
     exposure_us: Annotated[int, msgspec.Meta(ge=0, le=EXPOSURE_MAX_US)] = 0  # manual exposure; 0: unchanged
     gain: Whole = 0
     focus: Whole | None = None  # lens position in the camera's own unit; None: unchanged
-    format: str = ""  # pixel format: GREY, Y10, Y12, Y16, MJPG, YUYV; "": the best that the camera has
+    format: str = ""  # pixel format, e.g. GREY, Y10P, MJPG, YUYV; "": the best that the camera has
     pins: Polarity = Polarity.FOUND  # dark or bright; "": found when the rest frame is taken
     lens: str = ""
     buffers: Annotated[int, msgspec.Meta(ge=1, le=_VIDEO_MAX_FRAME)] = 1  # of the kernel, for a V4L2 camera
     check_rate: bool = True  # measure the rate at the start, and refuse a camera that is slower than asked
     extra: Mapping[str, str] = {}
 
-    def size_or(self, default_px: tuple[int, int]) -> tuple[int, int]:
-        """The width and height that are asked for, px."""
-        return (self.width, self.height) if self.width and self.height else default_px
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """The width and height that are asked for."""
+        return self.width, self.height
+
+    def or_own(self, size_px: tuple[int, int], rate_hz: float = 0.0) -> Self:
+        """The same with a source's own size and rate where none is asked for."""
+        width, height = self.size_px if self.width and self.height else size_px
+        return msgspec.structs.replace(self, width=width, height=height, rate_hz=self.rate_hz or rate_hz)
 
     def own(self, name: str, kind: type[T]) -> T:
         """The source's own keys, the fields of a struct. Raises SourceError: another key or value."""

@@ -16,14 +16,12 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
 from edge.errors import SourceError
 from edge.params import PARAMS as RUNTIME
 from edge.sources.camera import CameraSource
 from edge.sources.live import PARAMS as LIVE
 from edge.sources.options import NoKeys, Options
-from edge.types import Array, Image
+from edge.sources.pixels import LAYOUTS, unpack
 
 _MONO = re.compile(r"^R(8|10|12)$")
 
@@ -61,7 +59,7 @@ class PiCameraSource(CameraSource):
         retry_s: float = RUNTIME.announced_s,
         clock_ns: Callable[[], int] = time.monotonic_ns,
     ) -> None:
-        super().__init__(name, options, retry_s, clock_ns)
+        super().__init__(name, options.or_own(LIVE.size_px), retry_s, clock_ns)
         self._open_camera = open_camera
         self._stream, self._bits = "main", 8
         self._device = self._open()
@@ -84,7 +82,7 @@ class PiCameraSource(CameraSource):
 
     def _configure(self, camera: Any) -> None:
         """Raises SourceError: not the size that was asked for, no such format."""
-        size = self._options.size_or(LIVE.size_px)
+        size = self._options.size_px
         pixels = self._format(camera)
         raw = {"format": pixels, "size": size} if pixels else None
         camera.configure(
@@ -131,7 +129,9 @@ class PiCameraSource(CameraSource):
             request.release()
         now_ns = self._clock_ns()
         try:
-            image = _grey(pixels, self._bits, self.size_px)
+            layout = LAYOUTS["GREY" if self._bits == 8 else f"Y{self._bits}"]
+            # Rows are padded; of YUV420 the luma comes first.
+            image = unpack(layout, pixels.tobytes(), self.size_px, pixels.shape[1])
         except ValueError:
             self.faults["damaged frame"] += 1
         else:
@@ -165,21 +165,6 @@ def _controls(options: Options) -> dict[str, Any]:
     if options.focus is not None:
         out |= {"AfMode": 0, "LensPosition": float(options.focus)}  # 0: manual
     return out
-
-
-def _grey(pixels: np.ndarray[Any, Any], bits: int, size_px: tuple[int, int]) -> Image:
-    """The image without the padding of its rows; of YUV420 the luma, which comes first.
-
-    pixels  (rows, bytes a row) uint8
-    Raises  ValueError: too few rows or bytes
-    """
-    width, height = size_px
-    wide: Array | np.ndarray[Any, Any] = np.ascontiguousarray(pixels)
-    if bits > 8:
-        wide = wide.view(np.uint16)
-    if wide.ndim != 2 or wide.shape[0] < height or wide.shape[1] < width:
-        raise ValueError(f"{pixels.shape} bytes for {width}x{height} pixels")
-    return np.ascontiguousarray(wide[:height, :width])
 
 
 def open_picamera(where: str, options: Options) -> PiCameraSource:

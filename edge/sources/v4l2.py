@@ -1,8 +1,8 @@
 """UVC and other V4L2 cameras, through OpenCV.
 
 - A serial number is looked up again after each loss: a camera that returns may have another number.
-- Pixels are taken as the camera sends them and converted to grey here: decoding MJPG to grey takes 0.93 ms
-  for 640x480, by way of colour 1.35 ms.
+- Pixels are taken as the camera sends them and become grey here, as of all sources: decoding MJPG to grey
+  takes 0.93 ms for 640x480, by way of colour 1.35 ms.
 - Capture time is the driver's (V4L2 buffer timestamp, CLOCK_MONOTONIC, start of exposure with UVC's hardware
   clock). OpenCV passes it on, but not the driver's frame counter.
 - One kernel buffer, so that images are as new as possible. With one buffer some drivers lose every second
@@ -29,7 +29,7 @@ from edge.params import PARAMS as RUNTIME
 from edge.sources.camera import CameraSource
 from edge.sources.live import PARAMS as LIVE
 from edge.sources.options import NoKeys, Options
-from edge.types import Image
+from edge.sources.pixels import LAYOUTS, decode_picture, unpack
 
 _EXPOSURE_UNIT_US = 100  # V4L2_CID_EXPOSURE_ABSOLUTE
 _MANUAL, _NO_FOCUS = 1, 0  # V4L2_EXPOSURE_MANUAL; autofocus off
@@ -43,6 +43,11 @@ class VideoDevice:
     path: str  # e.g. /dev/video0
     serial: str  # of the USB device; "" if it has none
     label: str  # the driver's name for it
+    by_id: str = ""  # link by maker, model and serial number; "": none
+    by_path: str = ""  # link by the socket that it is plugged into, which stays; "": none
+
+    def __str__(self) -> str:
+        return f"{self.by_path or self.path} {self.label} serial {self.serial or 'none'}"
 
 
 def _text(path: Path) -> str:
@@ -55,28 +60,43 @@ def _text(path: Path) -> str:
 def list_cameras(sys_root: Path = Path("/sys"), dev_root: Path = Path("/dev")) -> list[VideoDevice]:
     """Video nodes that give images; a UVC camera's second node gives metadata and is skipped."""
     found = []
+    by_id, by_path = (
+        {os.path.realpath(link): str(link) for link in (dev_root / "v4l" / kind).glob("*-video-index0")}
+        for kind in ("by-id", "by-path")
+    )
     nodes = (sys_root / "class/video4linux").glob("video*")
     for node in sorted(nodes, key=lambda n: int("0" + "".join(filter(str.isdecimal, n.name)))):
         if _text(node / "index") not in ("", "0"):
             continue
         # .../video0/device is the USB interface; the device above it has the serial number.
         serial = _text((node / "device").resolve().parent / "serial")
-        found.append(VideoDevice(str(dev_root / node.name), serial, _text(node / "name")))
+        path = os.path.realpath(dev_root / node.name)
+        links = by_id.get(path, ""), by_path.get(path, "")
+        found.append(VideoDevice(str(dev_root / node.name), serial, _text(node / "name"), *links))
     return found
 
 
+def _alike(camera: VideoDevice, cameras: list[VideoDevice]) -> list[VideoDevice]:
+    """The cameras of its serial number and label: a name made of these means any of them."""
+    return [c for c in cameras if (c.serial, c.label) == (camera.serial, camera.label)]
+
+
 def find_device(where: str, sys_root: Path = Path("/sys"), dev_root: Path = Path("/dev")) -> str:
-    """Path of the video node. Raises SourceError: does not exist, or may not be opened."""
+    """Path of the video node. Raises SourceError: does not exist, fits several, or may not be opened."""
     cameras = list_cameras(sys_root, dev_root)
-    if where.isdecimal():
-        path = str(dev_root / f"video{where}")
-    elif where.startswith("/"):
-        path = where
-    else:
-        links = sorted((dev_root / "v4l/by-id").glob(f"*{where}*-video-index0")) if where else []
-        path = next((c.path for c in cameras if where and c.serial == where), str(links[0]) if links else "")
+    meant: list[VideoDevice] = []
+    path = str(dev_root / f"video{where}") if where.isdecimal() else where
+    if (where and not os.path.exists(path)) or "/by-id/" in where:
+        meant = [c for c in cameras if where in (c.serial, c.by_id)]
+        if not meant and not where.isdecimal():
+            meant = [c for c in cameras if where in c.by_id or where in c.label]
+        meant = meant if len(meant) != 1 else _alike(meant[0], cameras)
+        path = meant[0].path if meant else path
+    if len(meant) > 1:
+        fits = "; ".join(map(str, meant))
+        raise SourceError(f"source v4l2:{where}: fits {len(meant)} cameras, give the path of one: {fits}")
     if not path or not os.path.exists(path):
-        here = "; ".join(f"{c.path} {c.label} serial {c.serial or 'none'}" for c in cameras) or "none"
+        here = "; ".join(map(str, cameras)) or "none"
         wanted = "v4l2:NUMBER, v4l2:SERIAL or /dev/v4l/by-id/..."
         raise SourceError(f"source v4l2:{where}: no such camera; give {wanted}; cameras here: {here}")
     if not os.access(path, os.R_OK | os.W_OK):
@@ -86,27 +106,20 @@ def find_device(where: str, sys_root: Path = Path("/sys"), dev_root: Path = Path
     return os.path.realpath(path)
 
 
-def _grey16(raw: Any, size: tuple[int, int]) -> Image:
-    return np.ascontiguousarray(raw).view("<u2").reshape(size[1], size[0]).astype(np.uint16, copy=False)
+def lasting_name(where: str, sys_root: Path = Path("/sys"), dev_root: Path = Path("/dev")) -> str:
+    """The name to give instead of a number, which another camera may have after a restart; "": none."""
+    path = str(dev_root / f"video{where}") if where.isdecimal() else where
+    cameras = list_cameras(sys_root, dev_root)
+    for camera in cameras:
+        if camera.path == path:
+            alone = camera.serial and len(_alike(camera, cameras)) == 1
+            return f"v4l2:{camera.serial}" if alone else camera.by_path
+    return ""
 
 
-def _mjpg(raw: Any, size: tuple[int, int]) -> Image:
-    image = cv2.imdecode(np.ascontiguousarray(raw).reshape(-1), cv2.IMREAD_GRAYSCALE)
-    if image is None or image.shape != (size[1], size[0]):
-        raise ValueError("JPEG does not decode")
-    return np.asarray(image, dtype=np.uint8)
-
-
-#: By name: bits that count, and how the image is made of the camera's bytes.
-_FORMATS: dict[str, tuple[int, Callable[[Any, tuple[int, int]], Any]]] = {
-    "GREY": (8, lambda raw, size: raw.reshape(size[1], size[0])),
-    "Y10": (10, _grey16),
-    "Y12": (12, _grey16),
-    "Y16": (16, _grey16),
-    "MJPG": (8, _mjpg),
-    "YUYV": (8, lambda raw, size: raw.reshape(size[1], size[0], 2)[:, :, 0]),
-}
-_AUTO = ("GREY", "MJPG", "YUYV")  # in the order in which they are tried: no colour, no loss first
+#: What is taken unasked, in the order in which it is tried: no colour, no loss first.
+_AUTO = ("GREY", "MJPG", "YUYV", "UYVY", "NV12")
+_FORMATS = ("MJPG", *(name for name in LAYOUTS if name.isupper() and "UC" not in name))
 
 
 class V4l2Source(CameraSource):
@@ -171,7 +184,7 @@ class V4l2Source(CameraSource):
         capture.set(cv2.CAP_PROP_BUFFERSIZE, o.buffers)
         wanted = (o.format.upper(),) if o.format else _AUTO
         for name in wanted:
-            self._bits, self._to_grey = _FORMATS[name]
+            self._layout = LAYOUTS.get(name)
             code = cv2.VideoWriter.fourcc(*name.ljust(4))
             if capture.set(cv2.CAP_PROP_FOURCC, code) and int(capture.get(cv2.CAP_PROP_FOURCC)) == code:
                 break
@@ -222,12 +235,16 @@ class V4l2Source(CameraSource):
         try:
             if not ok or raw is None:
                 raise ValueError("no image")
-            image: Image = np.ascontiguousarray(self._to_grey(raw, self.size_px))
-        except (ValueError, cv2.error):
+            data = np.ascontiguousarray(raw).reshape(-1).view(np.uint8)
+            image = unpack(self._layout, data, self.size_px) if self._layout else decode_picture(data)
+            if image.shape[::-1] != self.size_px:
+                raise ValueError("an image of another size")
+        except ValueError:
             self.faults["damaged frame"] += 1
         else:
             driver_ns = round(float(device.get(cv2.CAP_PROP_POS_MSEC)) * 1e6)
-            self._hand_over_at(image, self._bits, driver_ns, now_ns, self._period_ns)
+            bits = self._layout.bits if self._layout else 8
+            self._hand_over_at(image, bits, driver_ns, now_ns, self._period_ns)
         return True
 
     def _shut(self, device: Any) -> None:

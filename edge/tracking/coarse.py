@@ -5,8 +5,6 @@ several shifts of the rest frame the degree rises from affine to 4; in each roun
 and the field is fitted again. Arrays carry a leading axis h of hypotheses.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
@@ -51,21 +49,27 @@ class CoarseFit:
     def __init__(self, tip: TrackedTip) -> None:
         self._tip = tip
         p = tip.params
-        self._field = PolynomialField(tip.rest_xy, max(p.coarse_degrees))
+        self._field = PolynomialField(tip.lattice.rest_xy, max(p.coarse_degrees))
         # A grid of one standard deviation of the tip's mean motion, to a pitch any way.
         steps_n = round(1.0 / p.shift_spread)
         k = range(-steps_n, steps_n + 1)
         grid = [(a + b / 2, b * np.sqrt(0.75)) for a in k for b in k if abs(a + b) <= steps_n]
-        shifts = np.array(grid)[:, None, :] * (p.shift_spread * tip.pitch_px) + np.zeros((len(tip), 1))
-        out = tip.rest_xy - tip.rest.pattern.centre_img
-        swollen = out * (np.median(tip.local_pitch_px) / max(np.hypot(*out.T).max(), 1e-9))
-        self._starts = tip.rest_xy + np.concatenate([shifts, swollen[None], -swollen[None]])
+        shifts = np.array(grid)[:, None, :] * (p.shift_spread * tip.lattice.pitch_px) + np.zeros(
+            (len(tip), 1)
+        )
+        out = tip.lattice.rest_xy - tip.rest.pattern.centre_img
+        swollen = out * (np.median(tip.lattice.local_pitch_px) / max(np.hypot(*out.T).max(), 1e-9))
+        self._starts = tip.lattice.rest_xy + np.concatenate([shifts, swollen[None], -swollen[None]])
 
     def fit(self, blobs: NearestBlob, blob_xy: Array, guesses: list[Array]) -> tuple[Array, Mask]:
         """Motions (h, n, 2) px and which pins of each have a blob (h, n); guesses (n, 2) px are further
         starts.
         """
-        p, rest_xy, local_pitch = self._tip.params, self._tip.rest_xy, self._tip.local_pitch_px
+        p, rest_xy, local_pitch = (
+            self._tip.params,
+            self._tip.lattice.rest_xy,
+            self._tip.lattice.local_pitch_px,
+        )
         at = np.concatenate([np.stack(guesses), self._starts]) if guesses else self._starts
         gate_px, anywhere = p.gate * local_pitch, np.full(len(self._tip), np.inf)
         for degree in p.coarse_degrees:

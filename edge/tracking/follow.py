@@ -95,12 +95,12 @@ class Follower:
     now: cython.double[:, ::1]
     residual: cython.float[::1]  # (2 n,)
     seen: cython.uchar[::1]
+    share: cython.double  # of the pins that are seen
     autocorrelation: cython.double  # of the residuals with those of the last frame
     predicted: cython.float[::1]  # (2 n,) motion since rest, by the neighbours
     known: cython.float[::1]  # (2 n,) motion that they predict from
     some: cython.double[::1]
     limits: cython.double[::1]  # of the residuals' squares, px2
-    before: cython.uchar[::1]
 
     def __init__(
         self,
@@ -124,8 +124,8 @@ class Follower:
         self.change2 = params.innovation_max**2
         self.leap2, self.gate2 = params.leap_innovation**2, params.gate**2
         self.full_share_min, self.baseline_share_min = params.full_share_min, params.baseline_share_min
-        self.baseline_frames, self.research_frames = params.baseline_frames, params.research_frames
         self.damping = params.velocity_damping
+        self.baseline_frames, self.research_frames = params.baseline_frames, params.research_frames
         full = np.take_along_axis(photometric.affine.matrix(), lattice.near, 1)
         full[lattice.weight <= 0.0] = 0.0
         self.start, self.near, self.weight = weighted_rows(lattice.near, full)
@@ -138,7 +138,6 @@ class Follower:
         self.now, self.residual = np.empty((n, 2)), np.empty(2 * n, np.float32)
         self.predicted, self.known = np.empty((2, 2 * n), np.float32)
         self.last_seen, self.seen = np.empty(n, np.uint8), np.empty(n, np.uint8)
-        self.before = np.empty(n, np.uint8)
         self.some, self.limits = np.empty(n), np.empty(n)
         self.results = xy, sigma, seen = np.empty((n, 2)), np.empty(n), np.empty(n, np.bool_)
         self.result_xy, self.result_sigma, self.result_seen = xy, sigma, seen.view(np.uint8)
@@ -173,7 +172,6 @@ class Follower:
         strayed: cython.bint
         goes_on: cython.bint
         is_held: cython.bint
-        share: cython.double
         with cython.nogil:
             self._find_residuals(self.found)
             self._keep_apart(self.found)
@@ -183,14 +181,14 @@ class Follower:
             if seen_n < n:  # of no use to pins that are seen
                 self.autocorrelation = self._correlate(self.residual, self.seen)
                 self._place_lost()
-            share = cython.cast(cython.double, seen_n) / n
+            self.share = cython.cast(cython.double, seen_n) / n
             strayed = leapt = self._is_median_beyond(self.now, self.leap2)
             if leapt:
                 strayed = self._is_median_beyond(self.now, self.gate2)
-            goes_on = 2.0 * share >= 1.0 and not strayed
+            goes_on = 2.0 * self.share >= 1.0 and not strayed
             self.since_search_n += 1
-            is_held = goes_on and not self._is_too_few(share, leapt)
-            self.baseline_share += (share - self.baseline_share) / self.baseline_frames
+            is_held = goes_on and not self._is_too_few(leapt)
+            self.baseline_share += (self.share - self.baseline_share) / self.baseline_frames
             if is_held:
                 self._accept()
         if seen_n == n:
@@ -214,8 +212,9 @@ class Follower:
             raise ValueError(f"xy ({self.n}, 2), residual ({self.n}, 2) and seen ({self.n},) are wanted")
         is_seen = np.array(seen, np.bool_).view(np.uint8)
         self.autocorrelation = self._correlate(residual.astype(np.float32).ravel(), is_seen)
-        np.asarray(self.last)[:] = xy
-        np.asarray(self.expected)[:] = xy
+        where: cython.const[cython.double][:, ::1] = np.ascontiguousarray(xy, np.float64)
+        self.last[:, :] = where
+        self.expected[:, :] = where
         np.asarray(self.last_residual)[:] = residual.ravel()
         np.asarray(self.last_seen)[:] = is_seen
         self.baseline_share = np.count_nonzero(seen) / self.n
@@ -315,8 +314,6 @@ class Follower:
         changed: cython.uchar = 0
         x: cython.double
         y: cython.double
-        dx: cython.double
-        dy: cython.double
         for i in range(self.n):
             residual[2 * i] = cython.cast(cython.float, found[i, 0] - rest[i, 0] - predicted[2 * i])
             residual[2 * i + 1] = cython.cast(cython.float, found[i, 1] - rest[i, 1] - predicted[2 * i + 1])
@@ -337,43 +334,20 @@ class Follower:
         """Of two pins that came too near to each other the one with the larger innovation is lost."""
         if self.separation.holds(found):
             return
-        pairs: cython.int[:, ::1] = self.pairs
-        distance_min: cython.double[::1] = self.distance_min
-        p: cython.Py_ssize_t
-        dx: cython.double
-        dy: cython.double
-        gap: cython.double
-        least: cython.double = HUGE_VAL
-        for p in range(pairs.shape[0]):
-            dx = found[pairs[p, 0], 0] - found[pairs[p, 1], 0]
-            dy = found[pairs[p, 0], 1] - found[pairs[p, 1], 1]
-            gap = sqrt(dx * dx + dy * dy) - distance_min[p]
-            if gap < least:
-                least = gap
-        if least < 0:
-            self._reject_near(found)
-        else:
-            self.separation.renew(found, least)
-
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    @cython.nogil
-    def _reject_near(self, found: cython.const[cython.double][:, ::1]) -> cython.void:
-        """`_keep_apart` where there is such a pair."""
         p: cython.Py_ssize_t
         a: cython.Py_ssize_t
         b: cython.Py_ssize_t
-        dx: cython.double
-        dy: cython.double
-        for a in range(self.n):
-            self.before[a] = self.seen[a]  # all pairs are tested on what was seen before any was rejected
+        least: cython.double = HUGE_VAL
         for p in range(self.pairs.shape[0]):
             a = self.pairs[p, 0]
             b = self.pairs[p, 1]
             dx = found[a, 0] - found[b, 0]
             dy = found[a, 1] - found[b, 1]
-            if sqrt(dx * dx + dy * dy) < self.distance_min[p] and self.before[a] and self.before[b]:
+            gap = sqrt(dx * dx + dy * dy) - self.distance_min[p]
+            least = min(least, gap)
+            if gap < 0 and self.seen[a] and self.seen[b]:
                 self.seen[a if self._innovation2(a) > self._innovation2(b) else b] = False
+        self.separation.renew(found, least)
 
     @cython.cfunc
     @cython.inline
@@ -415,8 +389,6 @@ class Follower:
         """
         last: cython.float[::1] = self.last_residual
         i: cython.Py_ssize_t
-        x: cython.double
-        y: cython.double
         both: cython.double = 0
         square: cython.double = 0
         for i in range(self.n):
@@ -464,7 +436,6 @@ class Follower:
         """Place the pins that are not seen where their neighbours predict them."""
         i: cython.Py_ssize_t
         d: cython.int
-        left: cython.double
         for i in range(self.n):
             if not self.seen[i]:
                 for d in range(2):
@@ -484,8 +455,6 @@ class Follower:
         expected: cython.double[:, ::1] = self.expected
         pitch2: cython.const[cython.double][::1] = self.pitch2
         i: cython.Py_ssize_t
-        x: cython.double
-        y: cython.double
         within: cython.Py_ssize_t = 0
         for i in range(self.n):
             x = xy[i, 0] - expected[i, 0]
@@ -496,17 +465,17 @@ class Follower:
     @cython.cfunc
     @cython.exceptval(check=False)
     @cython.nogil
-    def _is_too_few(self, share: cython.double, leapt: cython.bint) -> cython.bint:
+    def _is_too_few(self, leapt: cython.bint) -> cython.bint:
         """Whether so few pins are seen, against the baseline, that the identities are given up.
 
         If a third vanish at once, the rest may be a lattice that slipped. A region that was lost as a whole
         does not come back by itself: it is searched for from time to time. And in a leap some pins may take
         their neighbours' blobs while others are lost.
         """
-        vanished: cython.bint = share < self.baseline_share_min * self.baseline_share
-        incomplete: cython.bint = share < self.full_share_min * self.found_share
+        vanished: cython.bint = self.share < self.baseline_share_min * self.baseline_share
+        incomplete: cython.bint = self.share < self.full_share_min * self.found_share
         is_due: cython.bint = self.since_search_n >= self.research_frames
-        swapped: cython.bint = leapt and share < self.full_share_min * self.baseline_share
+        swapped: cython.bint = leapt and self.share < self.full_share_min * self.baseline_share
         return vanished or (incomplete and is_due) or swapped
 
     @cython.cfunc
@@ -522,8 +491,8 @@ class Follower:
         for i in range(self.n):
             for d in range(2):
                 expected[i, d] = now[i, d] + self.damping * (now[i, d] - last[i, d])
-        # The next frame writes all of the three that are exchanged.
         self.last, self.now = self.now, self.last
+        # The next frame writes what is exchanged.
         self.last_residual, self.residual = self.residual, self.last_residual
         self.last_seen, self.seen = self.seen, self.last_seen
 

@@ -76,7 +76,9 @@ class Hypothesis:
     @property
     def motion(self) -> Array:
         """(n, 2) pitches; meaningless where not known."""
-        return np.asarray((self.blob_xy[self.blob] - self._tip.rest_xy) / self._tip.pitch_px, np.float64)
+        return np.asarray(
+            (self.blob_xy[self.blob] - self._tip.lattice.rest_xy) / self._tip.lattice.pitch_px, np.float64
+        )
 
     def _log_posterior_at_random(self) -> float:
         """As if pins were missing at random. The shares of missing pins and of false blobs are unknown: all
@@ -132,7 +134,10 @@ class Hypothesis:
         if not self.known.any():
             return
         tip, pins, free = self._tip, _rows(~self.known), _rows(self._unassigned())
-        at, blob_at = tip.rest_xy[pins] / tip.pitch_px, self.blob_xy[free] / tip.pitch_px
+        at, blob_at = (
+            tip.lattice.rest_xy[pins] / tip.lattice.pitch_px,
+            self.blob_xy[free] / tip.lattice.pitch_px,
+        )
         mean, variance = self.model.from_around(self.motion, self.known, pins)
         before = (0, 0.0)
         while True:
@@ -239,7 +244,7 @@ class Hypothesis:
         unassigned = self.blob_xy[self._unassigned()]
         if len(unassigned):
             apart, _ = nearest_of(unassigned, self.blob_xy[self.blob])
-            by_unassigned = apart[:, 0] < THIRD_RING * self._tip.pitch_px
+            by_unassigned = apart[:, 0] < THIRD_RING * self._tip.lattice.pitch_px
         spread = (self.freedom * self.variance * self.scale + self.square) / (self.freedom + 2)
         rough, rougher = spread > p.slip_spread**2, spread > (2.0 * p.slip_spread) ** 2
         return np.asarray((by_unmatched & by_unassigned & rough) | ((by_unmatched | by_unassigned) & rougher))

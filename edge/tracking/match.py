@@ -19,13 +19,13 @@ import numpy as np
 from edge.types import Array, Index, Mask
 
 if cython.compiled:
-    from cython.cimports.edge.tracking.outliers import Fit, LocalAffine
+    from cython.cimports.edge.tracking.outliers import LocalAffine
     from cython.cimports.libc.math import HUGE_VAL, sqrt
 else:
     from math import inf as HUGE_VAL  # noqa: N812
     from math import sqrt
 
-    from edge.tracking.outliers import Fit, LocalAffine
+    from edge.tracking.outliers import LocalAffine
 
 UNMATCHED = cython.declare(cython.int, -1)
 SEED = cython.declare(cython.int, -2)
@@ -102,8 +102,6 @@ class NearestBlob:
         i: cython.Py_ssize_t
         j: cython.Py_ssize_t
         other: cython.Py_ssize_t
-        dx: cython.double
-        dy: cython.double
         for j in range(self.n_blobs):
             self.owner[j] = UNMATCHED
         for i in range(at.shape[0]):
@@ -212,7 +210,6 @@ class RegionGrower:
         i: cython.Py_ssize_t
         now: cython.int
         sweep: cython.int
-        fit: Fit
         moving: cython.bint
         for i in range(self.n):
             self.before[i] = SEED if known[i] else UNMATCHED
@@ -300,8 +297,6 @@ class Links:
         c: cython.Py_ssize_t
         a: cython.Py_ssize_t
         b: cython.Py_ssize_t
-        dx: cython.double
-        dy: cython.double
         for c in range(self.pairs.shape[0]):
             a = self.pairs[c, 0]
             b = self.pairs[c, 1]
@@ -444,9 +439,6 @@ class Kriging:
         i: cython.Py_ssize_t
         c: cython.Py_ssize_t
         at: cython.Py_ssize_t
-        own: cython.double
-        x: cython.double
-        y: cython.double
         for i in range(self.n):
             for c in range(self.k):
                 at = self.near[i, c]
@@ -477,7 +469,6 @@ class Kriging:
         b: cython.Py_ssize_t
         c: cython.Py_ssize_t
         m: cython.Py_ssize_t = 0
-        total: cython.double
         for c in range(self.k):
             if not known[c]:
                 unknown[m] = c
@@ -557,8 +548,6 @@ def _assign(
     at: cython.Py_ssize_t
     row: cython.Py_ssize_t
     next_: cython.Py_ssize_t
-    step: cython.double
-    reduced: cython.double
     for i in range(cost.shape[0]):
         for j in range(m + 1):
             distance[j] = HUGE_VAL

@@ -5,8 +5,6 @@ pin give its place and a variance. The field's scale is not known here: it diffe
 from the frame (`edge.tracking.hypothesis`).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from edge.geometry.motion_field import PREDICTING, component_covariance
@@ -29,9 +27,9 @@ class MotionModel:
 
     def __init__(self, tip: TrackedTip) -> None:
         self.tip = tip
-        self.noise = float(np.median(tip.rest.pins.sigma_px)) / tip.pitch_px  # of a centroid
+        self.noise = float(np.median(tip.rest.pins.sigma_px)) / tip.lattice.pitch_px  # of a centroid
         near, row = tip.lattice.near, np.arange(len(tip), dtype=np.int32)
-        x = (tip.rest_xy - tip.rest_xy.mean(0)) / tip.pitch_px
+        x = (tip.lattice.rest_xy - tip.lattice.rest_xy.mean(0)) / tip.lattice.pitch_px
         field = component_covariance(x, PREDICTING)
         self._own = float(field[0, 0])
         self._all = _with_affine(field, x)

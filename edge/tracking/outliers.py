@@ -128,11 +128,6 @@ def _sums(
     s: Sums = Sums(NO_NEIGHBOUR, 0, 0, affine.ridge, 0, affine.ridge, 0, 0, 0, 0, 0, 0)
     c: cython.Py_ssize_t
     at: cython.Py_ssize_t
-    weight: cython.double
-    u: cython.double
-    v: cython.double
-    x: cython.double
-    y: cython.double
     for c in range(affine.k):
         at = affine.near[i, c]
         weight = cython.cast(cython.double, affine.weight[i, c])
@@ -181,14 +176,6 @@ def _predict_all(
     gradient: cython.double[:, :, ::1],
 ) -> cython.void:
     i: cython.Py_ssize_t
-    s: Sums
-    one: Fit
-    det: cython.double
-    b: cython.double
-    c: cython.double
-    e: cython.double
-    f: cython.double
-    g: cython.double
     for i in range(affine.n):
         s = _sums(affine, motion, known, i)
         one = _solve(s)
@@ -220,16 +207,9 @@ class PhotometricFilter:
         self, affine: LocalAffine, at_rest: Pins, local_pitch_px: Array, params: TrackingParams
     ) -> None:
         n = affine.n
-        if len(at_rest) != n or len(local_pitch_px) != n:
-            raise ValueError(
-                f"arrays of {n} pins are wanted, not of {len(at_rest)} and {len(local_pitch_px)}"
-            )
-        if (
-            at_rest.brightness.shape != (n,)
-            or at_rest.sigma_px.shape != (n,)
-            or np.shape(local_pitch_px) != (n,)
-        ):
-            raise ValueError(f"brightness, sigma_px and local_pitch_px of {n} numbers each are wanted")
+        arrays = (at_rest.brightness, at_rest.sigma_px, at_rest.radius_px, local_pitch_px)
+        if any(np.shape(a) != (n,) for a in arrays):
+            raise ValueError(f"brightness, sigma_px, radius_px and local_pitch_px of {n} pins are wanted")
         self.n = n
         self.affine = affine
         self.ratio = params.outlier_ratio
@@ -296,8 +276,6 @@ class PhotometricFilter:
     ) -> cython.void:
         """`accepted` where `find_suspects` found any, for arrays of the right size; updates seen."""
         i: cython.Py_ssize_t
-        gain: cython.double
-        change: cython.double
         gain = self._find_trusted(brightness, sigma, seen, HUGE_VAL if searched else self.sigma_ratio_max)
         for i in range(self.n):
             self.off[i] = UNKNOWN
@@ -322,9 +300,6 @@ class PhotometricFilter:
         sigma_ratio: cython.double[::1] = self.rest_sigma_ratio
         trusted: cython.uchar[::1] = self.trusted
         i: cython.Py_ssize_t
-        gain: cython.double
-        change_max: cython.double
-        sigma_max: cython.double
         sigmas: cython.double = self.ratio * _SIGMA_OF_MAD  # that count, in median absolute deviations
         m: cython.Py_ssize_t = 0
         within: cython.Py_ssize_t = 0

@@ -16,8 +16,6 @@ row off looks as regular as the right one. Nearest neighbour from rest fails on 
    by its lead in posterior; and that the right one was found, by what `found_evidence` lists.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import erf, sqrt
@@ -61,20 +59,22 @@ class Identifier:
     def __init__(self, tip: TrackedTip) -> None:
         p, lattice = tip.params, tip.lattice
         self._tip = tip
-        self._gate_px = p.gate * tip.local_pitch_px
-        self._region_gate_px = p.region_gate * tip.local_pitch_px
+        self._gate_px = p.gate * tip.lattice.local_pitch_px
+        self._region_gate_px = p.region_gate * tip.lattice.local_pitch_px
         self._links = Links(len(tip), lattice.edges, self._gate_px[lattice.edges[:, 0]])
         row, column = np.nonzero(lattice.weight)
         beside = np.stack([row, lattice.near[row, column]], axis=1).astype(np.int32)
         self._bridges = Links(len(tip), beside, self._gate_px[row])
         # Each sweep takes a match on by a pitch and more: so many take it across the tip.
-        sweeps_n = int(np.ceil(np.ptp(tip.rest_xy, axis=0).max() / tip.pitch_px))
-        self._region = RegionGrower(tip.affine, tip.rest_xy, self._region_gate_px, p.support_min, sweeps_n)
+        sweeps_n = int(np.ceil(np.ptp(tip.lattice.rest_xy, axis=0).max() / tip.lattice.pitch_px))
+        self._region = RegionGrower(
+            tip.affine, tip.lattice.rest_xy, self._region_gate_px, p.support_min, sweeps_n
+        )
         self._coarse = CoarseFit(tip)
         self._model = MotionModel(tip)
         self._lattice_steps = _lattice_steps(tip)
-        margin = 2 * tip.pitch_px
-        self._low, self._high = tip.rest_xy.min(0) - margin, tip.rest_xy.max(0) + margin
+        margin = 2 * tip.lattice.pitch_px
+        self._low, self._high = tip.lattice.rest_xy.min(0) - margin, tip.lattice.rest_xy.max(0) + margin
 
     def identify(self, blob_xy: Array, guesses: list[Array] | None = None) -> Identity:
         """The most likely match.
@@ -131,7 +131,7 @@ class Identifier:
         """Motion (n, 2) and the pins (n,) to grow from: guesses unchanged, then coarse fits, best first."""
         for guess in guesses:
             blob, _, known = blobs.nearest.match(guess[None], self._gate_px)
-            motion = blobs.xy[blob[0]] - self._tip.rest_xy
+            motion = blobs.xy[blob[0]] - self._tip.lattice.rest_xy
             seed = self._bridges.largest_piece(motion, known[0])
             if 2 * np.count_nonzero(seed) > len(seed):
                 yield motion, seed
@@ -149,14 +149,14 @@ class Identifier:
     def _best_alternative(self, blobs: _BlobIndex, match: Hypothesis) -> Hypothesis:
         """The best other match among those one lattice step away from this one."""
         tip = self._tip
-        motion = blobs.xy[match.blob] - tip.rest_xy
+        motion = blobs.xy[match.blob] - tip.lattice.rest_xy
         predicted, _, gradient = tip.affine.predict(motion, match.known)
         steps = self._lattice_steps
-        x, y = steps[..., :1] / tip.pitch_px, steps[..., 1:] / tip.pitch_px
+        x, y = steps[..., :1] / tip.lattice.pitch_px, steps[..., 1:] / tip.lattice.pitch_px
         moved = steps + x * gradient[:, 0] + y * gradient[:, 1]
-        blob, _, known = blobs.nearest.match(tip.rest_xy + predicted + moved, self._gate_px)
+        blob, _, known = blobs.nearest.match(tip.lattice.rest_xy + predicted + moved, self._gate_px)
         known &= blob != np.where(match.known, match.blob, -1)
-        motion = blobs.xy[blob] - tip.rest_xy
+        motion = blobs.xy[blob] - tip.lattice.rest_xy
         h = int(self._agree_n(motion, known).argmax())
         larger = self._grow(blobs, motion[h], self._links.largest_piece(motion[h], known[h]))
         # It may have grown back into the match itself.
@@ -184,7 +184,7 @@ def found_evidence(best: Hypothesis) -> tuple[float, float, float, float]:
     certain, tip = best.certain(), best.model.tip
     if not certain.any():
         return 1.0, 0.0, 0.0, -np.inf
-    terms = affine_terms(tip.rest_xy[certain], tip.rest.pattern.centre_img, tip.pitch_px)
+    terms = affine_terms(tip.lattice.rest_xy[certain], tip.rest.pattern.centre_img, tip.lattice.pitch_px)
     motion = best.motion[certain]
     fit = np.linalg.lstsq(terms, motion, rcond=None)[0]
     bent = np.sqrt(np.mean(np.sum((motion - terms @ fit) ** 2, axis=1)))
@@ -220,9 +220,9 @@ def _lattice_steps(tip: TrackedTip) -> Array:
     out."""
     angle = np.arange(6) * np.pi / 3 + tip.lattice.direction_rad
     direction = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    straight = direction[:, None, :] * np.full((len(tip), 1), tip.pitch_px)
-    around = tip.tangential * tip.pitch_px
-    along = tip.radial * tip.local_pitch_px[:, None]
+    straight = direction[:, None, :] * np.full((len(tip), 1), tip.lattice.pitch_px)
+    around = tip.tangential * tip.lattice.pitch_px
+    along = tip.radial * tip.lattice.local_pitch_px[:, None]
     return np.concatenate([straight, [around, -around, along, -along]])
 
 

@@ -19,7 +19,7 @@ class TrackedTip:
     """One tip at rest.
 
     rest         row i is pin i
-    lattice      its neighbours
+    lattice      its places, pitches and neighbours
     affine       the motion that near pins predict for each pin
     photometric  rejects pins whose brightness or sigma is unlike their own at rest
     radial       (n, 2) unit vectors away from the tip's centre
@@ -48,18 +48,3 @@ class TrackedTip:
 
     def __len__(self) -> int:
         return len(self.rest)
-
-    @property
-    def rest_xy(self) -> Array:
-        """(n, 2) px."""
-        return self.rest.xy_img
-
-    @property
-    def pitch_px(self) -> float:
-        """Median distance of neighbouring pins."""
-        return self.rest.pattern.pitch_px
-
-    @property
-    def local_pitch_px(self) -> Array:
-        """(n,) distance to the next pin around each pin."""
-        return self.lattice.local_pitch_px

@@ -8,8 +8,6 @@ counts as lost, not as moved: it moves with its neighbours until it is found aga
 None until `identify` finds the identities again with high confidence.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -93,8 +91,8 @@ class Tracker:
         fallback, self._fallback = self._fallback, None
         xy, sigma = self._seen(pins, identity, searched=fallback is None)
         seen = np.isfinite(xy[:, 0])
-        predicted, _, _ = self._tip.affine.predict(xy - self._tip.rest_xy, seen)
-        now = np.where(seen[:, None], xy, self._tip.rest_xy + predicted)
+        predicted, _, _ = self._tip.affine.predict(xy - self._tip.lattice.rest_xy, seen)
+        now = np.where(seen[:, None], xy, self._tip.lattice.rest_xy + predicted)
         seen_n = int(np.count_nonzero(seen))
         confidence = identity.confidence
         # Most pins are to tell where the others are.
@@ -104,7 +102,7 @@ class Tracker:
             confidence = 0.0
         if confidence >= Tracks.LOW_CONFIDENCE:
             self._confidence = confidence
-            autocorrelation = self._follower.settle(now, now - self._tip.rest_xy - predicted, seen)
+            autocorrelation = self._follower.settle(now, now - self._tip.lattice.rest_xy - predicted, seen)
             self._hold()
             return Tracks(xy, sigma, seen, seen_n, confidence, autocorrelation)
         if fallback is not None:
@@ -128,7 +126,7 @@ class Tracker:
         xy[seen] = pins.xy_img[identity.blob[seen]]
         sigma[seen] = pins.sigma_px[identity.blob[seen]]
         if seen.any():
-            motion = xy - self._tip.rest_xy
+            motion = xy - self._tip.lattice.rest_xy
             predicted, _, _ = self._tip.affine.predict(motion, seen)
             blob = np.maximum(identity.blob, 0)
             of_pins = Pins(xy, sigma, pins.radius_px[blob], pins.brightness[blob])

@@ -16,9 +16,8 @@ from __future__ import annotations
 
 import json
 import logging
-import threading
 import time
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Sequence
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -26,31 +25,30 @@ from typing import Any
 from hostlink.bridge.foxglove_camera import CameraChannels
 from hostlink.bridge.front_door import FrontDoor, hidden_address
 from hostlink.bridge.page_camera import PageAddress
-from hostlink.bridge.values import TareDesk, stamp_ns
-from hostlink.errors import LinkError, UsageError
-from hostlink.events import Sample
+from hostlink.bridge.values import ParameterDesk, TareDesk, stamp_ns
+from hostlink.errors import UsageError
+from hostlink.events import DetailFrame, Sample
 from hostlink.extras import require
 from hostlink.finger import Finger
+from hostlink.hand_file import HandFile
 from hostlink.topics import (
     DIAGNOSTICS,
     SAMPLE,
     Diagnosis,
     contact_scene,
     diagnostics_message,
-    finger_name,
     sample_message,
     tip_transforms,
 )
 from hostlink.web import Listen
 from hostlink.web.limits import SparseLog, WebLimits
 
-__all__ = ["LAYOUT", "PARAMETERS", "FoxgloveOutlet"]
+__all__ = ["LAYOUT", "FoxgloveOutlet"]
 
 log = logging.getLogger(__name__)
 
 EXTRA = "foxglove"
 LAYOUT = Path(__file__).with_name("foxglove_layout.json")  # a view of five fingers to import
-PARAMETERS = ("rate_hz", "divider", "features", "detail_divider")
 
 _TEXT = {"type": "string"}
 _TRIGGER = {"type": "object", "properties": {}}
@@ -62,6 +60,7 @@ class FoxgloveOutlet:
 
     listen   address
     pages    live pages of fingers, for their cameras
+    hand     names of the fingers that have a page
     control  origins of the pages that may tare and set, as this machine's programs then may; None: nobody
     Raises   UsageError: extra not installed, the address is taken, or others could reach it with `control`
     """
@@ -72,7 +71,9 @@ class FoxgloveOutlet:
         record: Path | None = None,
         pages: Sequence[PageAddress] = (),
         control: Collection[str] | None = None,
+        hand: HandFile | None = None,
     ) -> None:
+        hand = hand or HandFile()
         self._sdk = require("foxglove", EXTRA)
         self._channels = require("foxglove.channels", EXTRA)
         self._messages = require("foxglove.messages", EXTRA)
@@ -82,6 +83,7 @@ class FoxgloveOutlet:
         self._fingers: dict[str, Finger] = {}
         self._samples: dict[int, Any] = {}
         self._scenes: dict[int, Any] = {}
+        self._frames: dict[int, str] = {}
         self._cameras: list[CameraChannels] = []
         self._desks: list[TareDesk] = []
         _quiet_sdk()
@@ -91,7 +93,7 @@ class FoxgloveOutlet:
             raise UsageError(
                 f"--allow-control: {listen} is no place for it; give --listen 127.0.0.1, on Linux"
             )
-        listener = _Parameters(self._sdk, self._fingers) if self._control else _Listener()
+        listener = _Parameters(self._sdk, ParameterDesk(self._fingers)) if self._control else _Listener()
         listener.cameras = self._cameras
         capabilities = [websocket.Capability.Parameters, websocket.Capability.Services]
         self._behind = self._sdk.start_server(
@@ -113,7 +115,8 @@ class FoxgloveOutlet:
         self._tf = self._channels.FrameTransformsChannel("/tf", context=self._context)
         self._diagnostics = self._json_channel("/diagnostics", DIAGNOSTICS)
         for page in pages:
-            self._cameras.append(CameraChannels(page, self._context, self._channels, self._messages))
+            name = hand.mount(page.finger).name
+            self._cameras.append(CameraChannels(name, page, self._context, self._channels, self._messages))
 
     @property
     def url(self) -> str:
@@ -125,8 +128,9 @@ class FoxgloveOutlet:
 
     def add_finger(self, finger: Finger) -> None:
         """Its topics, and its service."""
-        name = finger_name(finger.node)
+        name = finger.name
         self._fingers[name] = finger
+        self._frames[finger.node] = finger.mount.frame()
         self._samples[finger.node] = self._json_channel(f"/{name}/sample", SAMPLE)
         self._scenes[finger.node] = self._channels.SceneUpdateChannel(
             f"/{name}/contacts", context=self._context
@@ -135,25 +139,31 @@ class FoxgloveOutlet:
             self._desks.append(TareDesk(finger))
             self._behind.add_services([_tare_service(self._sdk, name, self._desks[-1])])
 
-    def publish(self, sample: Sample) -> None:
-        """Publish it with the capture time of the image."""
+    def publish(self, sample: Sample | DetailFrame) -> None:
+        """Publish it with the capture time of the image. Pins are shown over the camera's image instead."""
+        if isinstance(sample, DetailFrame):
+            return
         at_ns = stamp_ns(sample)
         for camera in self._cameras:
             if camera.finger == sample.finger:
-                camera.note(sample.state.capture_time_us, at_ns)
+                camera.clock.note(sample.state.capture_time_us, at_ns)
         channel, scene = self._samples[sample.finger], self._scenes[sample.finger]
         if channel.has_sinks():
             error_s = sample.host_error_s if isfinite(sample.host_error_s) else None
             known = {"host_error_s": error_s, "lost_n": sample.lost_n}
             channel.log(sample_message(sample.state) | known, log_time=at_ns)
         if scene.has_sinks():
-            scene.log(contact_scene(self._messages, sample.finger, sample.state, at_ns), log_time=at_ns)
+            scene.log(
+                contact_scene(self._messages, self._frames[sample.finger], sample.state, at_ns),
+                log_time=at_ns,
+            )
 
     def report(self, diagnoses: Sequence[Diagnosis]) -> None:
         """Publish diagnoses, and the places of the tips."""
         now_ns = time.time_ns()
         self._diagnostics.log(diagnostics_message(diagnoses, now_ns), log_time=now_ns)
-        transforms = tip_transforms(self._messages, [d.name for d in diagnoses], now_ns)
+        tips = [finger.mount.tip_place() for finger in self._fingers.values()]
+        transforms = tip_transforms(self._messages, tips, now_ns)
         self._tf.log(transforms, log_time=now_ns)
 
     def close(self) -> None:
@@ -221,55 +231,23 @@ class _Listener:
 
 
 class _Parameters(_Listener):
-    """What viewers read and set. Called from the server's threads; values are read from the fingers each
-    time.
-    """
+    """What viewers read and set. Called from the server's threads."""
 
-    def __init__(self, sdk: Any, fingers: dict[str, Finger]) -> None:
+    def __init__(self, sdk: Any, desk: ParameterDesk) -> None:
         super().__init__()
-        self._sdk, self._fingers = sdk, fingers
-        self._asking = threading.Lock()
+        self._sdk, self._desk = sdk, desk
         self._failures = SparseLog(log, WebLimits().log_s)
 
     def on_get_parameters(self, _client: Any, names: Sequence[str], _request_id: Any = None) -> list[Any]:
-        wanted = names or [f"{name}.{key}" for name in list(self._fingers) for key in PARAMETERS]
-        with self._asking:
-            return self._read_all(wanted)
+        values = self._desk.read(names or self._desk.names())
+        return [self._sdk.Parameter(name, value=value) for name, value in values.items()]
 
     def on_set_parameters(
         self, _client: Any, parameters: Sequence[Any], _request_id: Any = None
     ) -> list[Any]:
         """The values afterwards; a refused one is unchanged."""
-        with self._asking:
-            wanted = {parameter.name: parameter for parameter in parameters}
-            for name, parameter in wanted.items():
-                self._write(name, parameter.get_value())
-            return self._read_all(wanted)
-
-    def _read_all(self, names: Iterable[str]) -> list[Any]:
-        """Each once, however often it is named: each asks a finger."""
-        return [p for p in map(self._read, dict.fromkeys(names)) if p is not None]
-
-    def _finger(self, name: str) -> tuple[Finger | None, str]:
-        finger, _, key = name.partition(".")
-        return (self._fingers.get(finger) if key in PARAMETERS else None), key
-
-    def _read(self, name: str) -> Any:
-        finger, key = self._finger(name)
-        if finger is None:
-            return None
-        try:
-            value = finger.get(key)
-        except LinkError as error:
-            self._failures.write(f"{name} cannot be read: {error}")
-            return None
-        return self._sdk.Parameter(name, value=value)
-
-    def _write(self, name: str, value: Any) -> None:
-        finger, key = self._finger(name)
-        if finger is None:
-            return
-        try:
-            finger.set(key, value)
-        except LinkError as error:
-            self._failures.write(f"{name} = {value!a:.80}: {error}")
+        wanted = {parameter.name: parameter.get_value() for parameter in parameters}
+        for name, value in wanted.items():
+            if refused := self._desk.write(name, value):
+                self._failures.write(refused)
+        return self.on_get_parameters(None, [*wanted]) if wanted else []

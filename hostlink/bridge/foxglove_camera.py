@@ -7,36 +7,33 @@
 
 from __future__ import annotations
 
-import time
 from typing import Any
 
-from hostlink.bridge.page_camera import PageAddress, PageCamera, Picture, Place, Rgba
-from hostlink.topics import finger_name
+from hostlink.bridge.page_camera import CaptureClock, PageAddress, PageCamera, Picture, Place, Rgba
 
 __all__ = ["CameraChannels"]
 
 _PIN_COLOUR: Rgba = (1.0, 0.8, 0.0, 1.0)
 _CELL_COLOUR: Rgba = (0.35, 0.35, 0.35, 0.8)  # of its outline
 _PIN_PX, _OUTLINE_PX = 3.0, 1.0
-_WRAP_US = 1 << 32  # of a sample's capture time
 
 
 class CameraChannels:
     """The topics of a finger's camera.
 
+    name                of the finger
     channels, messages  modules of the SDK
     Raises              UsageError: the extra is not installed
     """
 
-    def __init__(self, address: PageAddress, context: Any, channels: Any, messages: Any) -> None:
+    def __init__(self, name: str, address: PageAddress, context: Any, channels: Any, messages: Any) -> None:
         self.finger = address.finger
         self._messages = messages
-        name = finger_name(address.finger)
         self._image = channels.CompressedImageChannel(f"/{name}/camera/image", context=context)
         self._pins = channels.ImageAnnotationsChannel(f"/{name}/pins/overlay", context=context)
         self._cells = channels.ImageAnnotationsChannel(f"/{name}/cells/overlay", context=context)
         self._frame = f"{name}/camera"
-        self._stamped: tuple[int, int] | None = None
+        self.clock = CaptureClock()
         self._page = PageCamera(address, self._publish)
         self.update()
 
@@ -46,25 +43,13 @@ class CameraChannels:
         wants = {"image"} if watched else set()
         self._page.want(frozenset(wants | ({"cells"} if self._cells.has_sinks() else set())))
 
-    def note(self, capture_us: int, at_ns: int) -> None:
-        """A sample's capture time on the finger's clock and on the host's: pictures are stamped by it."""
-        self._stamped = capture_us, at_ns
-
     def close(self) -> None:
         """End the connection to the page."""
         self._page.close()
 
-    def _stamp_ns(self, capture_us: int) -> int:
-        """On the host's clock; the present if no sample has come yet."""
-        if self._stamped is None:
-            return time.time_ns()
-        sample_us, at_ns = self._stamped
-        later_us = (capture_us - sample_us + _WRAP_US // 2) % _WRAP_US - _WRAP_US // 2
-        return at_ns + later_us * 1000
-
     def _publish(self, picture: Picture) -> None:
         """In the thread of the page's connection."""
-        m, at_ns = self._messages, self._stamp_ns(picture.capture_us)
+        m, at_ns = self._messages, self.clock.at_ns(picture.capture_us)
         stamp = m.Timestamp(*divmod(at_ns, 1_000_000_000))
         if self._image.has_sinks():
             image = m.CompressedImage(timestamp=stamp, frame_id=self._frame, data=picture.jpeg, format="jpeg")

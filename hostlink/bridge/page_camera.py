@@ -16,6 +16,7 @@ import logging
 import os
 import re
 import threading
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
@@ -29,15 +30,15 @@ from hostlink.web import TOKEN_VARIABLE, unpack_packet
 from hostlink.web.limits import SparseLog, WebLimits
 from hostlink.wire.canid import NODES_MAX
 
-__all__ = ["PageAddress", "PageCamera", "Picture", "parse_page"]
+__all__ = ["CaptureClock", "PageAddress", "PageCamera", "Picture", "parse_page"]
 
 log = logging.getLogger(__name__)
 
-EXTRA = "foxglove"
 RETRY_S: Final = 1.0
 SILENT_S: Final = 10.0  # a page that sends nothing for this long has gone; it sends 4 packets a second
 PACKET_MAX: Final = 8 << 20  # bytes; a page's picture has at most 720 px a side
 _PIXEL_CENTRE = 0.5  # places on a page: pixel centres on integers; here: the corner of the first pixel is 0
+_WRAP_US: Final = 1 << 32  # of a sample's capture time
 _EXAMPLE = "http://127.0.0.1:8765"
 
 Place = tuple[float, float]
@@ -116,6 +117,25 @@ class Picture:
         ]
 
 
+class CaptureClock:
+    """Pictures of a finger on the host's clock, by the stamps of its samples."""
+
+    def __init__(self) -> None:
+        self._stamped: tuple[int, int] | None = None
+
+    def note(self, capture_us: int, at_ns: int) -> None:
+        """A sample's capture time on the finger's clock and on the host's."""
+        self._stamped = capture_us, at_ns
+
+    def at_ns(self, capture_us: int) -> int:
+        """When a picture was taken; the present if no sample has come yet."""
+        if self._stamped is None:
+            return time.time_ns()
+        sample_us, at_ns = self._stamped
+        later_us = (capture_us - sample_us + _WRAP_US // 2) % _WRAP_US - _WRAP_US // 2
+        return at_ns + later_us * 1000
+
+
 class PageCamera:
     """Reads a page in its own thread.
 
@@ -124,7 +144,7 @@ class PageCamera:
     """
 
     def __init__(self, address: PageAddress, on_picture: Callable[[Picture], None]) -> None:
-        self._aiohttp = require("aiohttp", EXTRA)
+        self._aiohttp = require("aiohttp", "view")
         self._address, self._on_picture = address, on_picture
         self._wants: frozenset[str] = frozenset()
         self._socket: Any = None

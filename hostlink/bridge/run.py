@@ -20,7 +20,7 @@ from hostlink.bridge.values import diagnose
 from hostlink.client import Connection
 from hostlink.commands.monitor import Board
 from hostlink.errors import LinkError
-from hostlink.events import Sample
+from hostlink.events import DetailFrame, Sample
 from hostlink.finger import Finger
 from hostlink.topics import DIAGNOSIS_S, Diagnosis
 
@@ -36,8 +36,8 @@ class Outlet(Protocol):
         """Add a finger, at its first message."""
         ...
 
-    def publish(self, sample: Sample) -> None:
-        """Publish a sample of a finger that was added."""
+    def publish(self, sample: Sample | DetailFrame) -> None:
+        """Publish a sample, or the pins' motion, of a finger that was added."""
         ...
 
     def report(self, diagnoses: Sequence[Diagnosis]) -> None:
@@ -57,9 +57,9 @@ class Bridge:
 
     def __init__(self, hand: Connection, outlets: Sequence[Outlet]) -> None:
         self._hand, self._outlets = hand, outlets
-        self._samples: queue.Queue[Sample | None] = queue.Queue(QUEUE)
+        self._samples: queue.Queue[Sample | DetailFrame | None] = queue.Queue(QUEUE)
         self._known: set[int] = set()
-        self._serial_numbers: dict[int, str] = {}
+        self._identities: dict[int, tuple[str, str]] = {}  # serial number, calibration
         self._board = Board(hand)
         self.left_out_n = 0
 
@@ -67,7 +67,7 @@ class Bridge:
         """Run until `stop`, or the time is up."""
         end_s = None if seconds is None else time.monotonic() + seconds
         report_s = time.monotonic() + DIAGNOSIS_S
-        remove = self._hand.on_sample(self._put)
+        ends = self._hand.on_sample(self._put), self._hand.on_detail(self._put)
         try:
             while end_s is None or time.monotonic() < end_s:
                 wait_s = min(report_s, end_s or report_s) - time.monotonic()
@@ -81,13 +81,14 @@ class Bridge:
                         return
                     self._publish(sample)
         finally:
-            remove()
+            for end in ends:
+                end()
 
     def stop(self) -> None:
         """End `run` after the samples that came before."""
         self._put(None)
 
-    def _put(self, sample: Sample | None) -> None:
+    def _put(self, sample: Sample | DetailFrame | None) -> None:
         while True:
             try:
                 self._samples.put_nowait(sample)
@@ -97,8 +98,8 @@ class Bridge:
                     self._samples.get_nowait()
                     self.left_out_n += 1
 
-    def _publish(self, sample: Sample) -> None:
-        self._add(sample.finger)
+    def _publish(self, sample: Sample | DetailFrame) -> None:
+        self._add(sample.node)
         for outlet in self._outlets:
             outlet.publish(sample)
 
@@ -110,11 +111,12 @@ class Bridge:
         for outlet in self._outlets:
             outlet.add_finger(finger)
         # In another thread: a finger that does not answer must not delay samples.
-        threading.Thread(target=self._ask_serial_number, args=(finger,), daemon=True).start()
+        threading.Thread(target=self._ask_identity, args=(finger,), daemon=True).start()
 
-    def _ask_serial_number(self, finger: Finger) -> None:
+    def _ask_identity(self, finger: Finger) -> None:
         with suppress(LinkError):
-            self._serial_numbers[finger.node] = str(finger.get("serial_number"))
+            both = str(finger.get("serial_number")), str(finger.get("calibration_id"))
+            self._identities[finger.node] = both
 
     def _report(self) -> None:
         fingers = self._hand.fingers
@@ -122,7 +124,7 @@ class Bridge:
         for row in rows:
             self._add(row.finger)
         diagnoses = [
-            diagnose(row, fingers[row.finger], self._serial_numbers.get(row.finger, "")) for row in rows
+            diagnose(row, fingers[row.finger], *self._identities.get(row.finger, ("", ""))) for row in rows
         ]
         for outlet in self._outlets:
             outlet.report(diagnoses)

@@ -68,7 +68,7 @@ extern "C" {
 #define VT_CLASSIC_HEARTBEAT_IS_EXTENDED (0)
 
 /* Frame cycle times in milliseconds. */
-
+#define VT_CLASSIC_HEARTBEAT_CYCLE_TIME_MS (500u)
 
 /* Signal choices. */
 #define VT_CLASSIC_PART1_DISPLACEMENT_MM_INVALID_CHOICE (-8192)
@@ -132,6 +132,25 @@ extern "C" {
 #define VT_CLASSIC_PART4_CONTACT0_DEPTH_MM_INVALID_CHOICE (255u)
 
 #define VT_CLASSIC_PART4_CONTACT1_DEPTH_MM_INVALID_CHOICE (255u)
+
+#define VT_CLASSIC_EMERGENCY_EMCY_NONE_CHOICE (0u)
+#define VT_CLASSIC_EMERGENCY_EMCY_OVER_TEMPERATURE_CHOICE (16897u)
+#define VT_CLASSIC_EMERGENCY_EMCY_CAMERA_LOST_CHOICE (20481u)
+#define VT_CLASSIC_EMERGENCY_EMCY_CAMERA_STALLED_CHOICE (20482u)
+#define VT_CLASSIC_EMERGENCY_EMCY_IMAGE_DARK_CHOICE (20483u)
+#define VT_CLASSIC_EMERGENCY_EMCY_IMAGE_BRIGHT_CHOICE (20484u)
+#define VT_CLASSIC_EMERGENCY_EMCY_IMAGE_BLURRED_CHOICE (20485u)
+#define VT_CLASSIC_EMERGENCY_EMCY_CAMERA_MOVED_CHOICE (20486u)
+#define VT_CLASSIC_EMERGENCY_EMCY_DISK_FULL_CHOICE (24577u)
+#define VT_CLASSIC_EMERGENCY_EMCY_CLOCK_STEP_CHOICE (24578u)
+#define VT_CLASSIC_EMERGENCY_EMCY_TRACKER_LOST_CHOICE (24833u)
+#define VT_CLASSIC_EMERGENCY_EMCY_CALIBRATION_MISSING_CHOICE (25345u)
+#define VT_CLASSIC_EMERGENCY_EMCY_CALIBRATION_FOREIGN_CHOICE (25346u)
+#define VT_CLASSIC_EMERGENCY_EMCY_TARE_IMPLAUSIBLE_CHOICE (25347u)
+#define VT_CLASSIC_EMERGENCY_EMCY_LINK_DOWN_CHOICE (33025u)
+#define VT_CLASSIC_EMERGENCY_EMCY_BUS_OFF_CHOICE (33088u)
+#define VT_CLASSIC_EMERGENCY_EMCY_PINS_LOST_CHOICE (36865u)
+#define VT_CLASSIC_EMERGENCY_EMCY_OVERLOAD_CHOICE (36866u)
 
 #define VT_CLASSIC_EMERGENCY_FAULT_NONE_CHOICE (0u)
 #define VT_CLASSIC_EMERGENCY_FAULT_CAMERA_LOST_CHOICE (1u)
@@ -230,6 +249,8 @@ extern "C" {
 /**
  * Signals in message Part1.
  *
+ * Motion of the skin.
+ *
  * All signal values are as on the CAN bus.
  */
 struct vt_classic_part1_t {
@@ -299,6 +320,8 @@ struct vt_classic_part1_t {
 
 /**
  * Signals in message Part2.
+ *
+ * Status, and how many messages this sample has.
  *
  * All signal values are as on the CAN bus.
  */
@@ -387,6 +410,8 @@ struct vt_classic_part2_t {
 
 /**
  * Signals in message Part3.
+ *
+ * Pages: time, sigmas, force, area, tilt, torsion and slip, friction. 0 and 1 come with every sample.
  *
  * All signal values are as on the CAN bus.
  */
@@ -647,6 +672,8 @@ struct vt_classic_part3_t {
 /**
  * Signals in message Part4.
  *
+ * Pages: a contact each; sent while there is one.
+ *
  * All signal values are as on the CAN bus.
  */
 struct vt_classic_part4_t {
@@ -753,6 +780,8 @@ struct vt_classic_part4_t {
 /**
  * Signals in message Emergency.
  *
+ * A fault has appeared or cleared.
+ *
  * All signal values are as on the CAN bus.
  */
 struct vt_classic_emergency_t {
@@ -795,6 +824,8 @@ struct vt_classic_emergency_t {
 
 /**
  * Signals in message Heartbeat.
+ *
+ * The node is there; object heartbeat_ms sets the period.
  *
  * All signal values are as on the CAN bus.
  */

@@ -62,7 +62,7 @@ extern "C" {
 #define VT_FD_HEARTBEAT_IS_EXTENDED (0)
 
 /* Frame cycle times in milliseconds. */
-
+#define VT_FD_HEARTBEAT_CYCLE_TIME_MS (500u)
 
 /* Signal choices. */
 #define VT_FD_STATE_LATENCY_US_INVALID_CHOICE (65535u)
@@ -199,6 +199,25 @@ extern "C" {
 
 #define VT_FD_DETAIL_PIN11_DA_INVALID_CHOICE (-128)
 
+#define VT_FD_EMERGENCY_EMCY_NONE_CHOICE (0u)
+#define VT_FD_EMERGENCY_EMCY_OVER_TEMPERATURE_CHOICE (16897u)
+#define VT_FD_EMERGENCY_EMCY_CAMERA_LOST_CHOICE (20481u)
+#define VT_FD_EMERGENCY_EMCY_CAMERA_STALLED_CHOICE (20482u)
+#define VT_FD_EMERGENCY_EMCY_IMAGE_DARK_CHOICE (20483u)
+#define VT_FD_EMERGENCY_EMCY_IMAGE_BRIGHT_CHOICE (20484u)
+#define VT_FD_EMERGENCY_EMCY_IMAGE_BLURRED_CHOICE (20485u)
+#define VT_FD_EMERGENCY_EMCY_CAMERA_MOVED_CHOICE (20486u)
+#define VT_FD_EMERGENCY_EMCY_DISK_FULL_CHOICE (24577u)
+#define VT_FD_EMERGENCY_EMCY_CLOCK_STEP_CHOICE (24578u)
+#define VT_FD_EMERGENCY_EMCY_TRACKER_LOST_CHOICE (24833u)
+#define VT_FD_EMERGENCY_EMCY_CALIBRATION_MISSING_CHOICE (25345u)
+#define VT_FD_EMERGENCY_EMCY_CALIBRATION_FOREIGN_CHOICE (25346u)
+#define VT_FD_EMERGENCY_EMCY_TARE_IMPLAUSIBLE_CHOICE (25347u)
+#define VT_FD_EMERGENCY_EMCY_LINK_DOWN_CHOICE (33025u)
+#define VT_FD_EMERGENCY_EMCY_BUS_OFF_CHOICE (33088u)
+#define VT_FD_EMERGENCY_EMCY_PINS_LOST_CHOICE (36865u)
+#define VT_FD_EMERGENCY_EMCY_OVERLOAD_CHOICE (36866u)
+
 #define VT_FD_EMERGENCY_FAULT_NONE_CHOICE (0u)
 #define VT_FD_EMERGENCY_FAULT_CAMERA_LOST_CHOICE (1u)
 #define VT_FD_EMERGENCY_FAULT_CAMERA_STALLED_CHOICE (2u)
@@ -320,6 +339,8 @@ extern "C" {
 
 /**
  * Signals in message State.
+ *
+ * One sample. Check crc and version, then status; then take values that are not invalid.
  *
  * All signal values are as on the CAN bus.
  */
@@ -678,6 +699,8 @@ struct vt_fd_state_t {
 
 /**
  * Signals in message Detail.
+ *
+ * Every pin's motion, 12 pins a message, while object detail_divider is not 0.
  *
  * All signal values are as on the CAN bus.
  */
@@ -1073,6 +1096,8 @@ struct vt_fd_detail_t {
 /**
  * Signals in message Emergency.
  *
+ * A fault has appeared or cleared.
+ *
  * All signal values are as on the CAN bus.
  */
 struct vt_fd_emergency_t {
@@ -1115,6 +1140,8 @@ struct vt_fd_emergency_t {
 
 /**
  * Signals in message Heartbeat.
+ *
+ * The node is there; object heartbeat_ms sets the period.
  *
  * All signal values are as on the CAN bus.
  */

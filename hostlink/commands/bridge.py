@@ -13,7 +13,10 @@ from hostlink.bridge.page_camera import PageAddress, parse_page
 from hostlink.bridge.run import Bridge, Outlet
 from hostlink.cli_types import WholeNumber, seconds_option
 from hostlink.client import connect
+from hostlink.commands.hand import hand_option
 from hostlink.errors import UsageError
+from hostlink.extras import require
+from hostlink.hand_file import HandFile
 from hostlink.output_file import check_output, writing
 from hostlink.web import Listen, WebError, parse_listen
 
@@ -48,7 +51,7 @@ from hostlink.web import Listen, WebError, parse_listen
     "pages",
     multiple=True,
     metavar="[FINGER=]URL",
-    help="With --foxglove: a finger's live page, for its camera, pins and cells; once for each finger.",
+    help="A finger's live page, for its camera; once for each finger.",
 )
 @click.option("--overwrite", is_flag=True, help="Replace that file if it exists.")
 @click.option(
@@ -62,7 +65,8 @@ from hostlink.web import Listen, WebError, parse_listen
 @click.option(
     "--domain", type=WholeNumber(0, 232), default=0, envvar="ROS_DOMAIN_ID", help="With --ros: domain id (0)."
 )
-@click.option("--namespace", default="", help="With --ros: before all names, e.g. /left_hand.")
+@click.option("--namespace", help="With --ros: before all names, e.g. /left_hand; else the hand's name.")
+@hand_option
 @seconds_option
 def bridge(
     address: str,
@@ -76,7 +80,8 @@ def bridge(
     ros: str | None,
     router: str,
     domain: int,
-    namespace: str,
+    namespace: str | None,
+    hand: HandFile,
     seconds: float | None,
 ) -> None:
     """Pass the samples of the fingers at ADDRESS to ROS 2 (--ros jazzy), to viewers (--foxglove) or both."""
@@ -88,23 +93,22 @@ def bridge(
         raise UsageError(
             "--allow-control, --origin: give --foxglove --allow-control, and --origin if you need it"
         )
-    if pages and not foxglove:
-        raise UsageError("--view: cameras are shown by --foxglove; give it too")
     path = None if record is None else check_output(record, (".mcap",), overwrite=overwrite)
     where, cameras = _listen(listen), _cameras(pages)
     control = {normal_origin(text) for text in origins} if allow_control else None
     with ExitStack() as stack:
         # First, so that a wrong address is reported at once: a router may take its time.
-        hand = stack.enter_context(connect(address))
+        connection = stack.enter_context(connect(address, hand=hand))
         file = stack.enter_context(nullcontext() if path is None else writing(path, overwrite))
         outlets: list[Outlet] = []
         if foxglove:
-            outlets.append(_foxglove(where, file, cameras, control))
+            outlets.append(_foxglove(where, file, cameras, control, hand))
             stack.callback(outlets[-1].close)
         if ros is not None:
-            outlets.append(_ros(ros, router, domain, namespace, seconds))
+            names = hand.namespace if namespace is None else namespace
+            outlets.append(_ros(ros, router, domain, names, seconds, hand, cameras))
             stack.callback(outlets[-1].close)
-        carrier = Bridge(hand, outlets)
+        carrier = Bridge(connection, outlets)
         try:
             carrier.run(seconds)
         except KeyboardInterrupt:  # the normal end
@@ -123,6 +127,8 @@ def _listen(text: str) -> Listen:
 
 def _cameras(pages: Sequence[str]) -> list[PageAddress]:
     cameras = [parse_page(text) for text in pages]
+    if cameras:  # before a router is waited for
+        require("aiohttp", "view")
     twice = [c.finger for i, c in enumerate(cameras) if c.finger in {other.finger for other in cameras[:i]}]
     if twice:
         raise UsageError(f"--view: finger {twice[0]} is given twice; give each its number, as 2=URL")
@@ -130,20 +136,32 @@ def _cameras(pages: Sequence[str]) -> list[PageAddress]:
 
 
 def _foxglove(
-    listen: Listen, file: Path | None, cameras: Sequence[PageAddress], control: Collection[str] | None
+    listen: Listen,
+    file: Path | None,
+    cameras: Sequence[PageAddress],
+    control: Collection[str] | None,
+    hand: HandFile,
 ) -> Outlet:
     from hostlink.bridge.foxglove import LAYOUT, FoxgloveOutlet
 
     if file is not None:
         file.unlink()  # an empty one made by `writing`; the SDK creates its own
-    outlet = FoxgloveOutlet(listen, file, cameras, control)
+    outlet = FoxgloveOutlet(listen, file, cameras, control, hand)
     click.echo(f"foxglove: {outlet.url}; layout to import: {LAYOUT}", err=True)
     return outlet
 
 
-def _ros(distribution: str, router: str, domain: int, namespace: str, wait_s: float | None) -> Outlet:
+def _ros(
+    distribution: str,
+    router: str,
+    domain: int,
+    namespace: str,
+    wait_s: float | None,
+    hand: HandFile,
+    cameras: Sequence[PageAddress],
+) -> Outlet:
     from hostlink.bridge.ros import RosOutlet
 
-    outlet = RosOutlet(distribution, router, domain, namespace, wait_s)
+    outlet = RosOutlet(distribution, router, domain, namespace, wait_s, hand, cameras)
     click.echo(f"ros: {distribution}, domain {domain}, router {router}", err=True)
     return outlet

@@ -52,6 +52,14 @@ COMMANDS = {
         "Set object NAME of a finger: rate_hz, divider, features, heartbeat_ms, detail_divider, ...",
     ),
     "busload": CommandRow("hostlink.commands.ask:busload", "How full a bus gets, with worst-case stuffing."),
+    "hand": CommandRow(
+        "hostlink.commands.hand:hand",
+        "Check the hand in FILE and list its fingers; write its URDF, or a view for RViz.",
+    ),
+    "dbc": CommandRow(
+        "hostlink.commands.dbc:dbc",
+        "Write a CAN database (DBC) of the fingers with these numbers, or of those of a hand.",
+    ),
     "bridge": CommandRow(
         "hostlink.commands.bridge:bridge",
         "Pass the samples of the fingers at ADDRESS to ROS 2 (--ros jazzy), to viewers (--foxglove) or both.",

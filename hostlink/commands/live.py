@@ -19,9 +19,11 @@ import click
 
 from hostlink.cli_types import WholeNumber, channel_option, counted, seconds_option
 from hostlink.client import Connection, connect
+from hostlink.commands.hand import hand_option
 from hostlink.commands.monitor import Board, line, screen
 from hostlink.decoder import SERIAL_NODE, CanDecoder, Event, Sample, SerialDecoder
 from hostlink.errors import ConnectError, LinkTimeout, LogError, UsageError, VersionMismatch
+from hostlink.hand_file import HandFile
 from hostlink.interrupt import calling_on_signals
 from hostlink.output_file import WriteError, check_output, writing
 from hostlink.recording import (
@@ -46,19 +48,22 @@ LINE_S = 1.0
 
 @click.command()
 @click.argument("address")
+@hand_option
 @seconds_option
 @click.option("--plain", is_flag=True, help="Lines, not a table; so it is where stdout is no terminal.")
-def monitor(address: str, seconds: float | None, plain: bool) -> None:
+def monitor(address: str, hand: HandFile, seconds: float | None, plain: bool) -> None:
     """Show the samples of the fingers at ADDRESS, and the state of the link."""
     end_s = None if seconds is None else time.monotonic() + seconds
-    with connect(address) as hand:
-        board = Board(hand)
+    with connect(address, hand=hand) as connection:
+        board = Board(connection)
         with suppress(KeyboardInterrupt):  # Ctrl-C is how one stops looking
             if plain or not sys.stdout.isatty():
                 _print_lines(board, end_s, address)
             else:
-                _show_table(hand, board, end_s)
-            if not hand.fingers and not hand.silent_nodes:  # only with --seconds: there is no other end
+                _show_table(connection, board, end_s)
+            if (
+                not connection.fingers and not connection.silent_nodes
+            ):  # only with --seconds: there is no other end
                 raise LinkTimeout(f"{address}: no finger was heard for {seconds:g} s")
 
 
@@ -132,11 +137,13 @@ def _record(hand: Connection, path: Path, seconds: float | None) -> tuple[int, i
         calling_on_signals(lambda: arrived.put(None)),
         LogWriter(path) if is_can else SerialWriter(path, node) as writer,
     ):
-        # Wall clock: logs are compared with other logs.
-        end = hand.on_raw(lambda data, _: arrived.put((data, time.time())))
+        # Wall clock, since logs are compared with other logs; but one that is set meanwhile is not followed.
+        ahead_s = time.time() - time.monotonic()
+        end = hand.on_raw(lambda data, arrival_s: arrived.put((data, arrival_s + ahead_s)))
         for data, at_s in _until_ended(arrived, None if seconds is None else time.monotonic() + seconds, end):
             events: list[Event] = []
             if isinstance(writer, LogWriter):
+                data.timestamp = at_s
                 writer.write(data)
                 if not (data.is_extended_id or data.is_error_frame or data.is_remote_frame):
                     with suppress(VersionMismatch):  # recorded all the same

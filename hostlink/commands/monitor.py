@@ -46,6 +46,7 @@ class FingerRow:
     state    newest sample, or None: none within the last second
     rate_hz  samples a second since the last update
     problem  its problems as text; empty: none
+    name     in the hand's file; "": it has none
     """
 
     finger: int
@@ -57,6 +58,7 @@ class FingerRow:
     late_n: int
     corrupt_n: int
     problem: str
+    name: str = ""
 
 
 class Board:
@@ -74,6 +76,7 @@ class Board:
         now_s = time.monotonic()
         passed_s, self._updated_s = max(now_s - self._updated_s, 1e-3), now_s
         rows = []
+        named = {mount.node: mount.name for mount in self._connection.hand.mounts}
         received = {**self._connection.silent_nodes, **self._connection.fingers}
         for node, finger in sorted(received.items()):
             sample = None if finger.mismatch is not None else finger.latest(self.STALE_S)
@@ -83,6 +86,7 @@ class Board:
             rows.append(
                 FingerRow(
                     finger=node,
+                    name=named.get(node, ""),
                     state=sample.state if sample else None,
                     rate_hz=fresh_n / passed_s,
                     age_s=sample.age_s if sample else nan,
@@ -107,13 +111,11 @@ def arrow(x_mm: float, y_mm: float) -> str:
 
 def line(row: FingerRow) -> str:
     """A row as one plain line, `name=value`."""
-    s = row.state
+    s, finger = row.state, f"finger={row.finger}" + (f" name={row.name}" if row.name else "")
     if s is None:
-        return (
-            f"finger={row.finger} no samples lost={row.lost_n} corrupt={row.corrupt_n} {row.problem}".rstrip()
-        )
+        return f"{finger} no samples lost={row.lost_n} corrupt={row.corrupt_n} {row.problem}".rstrip()
     return (
-        f"finger={row.finger} displacement={_number(s.displacement_mm, 3)}mm "
+        f"{finger} displacement={_number(s.displacement_mm, 3)}mm "
         f"shear={_number(s.shear_x_mm, 3)},{_number(s.shear_y_mm, 3)}mm "
         f"force={_number(s.force_n, 2)}N contacts={s.contact_n} rate={row.rate_hz:.0f}Hz "
         f"age={row.age_s * 1e3:.1f}ms received={row.received_n} lost={row.lost_n} late={row.late_n} "
@@ -129,7 +131,8 @@ def screen(rows: Sequence[FingerRow], title: str) -> Group:
     if not rows:
         return Group(Text(title), Text("nothing received yet"))
     return Group(
-        _table(rows, title), *(Text(f"finger {row.finger}: {row.problem}") for row in rows if row.problem)
+        _table(rows, title),
+        *(Text(f"finger {row.name or row.finger}: {row.problem}") for row in rows if row.problem),
     )
 
 
@@ -143,7 +146,7 @@ def _table(rows: Sequence[FingerRow], title: str) -> Table:
     for row in rows:
         s = row.state
         t.add_row(
-            str(row.finger),
+            row.name or str(row.finger),
             *(["-"] * 3 if s is None else _cells(s)),
             f"{row.rate_hz:.0f}",
             _number(row.age_s * 1e3, 1),

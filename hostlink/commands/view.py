@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import threading
 from pathlib import Path
 
@@ -10,7 +9,9 @@ import click
 
 from hostlink.cli_types import seconds_option
 from hostlink.client import connect
+from hostlink.commands.hand import hand_option
 from hostlink.errors import UsageError
+from hostlink.hand_file import HandFile
 from hostlink.web import TOKEN_VARIABLE, WebError, find_token, parse_listen
 
 
@@ -34,28 +35,23 @@ from hostlink.web import TOKEN_VARIABLE, WebError, find_token, parse_listen
     type=click.Path(path_type=Path, dir_okay=False),
     help="The token is the first line of this file.",
 )
-@click.option(
-    "--hand", default="1,2,3,4,5", show_default=True, help="Node numbers from thumb to little finger."
-)
-@click.option("--left", is_flag=True, help="A left hand: the thumb on the right.")
+@hand_option
 @seconds_option
 def view(
     address: str,
     listen: str,
     token: str | None,
     token_file: Path | None,
-    hand: str,
-    left: bool,
+    hand: HandFile,
     seconds: float | None,
 ) -> None:
     """Show the fingers at ADDRESS in a browser, laid out as a hand."""
-    nodes = _nodes(hand)
     try:
         where = parse_listen(listen, find_token(token, token_file, "--token-file"))
         from hostlink.view import HandView
 
-        with connect(address) as connection:
-            page = HandView(connection, where, nodes, left)
+        with connect(address, hand=hand) as connection:
+            page = HandView(connection, where)
             page.start()
             click.echo(f"live page: {page.server.url}", err=True)
             try:
@@ -64,15 +60,3 @@ def view(
                 page.close()
     except WebError as error:
         raise UsageError(str(error)) from None
-
-
-def _nodes(hand: str) -> list[int]:
-    """The numbers, each one of a node and named once. Raises UsageError."""
-    numbers = hand.split(",")
-    if not all(re.fullmatch(r"\s*\d{1,9}\s*", number) and 1 <= int(number) <= 127 for number in numbers):
-        raise UsageError(f"--hand {hand}: give node numbers from 1 to 127, e.g. 1,2,3,4,5")
-    nodes = [int(number) for number in numbers]
-    twice = [node for node in nodes if nodes.count(node) > 1]
-    if twice:
-        raise UsageError(f"--hand {hand}: node {twice[0]} is given twice; give each finger's own")
-    return nodes

@@ -14,7 +14,7 @@ from __future__ import annotations
 import time
 from array import array
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict
 from operator import attrgetter
 from typing import Any
@@ -35,20 +35,16 @@ OVERLAP_S = 0.3  # rows are sent this long: a viewer that missed a packet has no
 UPDATE_S = 0.5  # rates and counts over less are noise
 
 
+#: Without a hand's file.
+_FIVE = dict(enumerate(("thumb", "index", "middle", "ring", "little"), 1))
+
+
 class HandView:
-    """The live page of a connection.
+    """The live page of a connection."""
 
-    hand  node numbers from thumb to little finger
-    left  thumb on the right: a left hand, or a right one seen from its back
-    """
-
-    def __init__(
-        self,
-        connection: Connection,
-        listen: Listen,
-        hand: Sequence[int] = (1, 2, 3, 4, 5),
-        left: bool = False,
-    ) -> None:
+    def __init__(self, connection: Connection, listen: Listen) -> None:
+        hand = connection.hand
+        names = {mount.node: mount.name for mount in hand.mounts} or _FIVE
         self._connection = connection
         self._board = Board(connection)
         self._updated_s = 0.0
@@ -62,8 +58,9 @@ class HandView:
             "address": str(connection.address),
             "chart": CHART,
             "charts": live_charts(FIELDS),
-            "hand": list(hand),
-            "left": left,
+            "hand": list(names),
+            "names": names,
+            "left": hand.left,
         }
         self.server = PageServer(
             listen, "hostlink.view", self._make, hello, {"tare": self._tare}, self._on_wants

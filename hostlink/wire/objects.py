@@ -22,14 +22,17 @@ from typing import Final
 
 from hostlink.wire.errors import CorruptFrame
 from hostlink.wire.fields import FEATURES, SCHEMA_HASH, VERSION
+from hostlink.wire.process_data import FRAME_DATA, MAPPING, SAMPLE_DATA
 
 __all__ = [
     "ABORTS",
     "FEATURE_BITS",
+    "FRAME_INDEX",
     "GROUPS",
     "OBJECTS",
     "REST_FRAME_REASONS",
     "REST_FRAME_STATES",
+    "SAMPLE_INDEX",
     "TYPES",
     "Abort",
     "Object",
@@ -58,6 +61,7 @@ class Object:
     meaning   for a person
     node_id   the node id is added to the default (COB-IDs)
     stored    survives a restart
+    scale     of process data: one step of the value, in `unit`
     """
 
     index: int
@@ -72,6 +76,7 @@ class Object:
     high: float | None = None
     node_id: bool = False
     stored: bool = False
+    scale: float = 1.0
 
 
 # CiA 301, table "object dictionary data types": EDS code, struct letter.
@@ -86,6 +91,7 @@ TYPES: Final[dict[str, tuple[int, str]]] = {
     "real32": (0x08, "f"),
     "visible_string": (0x09, ""),
     "domain": (0x0F, ""),
+    "unsigned40": (0x18, ""),
     "unsigned64": (0x1B, "Q"),
 }
 
@@ -193,10 +199,38 @@ _PRODUCT: Final = 1
 _O = Object
 
 
+SAMPLE_INDEX: Final = 0x2100  # process data: the newest sample
+FRAME_INDEX: Final = 0x2101  # what only a message has
+_DATA: Final = {SAMPLE_INDEX: ("sample_data", SAMPLE_DATA), FRAME_INDEX: ("pdo", FRAME_DATA)}
+_PLACES: Final = {d.name: (index, i) for index, (_, rows) in _DATA.items() for i, d in enumerate(rows, 1)}
+
+
+def _process_data(index: int) -> tuple[Object, ...]:
+    name, rows = _DATA[index]
+    return (
+        _O(index, 0, f"{name}_max_sub", "unsigned8", "const", len(rows), "", "highest sub-index"),
+        *(
+            _O(index, i, d.name, d.type, "ro", None, d.unit, d.meaning, d.low, d.high, scale=d.scale)
+            for i, d in enumerate(rows, 1)
+        ),
+    )
+
+
+def _mapping(number: int) -> tuple[Object, ...]:
+    """What the TPDO is made of: index, sub-index and bits of each object."""
+    index, entries = 0x1A00 + number - 1, MAPPING[number]
+    rows = []
+    for i, (name, bits) in enumerate(entries, 1):
+        at, sub = _PLACES[name]
+        value = at << 16 | sub << 8 | bits
+        rows.append(_O(index, i, f"tpdo{number}_mapped_{i}", "unsigned32", "const", value, "", name))
+    meaning = "mapped objects; 0 on CAN FD, whose frames are longer than CANopen maps"
+    return (_O(index, 0, f"tpdo{number}_mapped_n", "unsigned8", "ro", len(rows), "", meaning), *rows)
+
+
 def _pdo(number: int, base: int) -> tuple[Object, ...]:
-    """Communication and mapping parameters of one TPDO. The mapping is fixed: its content is ours, not a
-    list of objects, so it shows zero mapped objects and its layout stands in DBC and C header."""
-    comm, mapping = 0x1800 + number - 1, 0x1A00 + number - 1
+    """Communication and mapping parameters of one TPDO. The mapping is fixed."""
+    comm = 0x1800 + number - 1
     return (
         _O(comm, 0, f"tpdo{number}_max_sub", "unsigned8", "const", 5, "", "last sub-index"),
         _O(comm, 1, f"tpdo{number}_cob_id", "unsigned32", "ro", base, "", "identifier; moved in the "
@@ -204,9 +238,10 @@ def _pdo(number: int, base: int) -> tuple[Object, ...]:
         _O(comm, 2, f"tpdo{number}_transmission", "unsigned8", "rw", 254, "",
            "254: with each sample (by rate and divider); 1..240: with every n-th SYNC, the sample latched "
            "at the SYNC", 1, 254),
-        _O(comm, 3, f"tpdo{number}_inhibit", "unsigned16", "ro", 0, "100us", "no inhibit time"),
+        _O(comm, 3, f"tpdo{number}_inhibit", "unsigned16", "ro", 0, "100us", "shortest time between two "
+           "samples: that of `rate_hz`"),
         _O(comm, 5, f"tpdo{number}_event_timer", "unsigned16", "ro", 0, "ms", "no event timer"),
-        _O(mapping, 0, f"tpdo{number}_mapped_n", "unsigned8", "const", 0, "", "layout fixed, see the DBC"),
+        *_mapping(number),
     )  # fmt: skip
 
 
@@ -289,6 +324,8 @@ OBJECTS: Final = (
     _O(0x2040, 7, "latency_p50_us", "unsigned32", "ro", 0, "us", "capture to sending, median"),
     _O(0x2040, 8, "latency_p99_us", "unsigned32", "ro", 0, "us", "capture to sending, 99th percentile"),
     _O(0x2040, 9, "detail_dropped_n", "unsigned32", "ro", 0, "", "detail frames that gave way to samples"),
+    # --- process data ---
+    *_process_data(SAMPLE_INDEX), *_process_data(FRAME_INDEX),
 )  # fmt: skip
 
 # Indexes with sub-indexes: name, CiA 301 object code (8 array, 9 record). All others are one variable.
@@ -302,6 +339,7 @@ GROUPS: Final = {
     0x2020: ("settings", 9),
     0x2032: ("rest_frame", 9),
     0x2040: ("statistics", 9),
+    **{index: (name, 9) for index, (name, _) in _DATA.items()},
 }
 
 _AT: Final = {(o.index, o.sub): o for o in OBJECTS}

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
     from hostlink.wire.fields import Field
 
-__all__ = ["Chart", "Shown", "charts_of", "live_charts", "live_fields", "page_numbers"]
+__all__ = ["WRENCH", "Chart", "Shown", "charts_of", "live_charts", "live_fields", "page_numbers"]
 
 #: Units as a reader has them; others are as on the wire.
 _UNITS = {"mm2": "mm²", "deg": "°", "Nmm": "N mm"}
@@ -33,6 +33,18 @@ class Shown:
     sigma: str = ""
     least: float = 0.0
     always: bool = False
+
+
+#: A wrench on the tip, z out of the skin: its parts in ROS's order, the field that each is, and by how much;
+#: None: it is not measured.
+WRENCH: Final = (
+    ("force", "x", "force_x_n", 1.0),
+    ("force", "y", "force_y_n", 1.0),
+    ("force", "z", "force_n", -1.0),
+    ("torque", "x", None, 0.0),
+    ("torque", "y", None, 0.0),
+    ("torque", "z", "torque_z_nmm", 1e-3),
+)
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,17 @@ from enum import IntEnum, IntFlag
 from functools import cache
 from typing import Final
 
-__all__ = ["FAULTS", "NO_CONTROL", "STATUS", "Fault", "FaultCode", "Status", "StatusBit", "status_of"]
+__all__ = [
+    "FAULTS",
+    "NO_CONTROL",
+    "REGISTER_BITS",
+    "STATUS",
+    "Fault",
+    "FaultCode",
+    "Status",
+    "StatusBit",
+    "status_of",
+]
 
 
 class Status(IntFlag):
@@ -126,8 +136,7 @@ class Fault:
     code      our number
     status    the bit it sets
     emcy      CiA 301 emergency error code
-    register  bits of the error register 0x1001: 0 generic, 2 voltage.., 3 temperature, 4 communication,
-              5 device profile, 7 manufacturer
+    register  bits of the error register 0x1001: `REGISTER_BITS`
     meaning   what is wrong, for a person
     host_sees what the samples look like meanwhile
     clears    what ends it
@@ -142,7 +151,18 @@ class Fault:
     clears: str
 
 
-_GENERIC: Final = 0x01  # CiA 301, object 0x1001: bit 0 is set with any error
+#: CiA 301, object 0x1001, from bit 0 on: name, meaning; bits that no fault sets have no name.
+REGISTER_BITS: Final = (
+    ("generic", "any error"),
+    (None, ""),
+    (None, ""),
+    ("temperature", "temperature"),
+    ("communication", "communication"),
+    (None, ""),
+    (None, ""),
+    ("manufacturer", "camera, light or lens"),
+)
+_GENERIC: Final = 0x01
 _TEMPERATURE: Final = 0x08 | _GENERIC
 _COMMUNICATION: Final = 0x10 | _GENERIC
 _MANUFACTURER: Final = 0x80 | _GENERIC

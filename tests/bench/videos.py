@@ -120,7 +120,7 @@ def evaluate(video: str, way: str, rest: Rest, tracks: list[Tracks], searched: i
         predicted, _, _ = tip.affine.predict(motion, t.seen)
         residual = np.where(t.seen[:, None], motion - predicted, np.nan)
         if before is not None:
-            leaps += int(np.sum(np.hypot(*(residual - before).T) > LEAP * tip.local_pitch_px))
+            leaps += int(np.sum(np.hypot(*(residual - before).T) > LEAP * tip.lattice.local_pitch_px))
         before = residual
     left = None
     if back:

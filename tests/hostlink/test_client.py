@@ -195,7 +195,7 @@ def test_a_finger_s_objects_can_be_read(pair: Pair) -> None:
     finger = hand.finger()
     info = finger.info()
     assert info.serial_number == application.serial
-    assert info.calibration_id == ""
+    assert info.calibration_id == application.calibration_id
     finger.tare()
     application.touched = True
     with pytest.raises(hostlink.ObjectAborted, match="something touches the tip; let go"):

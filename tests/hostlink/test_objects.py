@@ -23,6 +23,7 @@ from edge.link.settings import SettingsFile
 from hostlink import objects
 from hostlink.errors import LinkTimeout, ObjectAborted
 from hostlink.finger import Finger
+from hostlink.hand_file import HandFile
 from hostlink.objects import ObjectClient, SdoObjects, SerialObjects
 from hostlink.wire import Abort, CanIds, Kind, Message, ObjectReply, unpack_message
 from hostlink.wire.serial import decode_frame
@@ -357,7 +358,7 @@ def test_hosts_on_one_bus_read_and_tare_correctly(
         monkeypatch.setattr(objects, "TRIES", 200)  # on a busy machine
     with closing(SharedBus(hosts_n, 1, lost)) as bus:
         clients: list[ObjectClient] = [*bus.hosts]
-        fingers = [Finger(NODE, client, not_needed, not_needed) for client in clients]
+        fingers = [Finger(HandFile().mount(NODE), client, not_needed, not_needed) for client in clients]
         assert ask_at_once(fingers, bus.application.serial, n) == []
         assert bus.application.tares == [True] * n
 

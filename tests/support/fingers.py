@@ -33,6 +33,7 @@ class Application:
 
     def __init__(self, serial: str) -> None:
         self.serial, self.touched, self.calibration = serial, False, b""
+        self.calibration_id = "c0ffee"
         self.tares: list[bool] = []
         self.no_calibration = ""  # why none is taken
         self.requests_n = 0
@@ -40,7 +41,8 @@ class Application:
         self.busy_for_n = 0  # number of polls before it is known
 
     def describe(self) -> Mapping[str, int | float | str | bytes]:
-        return {"serial_number": self.serial, "software_version": "0.1", "hardware_version": "test"}
+        identity = {"serial_number": self.serial, "calibration_id": self.calibration_id}
+        return identity | {"software_version": "0.1", "hardware_version": "test"}
 
     def rest_frame(self) -> Mapping[str, int | float | str | bytes]:
         busy = self.busy_for_n > 0

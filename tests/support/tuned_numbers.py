@@ -31,9 +31,9 @@ NOT_TUNED: dict[str, frozenset[str]] = {
         "edge/sources/v4l2.py:_EXPOSURE_UNIT_US", "edge/sources/v4l2.py:_MANUAL",
         "edge/sources/v4l2.py:_NO_FOCUS",
         "edge/link/sdo_server.py:TOO_LONG",
-        "edge/recording/images.py:_RAW",
+        "edge/sources/files.py:_DEPTHS",
         "edge/recording/messages.py:_NUMERIC",
-        "edge/runtime/systemd.py:_WATCHDOG_SHARE", "edge/sources/v4l2.py:_FORMATS",
+        "edge/runtime/systemd.py:_WATCHDOG_SHARE",
     }),
     "names of states and of places in an array": frozenset({
         "edge/features/contact_field.py:_UNKNOWN", "edge/features/contact_field.py:_SLOPE",
@@ -59,7 +59,7 @@ NOT_TUNED: dict[str, frozenset[str]] = {
         "edge/geometry/lattice.py:N_RING", "edge/geometry/lattice.py:N_TWO_RINGS",
         "edge/geometry/lattice.py:THIRD_RING", "edge/rest/sensor_match.py:_SYMMETRY",
         "edge/rest/sensor_match.py:CLEAR", "edge/pins/templates.py:FAR_PX",
-        "edge/calibration/grip.py:_RADIUS", "edge/pins/centroids.py:_SLANT",
+        "edge/calibration/grip.py:_RADIUS",
         "edge/cells/mesh.py:N_GUARD",
         "edge/features/slip_and_vibration.py:_SHARES",
         "edge/view/palette.py:_TO_CONES", "edge/view/palette.py:_TO_LAB",
@@ -89,7 +89,9 @@ NOT_TUNED: dict[str, frozenset[str]] = {
         "edge/pins/templates.py:LANES", "edge/pins/templates.py:BLOCK",
         "edge/worker/shared_memory.py:ALIGN",
     }),
-    "figures of a maker": frozenset({"edge/runtime/board_monitor.py:HOT_DEGC"}),
+    "figures of a maker": frozenset({
+        "edge/runtime/board_monitor.py:HOT_DEGC", "edge/sources/oak.py:RATE_HZ",
+    }),
     "colours": frozenset({
         "edge/view/palette.py:PAPER", "edge/view/palette.py:SAFE", "edge/view/panels.py:_CROSS",
         "edge/view/panels.py:_RING",

@@ -6,7 +6,6 @@
 import { Chart, Line, SERIES, arrow, fit, keys, number, remember, rgb, showState, toast } from "./kit.js";
 
 const $ = (id) => document.getElementById(id);
-const NAMES = ["thumb", "index", "middle", "ring", "little"];
 const SHEAR_GAIN = 3; // a shear of 1 mm is a firm one; a tip is 10 mm and more in radius
 const TIP_MM = 10;
 const DEPTH_FULL_MM = 4;
@@ -93,8 +92,7 @@ function choose(node) {
 }
 
 function nameOf(node) {
-  const place = hello.hand.indexOf(node);
-  return place >= 0 && place < NAMES.length ? NAMES[place] : "finger";
+  return hello.names[node] ?? "finger";
 }
 
 function makeCards() {

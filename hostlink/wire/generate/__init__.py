@@ -1,15 +1,15 @@
 """Files for other people's tools, written from the tables of `hostlink.wire`.
 
-    python -m hostlink.wire.generate [--check] [--node N] [--out FOLDER]
+    python -m hostlink.wire.generate [--check] [--out FOLDER]
 
-    dbc   DBC of the FD and of the classic frames, written by cantools
+    dbc   DBC of the FD and of the classic frames of finger 1, written by cantools
     eds   CANopen electronic data sheet, written by canopen
     c     C99 codec, written by cantools, and E2E
     doc   WIRE.md
     ros   ROS 2 messages
     python  attributes of `State`
 
-Needs cantools (extra `dev`): nothing else imports this.
+Needs cantools (extra `dbc`) and canopen (`dev`). Of the rest only the command `dbc` imports some of it.
 """
 
 from __future__ import annotations
@@ -22,21 +22,20 @@ __all__ = ["ROOT", "generate"]
 ROOT: Final = Path(__file__).resolve().parents[2]  # of the package `hostlink`
 
 
-def generate(node: int = 1) -> dict[str, str]:
+def generate() -> dict[str, str]:
     """Every generated file: path relative to `hostlink` -> text.
 
-    node  node id that DBC identifiers are for
-    Raises ImportError: cantools is not installed
+    Raises ImportError: cantools or canopen is not installed
     """
     from hostlink.wire.generate import c, dbc, doc, eds, python, ros
 
-    fd, classic = dbc.fd(node), dbc.classic(node)
+    shown, coded = [dbc.Sender(1, "finger_1", 250.0)], [dbc.Sender(1, by_bit=False)]
     return {
-        "dbc/voronoi_touch_fd.dbc": dbc.text(fd),
-        "dbc/voronoi_touch_classic.dbc": dbc.text(classic),
+        "dbc/voronoi_touch_fd.dbc": dbc.text(dbc.fd(shown)),
+        "dbc/voronoi_touch_classic.dbc": dbc.text(dbc.classic(shown)),
         "eds/voronoi_touch.eds": eds.eds(),
-        **{f"c/{name}": text for name, text in c.codec("vt_fd", fd).items()},
-        **{f"c/{name}": text for name, text in c.codec("vt_classic", classic).items()},
+        **{f"c/{name}": text for name, text in c.codec("vt_fd", dbc.fd(coded)).items()},
+        **{f"c/{name}": text for name, text in c.codec("vt_classic", dbc.classic(coded)).items()},
         "c/vt_e2e.h": c.e2e_header(),
         "c/vt_e2e.c": c.e2e_source(),
         "c/vt_parts_fields.h": c.parts_fields(),

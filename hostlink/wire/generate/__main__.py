@@ -10,16 +10,13 @@ from hostlink.wire.generate import ROOT, generate
 
 
 def main() -> int:
-    """Exit code 0; 1: --check found a stale file; 2: wrong arguments or cantools missing."""
+    """Exit code 0; 1: --check found a stale file; 2: wrong arguments, or a library is missing."""
     parser = argparse.ArgumentParser(prog="python -m hostlink.wire.generate", description=__doc__)
     parser.add_argument("--check", action="store_true", help="write nothing; exit 1 if a file is stale")
-    parser.add_argument("--node", type=int, default=1, help="node id of the DBC's identifiers (1)")
     parser.add_argument("--out", type=Path, default=ROOT, help="folder to write to (the package's)")
     arguments = parser.parse_args()
-    if not 1 <= arguments.node <= 127:
-        parser.error(f"--node {arguments.node}: 1..127 is possible")
     try:
-        files = generate(arguments.node)
+        files = generate()
     except ImportError as error:
         parser.error(f"{error}: pip install 'voronoi-touch[dev]'")
     stale = 0

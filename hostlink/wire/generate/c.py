@@ -30,7 +30,7 @@ from hostlink.wire.fields import (
     VERSION,
     field_named,
 )
-from hostlink.wire.objects import OBJECTS, REST_FRAME_REASONS, REST_FRAME_STATES, TYPES
+from hostlink.wire.objects import OBJECTS, REST_FRAME_REASONS, REST_FRAME_STATES, SAMPLE_INDEX, TYPES
 from hostlink.wire.state import State, pack_state
 from hostlink.wire.status import FAULTS, NO_CONTROL, STATUS
 
@@ -86,7 +86,10 @@ def _defines() -> list[str]:
     rows += [
         (f"VT_OBJECT_{o.name.upper()}", f"0x{o.index << 8 | o.sub:06X}u", f"{o.type}, {o.access}")
         for o in OBJECTS
-        if o.index >= 0x2000 and TYPES[o.type][1] and calcsize(TYPES[o.type][1]) <= 4 and o.access != "const"
+        if 0x2000 <= o.index < SAMPLE_INDEX
+        and TYPES[o.type][1]
+        and calcsize(TYPES[o.type][1]) <= 4
+        and o.access != "const"
     ]
     rows += [(f"VT_REST_FRAME_{r.name}", f"{r.value}u", text) for r, text in REST_FRAME_STATES.items()]
     rows += [(f"VT_REASON_{r.name}", f"{r.value}u", text) for r, text in REST_FRAME_REASONS.items()]

@@ -1,13 +1,16 @@
 """DBC databases: signals named as the fields are, "invalid" as a value of its own, classic pages multiplexed.
 
-Identifiers are those of one node with CiA 301's bases; for another node add the difference, or generate
-with `--node`. `fd` and `classic` give cantools' databases; `text` is the file, by cantools' own writer.
+One file holds all fingers of a bus, on CiA 301's identifiers. For people, status and fault registers are a
+signal a bit; the C codec and WIRE.md have them as the one number that they are (`by_bit` false). `fd` and
+`classic` give cantools' databases; `text` is the file, by cantools' own writer.
 """
 
 from __future__ import annotations
 
 from collections import OrderedDict
-from typing import Final
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
 
 from cantools.database.can import Database, Message, Node, Signal
 from cantools.database.can.formats.dbc import DbcSpecifics
@@ -27,21 +30,46 @@ from hostlink.wire.fields import (
     VERSION,
     field_named,
 )
+from hostlink.wire.objects import object_named
 from hostlink.wire.parts import PART_SIZE
-from hostlink.wire.status import FAULTS
+from hostlink.wire.status import FAULTS, REGISTER_BITS, STATUS
 
-__all__ = ["classic", "classic_signals", "fd", "state_signals", "text"]
+__all__ = ["Sender", "classic", "classic_signals", "fd", "state_signals", "text"]
 
 _PAGE: Final = "page"  # the multiplexer's name
+_HOST: Final = "Host"
+_ANYONE: Final = "Fingertip"
 _CLASSIC_MEANING: Final = {
     "sample_high": "upper 11 bits of the sample number; the lower 5 are sample_low",
     "check": "low byte of the state frame's check: CRC-32 over version and fields as they lie there",
     "part_n": "number of messages of this sample; complete when so many came",
 }
 _FAULTS: Final = ((0, "none"), *((f.code.value, f.code.name.lower()) for f in FAULTS))
+_EMCY: Final = ((0, "none"), *((f.emcy, f.code.name.lower()) for f in FAULTS))
+_NO_YES: Final = ((0, "no"), (1, "yes"))
+_STATUS_BITS: Final = tuple((s.bit.name, f"{s.meaning}: {s.advice}") for s in STATUS)
 _NMT: Final = ((0, "boot_up"), (4, "stopped"), (5, "operational"), (127, "pre_operational"))
 
 Choices = tuple[tuple[int, str], ...]  # raw value, name
+
+
+@dataclass(frozen=True, slots=True)
+class Sender:
+    """A finger on the bus.
+
+    name     of its node in the file, and before the names of its messages; "": the messages' alone
+    rate_hz  samples a second, for the cycle times; 0: there are none
+    by_bit   status and fault registers are a signal a bit
+    """
+
+    node: int
+    name: str = ""
+    rate_hz: float = 0.0
+    by_bit: bool = True
+
+    @property
+    def cycle_ms(self) -> int:
+        return max(1, round(1000 / self.rate_hz)) if self.rate_hz else 0
 
 
 def _conversion(scale: float = 1, choices: Choices = ()) -> BaseConversion:
@@ -67,17 +95,19 @@ def _whole(
         minimum=low,
         maximum=high or (1 << bits) - 1,
         comment=meaning,
-        receivers=["Host"],
+        receivers=[_HOST],
         is_multiplexer=name == _PAGE,
         multiplexer_ids=None if page is None else [page],
         multiplexer_signal=None if page is None else _PAGE,
     )
 
 
-def _field(name: str, start: int, bits: int, page: int | None = None) -> Signal:
+def _field(name: str, start: int, bits: int, page: int | None = None, by_bit: bool = False) -> list[Signal]:
     """A field of the table; its NaN is named "invalid"."""
     f = field_named(name)
-    return Signal(
+    if by_bit and name == "status":
+        return _bits(name, start, _STATUS_BITS)
+    signal = Signal(
         name,
         start,
         bits,
@@ -87,10 +117,20 @@ def _field(name: str, start: int, bits: int, page: int | None = None) -> Signal:
         maximum=f.high,
         unit=f.unit or None,
         comment=f.meaning,
-        receivers=["Host"],
+        receivers=[_HOST],
         multiplexer_ids=None if page is None else [page],
         multiplexer_signal=None if page is None else _PAGE,
     )
+    return [signal]
+
+
+def _bits(prefix: str, start: int, rows: Iterable[tuple[str | None, str]]) -> list[Signal]:
+    """A signal for each bit that has a name, from bit 0 on."""
+    return [
+        _whole(f"{prefix}_{name.lower()}", start + i, 1, meaning, choices=_NO_YES)
+        for i, (name, meaning) in enumerate(rows)
+        if name
+    ]
 
 
 def _header_p5() -> list[Signal]:
@@ -101,11 +141,11 @@ def _header_p5() -> list[Signal]:
     ]
 
 
-def state_signals() -> list[Signal]:
+def state_signals(by_bit: bool = False) -> list[Signal]:
     """Of the 64-byte state frame."""
     signals, at = _header_p5(), 32
     for f in LAYOUT:
-        signals.append(_field(f.name, at, 8 * f.size))
+        signals += _field(f.name, at, 8 * f.size, by_bit=by_bit)
         at += 8 * f.size
     return [*signals, _whole("check", at, 16, "low half of the CRC-32 over bytes 3..61")]
 
@@ -138,14 +178,14 @@ def _detail_signals() -> list[Signal]:
                     maximum=round(top * step, 6),
                     unit=unit or None,
                     comment=meaning,
-                    receivers=["Host"],
+                    receivers=[_HOST],
                 )
             )
             at += bits
     return signals
 
 
-def classic_signals(tpdo: int) -> list[Signal]:
+def classic_signals(tpdo: int, by_bit: bool = False) -> list[Signal]:
     """Of the message on this TPDO, all pages."""
     behind = 16 + SAMPLE_LOW_BITS
     signals = [
@@ -165,55 +205,125 @@ def classic_signals(tpdo: int) -> list[Signal]:
                 signals.append(_whole(name, at, bits, _CLASSIC_MEANING[name], page=part.page))
             else:
                 bits = field_named(name).bits
-                signals.append(_field(name, at, bits, part.page))
+                signals += _field(name, at, bits, part.page, by_bit)
             at += bits
     return signals
 
 
-def _message(name: str, can_id: int, size: int, signals: list[Signal], is_fd: bool = False) -> Message:
-    return Message(can_id, name, size, signals, senders=["Fingertip"], is_fd=is_fd)
-
-
-def _database(messages: list[Message], ids: CanIds, node: int, bus_type: str) -> Database:
-    emergency = [
-        _whole("emcy", 0, 16, "CiA 301 emergency error code; 0: no fault any more"),
-        _whole("error_register", 16, 8, "CiA 301 object 0x1001"),
+def _emergency_signals(by_bit: bool) -> list[Signal]:
+    register = [_whole("error_register", 16, 8, "CiA 301 object 0x1001")]
+    status = [_whole("fault_status", 32, 16, "status bits at this time")]
+    return [
+        _whole("emcy", 0, 16, "CiA 301 emergency error code; 0: no fault any more", choices=_EMCY),
+        *(_bits("error", 16, REGISTER_BITS) if by_bit else register),
         _whole("fault", 24, 8, "our fault code", choices=_FAULTS),
-        _whole("fault_status", 32, 16, "status bits at this time"),
+        *(_bits("status", 32, _STATUS_BITS) if by_bit else status),
     ]
-    heartbeat = _whole("nmt_state", 0, 7, "CiA 301 NMT state", choices=_NMT)
-    definition = DbcAttributeDefinition("BusType", default_value="CAN", type_name="STRING")
-    specifics = DbcSpecifics(
-        attributes=OrderedDict(BusType=DbcAttribute(bus_type, definition)),
-        attribute_definitions=OrderedDict(BusType=definition),
+
+
+_BUS_TYPE: Final = DbcAttributeDefinition("BusType", default_value="CAN", type_name="STRING")
+_SEND_TYPE: Final = DbcAttributeDefinition(
+    "GenMsgSendType", default_value="Cyclic", kind="BO_", type_name="ENUM", choices=["Cyclic", "Event"]
+)
+_EVENT: Final = DbcAttribute("1", _SEND_TYPE)
+
+
+def _message(
+    sender: Sender,
+    name: str,
+    can_id: int,
+    signals: list[Signal],
+    meaning: str,
+    cycle_ms: int = 0,
+    size: int = 8,
+) -> Message:
+    """cycle_ms  0: sent when something happens"""
+    prefix = f"{sender.name}_" if sender.name else ""
+    return Message(
+        can_id,
+        prefix + name,
+        size,
+        signals,
+        comment=meaning,
+        senders=[sender.name or _ANYONE],
+        cycle_time=cycle_ms or None,
+        dbc_specifics=DbcSpecifics(
+            attributes=OrderedDict() if cycle_ms else OrderedDict(GenMsgSendType=_EVENT)
+        ),
+        is_fd=size > PART_SIZE,
     )
+
+
+def _service_messages(sender: Sender) -> list[Message]:
+    """What a node sends on either bus."""
+    ids, period = CanIds(), object_named("heartbeat_ms").default
+    assert isinstance(period, int)  # the table has a number there
+    heartbeat = [_whole("nmt_state", 0, 7, "CiA 301 NMT state", choices=_NMT)]
+    return [
+        _message(
+            sender, "Emergency", ids.of(Kind.EMERGENCY, sender.node), _emergency_signals(sender.by_bit),
+            "A fault has appeared or cleared.",
+        ),
+        _message(
+            sender, "Heartbeat", ids.of(Kind.HEARTBEAT, sender.node), heartbeat,
+            "The node is there; object heartbeat_ms sets the period.", period, 1,
+        ),
+    ]  # fmt: skip
+
+
+def _database(messages: Iterable[Message], senders: Sequence[Sender], bus_type: str) -> Database:
+    definitions: OrderedDict[str, Any] = OrderedDict(BusType=_BUS_TYPE, GenMsgSendType=_SEND_TYPE)
+    nodes = [Node(s.name or _ANYONE, comment=f"Fingertip, CANopen node {s.node}.") for s in senders]
     return Database(
-        [
-            *messages,
-            _message("Emergency", ids.of(Kind.EMERGENCY, node), 8, emergency),
-            _message("Heartbeat", ids.of(Kind.HEARTBEAT, node), 1, [heartbeat]),
-        ],
-        nodes=[Node("Fingertip"), Node("Host")],
-        dbc_specifics=specifics,
+        [*messages],
+        nodes=[*nodes, Node(_HOST)],
+        dbc_specifics=DbcSpecifics(
+            attributes=OrderedDict(BusType=DbcAttribute(bus_type, _BUS_TYPE)),
+            attribute_definitions=definitions,
+        ),
     )
 
 
-def fd(node: int) -> Database:
-    """A node on a CAN FD bus."""
-    ids = CanIds()
-    state = _message("State", ids.state(node), STATE_SIZE, state_signals(), is_fd=True)
-    pins = _message("Detail", ids.detail(node), STATE_SIZE, _detail_signals(), is_fd=True)
-    return _database([state, pins], ids, node, "CAN FD")
+def fd(senders: Sequence[Sender]) -> Database:
+    """Fingers on a CAN FD bus."""
+    ids, messages = CanIds(), []
+    for s in senders:
+        messages += [
+            _message(
+                s, "State", ids.state(s.node), state_signals(s.by_bit),
+                "One sample. Check crc and version, then status; then take values that are not invalid.",
+                s.cycle_ms, STATE_SIZE,
+            ),
+            _message(
+                s, "Detail", ids.detail(s.node), _detail_signals(),
+                "Every pin's motion, 12 pins a message, while object detail_divider is not 0.", 0, STATE_SIZE,
+            ),
+            *_service_messages(s),
+        ]  # fmt: skip
+    return _database(messages, senders, "CAN FD")
 
 
-def classic(node: int) -> Database:
-    """A node on a classic CAN bus."""
-    ids = CanIds()
-    parts = [
-        _message(f"Part{tpdo}", ids.tpdo(tpdo, node), PART_SIZE, classic_signals(tpdo))
-        for tpdo in range(1, 5)
-    ]
-    return _database(parts, ids, node, "CAN")
+_PARTS: Final = (
+    "Motion of the skin.",
+    "Status, and how many messages this sample has.",
+    "Pages: time, sigmas, force, area, tilt, torsion and slip, friction. 0 and 1 come with every sample.",
+    "Pages: a contact each; sent while there is one.",
+)
+
+
+def classic(senders: Sequence[Sender]) -> Database:
+    """Fingers on a classic CAN bus."""
+    ids, messages = CanIds(), []
+    for s in senders:
+        for tpdo, meaning in enumerate(_PARTS, 1):
+            always = any(part.always for part in PARTS if part.tpdo == tpdo)
+            signals = classic_signals(tpdo, s.by_bit)
+            period_ms = s.cycle_ms if always else 0
+            messages.append(
+                _message(s, f"Part{tpdo}", ids.tpdo(tpdo, s.node), signals, meaning, period_ms, PART_SIZE)
+            )
+        messages += _service_messages(s)
+    return _database(messages, senders, "CAN")
 
 
 def text(database: Database) -> str:

@@ -23,7 +23,15 @@ from hostlink.wire.fields import (
 )
 from hostlink.wire.generate.dbc import classic_signals, state_signals
 from hostlink.wire.generate.residual import undetected_p5, undetected_p11
-from hostlink.wire.objects import ABORTS, OBJECTS, REST_FRAME_REASONS, REST_FRAME_STATES
+from hostlink.wire.objects import (
+    ABORTS,
+    FRAME_INDEX,
+    OBJECTS,
+    REST_FRAME_REASONS,
+    REST_FRAME_STATES,
+    SAMPLE_INDEX,
+)
+from hostlink.wire.process_data import MAPPING, SAMPLE_DATA
 from hostlink.wire.serial import BODY_MAX, CHUNK_MAX, Message
 from hostlink.wire.status import FAULTS, NO_CONTROL, STATUS
 
@@ -349,6 +357,7 @@ def _canopen() -> list[str]:
         (f"0x{o.index:04X}", o.sub, f"`{o.name}`", o.type, o.access + (", stored" if o.stored else ""),
          "" if o.default is None else (f"0x{o.default:X} + node" if o.node_id and isinstance(o.default, int) else o.default), o.unit, o.meaning)
         for o in OBJECTS
+        if o.index < SAMPLE_INDEX and not (0x1A00 <= o.index < 0x1B00 and o.sub)
     ]  # fmt: skip
     return [
         "## Identifiers",
@@ -380,11 +389,40 @@ def _canopen() -> list[str]:
         "Over SDO and over serial requests alike.",
         "",
         *_table(("index", "sub", "name", "type", "access", "default", "unit", "meaning"), objects),
+        *_process_data(),
         "Abort codes:",
         "",
         *_table(("code", "meaning"), [(f"0x{code:08X}", text) for code, text in ABORTS.items()]),
         *_several_hosts(),
         *_rest_frame(),
+    ]
+
+
+def _process_data() -> list[str]:
+    rows = [
+        (i, f"`{d.name}`", d.type, f"{d.low} to {d.high}", f"{d.scale:g} {d.unit}".rstrip())
+        for i, d in enumerate(SAMPLE_DATA, 1)
+    ]
+    mapped = [
+        (f"TPDO{tpdo}", ", ".join(f"`{name}` {bits}" for name, bits in entries))
+        for tpdo, entries in MAPPING.items()
+    ]
+    return [
+        "### Process data",
+        "",
+        f"Object 0x{SAMPLE_INDEX:X} is the newest sample, by SDO at any time: sub-index 1 is its first field, and so on, in",
+        "the order of the state frame. Values are whole numbers of steps; one beyond its limits is not valid. Two reads may be",
+        "of two samples: those that must belong together are read between two reads of `sample` that agree.",
+        "",
+        *_table(("sub", "name", "type", "valid", "step"), rows),
+        f"On classic CAN the TPDOs are mapped as they are sent, bits behind each name; what begins with `pdo_` (0x{FRAME_INDEX:X})",
+        "is in the messages alone. TPDO3 and TPDO4 have pages, which CANopen's mapping cannot express: it shows the page",
+        "and its 40 bits. The 14 bits of an invalid displacement or shear are -8192. On CAN FD nothing is mapped.",
+        "",
+        *_table(("message", "objects, bits"), mapped),
+        "Transmission types: 254, with each sample, as rate and divider allow; 1 to 240, with every n-th SYNC. All parts of a",
+        "sample go together, by the type of TPDO1. There is no event timer: while the finger runs, samples do not end.",
+        "",
     ]
 
 

@@ -10,7 +10,7 @@ from canopen.objectdictionary import ODArray, ODRecord, ODVariable
 from canopen.objectdictionary.eds import export_eds
 
 from hostlink.wire.fields import VERSION
-from hostlink.wire.objects import GROUPS, OBJECTS, TYPES, Object, object_named
+from hostlink.wire.objects import FRAME_INDEX, GROUPS, OBJECTS, SAMPLE_INDEX, TYPES, Object, object_named
 
 __all__ = ["eds"]
 
@@ -35,7 +35,8 @@ def _variable(obj: Object) -> Any:
     variable: Any = ODVariable(obj.name, obj.index, obj.sub)  # whose annotations allow integers alone
     variable.data_type = TYPES[obj.type][0]
     variable.access_type = obj.access
-    variable.pdo_mappable = False
+    variable.pdo_mappable = obj.index in (SAMPLE_INDEX, FRAME_INDEX) and obj.sub > 0
+    variable.factor = obj.scale
     variable.default = "" if obj.default is None and obj.type == "visible_string" else obj.default
     if obj.node_id and isinstance(obj.default, int):
         variable.default_raw = f"$NODEID+0x{obj.default:X}"
@@ -64,7 +65,7 @@ def _dictionary() -> ObjectDictionary:
 def eds() -> str:
     """The file's text."""
     dictionary = _dictionary()
-    dictionary.comments = "Layout of the TPDOs: DBC files, WIRE.md"
+    dictionary.comments = "TPDOs of classic CAN; pages of TPDO3 and TPDO4: DBC files, WIRE.md"
     device: Any = dictionary.device_information
     device.allowed_baudrates = set(_BITRATES)
     device.vendor_name = "voronoi-touch"
@@ -73,7 +74,7 @@ def eds() -> str:
     device.product_number = object_named("product_code").default
     device.revision_number = object_named("revision").default
     device.simple_boot_up_master, device.simple_boot_up_slave = False, True
-    device.order_code, device.granularity = "", False
+    device.order_code, device.granularity = "", 1
     device.dynamic_channels_supported = device.group_messaging = device.LSS_supported = False
     device.nr_of_RXPDO, device.nr_of_TXPDO = 0, 4
     file = StringIO()

@@ -6,6 +6,7 @@ from textwrap import wrap
 from typing import Final
 
 from hostlink.wire.fields import CONTACTS_MAX, FIELDS, LAYOUT, Field
+from hostlink.wire.shown import WRENCH
 from hostlink.wire.status import NO_CONTROL, STATUS
 
 __all__ = ["contact", "sample"]
@@ -42,6 +43,11 @@ def sample() -> str:
         *bits,
         f"uint16 STATUS_NO_CONTROL={int(NO_CONTROL)} # one of these: the sample must not move a hand",
         "",
+        *(
+            f"uint8 WRENCH_{part.upper()}_{axis.upper()}={1 << i}"
+            for i, (part, axis, _, _) in enumerate(WRENCH)
+        ),
+        "",
         "# stamp: when the image was taken, on the clock of the bridge's host; frame_id: the finger's tip",
         "std_msgs/Header header",
         "",
@@ -53,6 +59,9 @@ def sample() -> str:
         "",
         "# samples lost between the one before and this",
         "uint32 lost_n",
+        "",
+        "# which parts of the topic `wrench` are known, bits WRENCH_...: the others are 0 there",
+        "uint8 wrench_known",
         "",
         *_rows(FIELDS),
         "# strongest first; contact_n may be larger",

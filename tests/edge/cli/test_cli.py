@@ -177,7 +177,9 @@ def test_a_recording_numbers_the_finger_as_the_bus_does(
     assert topics == {f"/finger_{finger}/sample", f"/finger_{finger}/contacts"}
 
 
-@pytest.mark.parametrize(("speed", "way_out"), [("100", "--loop plays it on"), ("max", "a longer one")])
+@pytest.mark.parametrize(
+    ("speed", "way_out"), [("100", "--loop plays it on"), ("max", "replay a longer one")]
+)
 def test_a_recording_that_ends_within_its_tare_is_reported(
     command: Command, tip_image: Path, speed: str, way_out: str
 ) -> None:
@@ -188,7 +190,16 @@ def test_a_recording_that_ends_within_its_tare_is_reported(
     assert output.startswith(
         f"error: {tip_image}: ended while the rest frame was being taken (8 images and a search), no values"
     )
-    assert way_out in output
+    assert output.endswith(way_out)  # at full speed it is too short too
+
+
+@pytest.mark.parametrize("speed", ["10", "max"])
+def test_images_without_pins_are_refused_at_any_speed(command: Command, tmp_path: Path, speed: str) -> None:
+    for n in range(40):
+        cv2.imwrite(str(tmp_path / f"{n}.png"), np.full((1, 1), 90 + n, np.uint8))
+    done = command("replay", tmp_path, "--speed", speed, "-q")
+    assert done.code == 2
+    assert "no pattern of pins in the image" in done.err.splitlines()[-1]
 
 
 def test_images_that_pass_during_the_tare_are_reported(

@@ -13,6 +13,7 @@ from click.testing import CliRunner
 from calib.sim import Camera as SimulatedCamera
 from calib.sim import Simulator, Tip, ToolPose
 from edge.calibration import Calibration
+from edge.cli import checks
 from edge.cli.checks import Line
 from edge.cli.doctor import examine
 from edge.cli.machine import Machine
@@ -128,6 +129,14 @@ def bad(found: dict[str, Line]) -> dict[str, str]:
     """Topics that are not ok; each of them has advice."""
     assert all(line.advice for line in found.values() if line.level != "ok")
     return {topic: line.level for topic, line in found.items() if line.level != "ok"}
+
+
+def test_a_number_that_another_camera_may_get_is_a_warning(
+    examined: Examined, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(checks, "lasting_name", lambda where: "v4l2:AB12" if where == "0" else "")
+    line = examined()["camera"]
+    assert (line.level, line.advice) == ("warn", "give v4l2:AB12, which stays")
 
 
 def test_everything_in_order_gives_ok(examined: Examined) -> None:

@@ -42,6 +42,7 @@ from hostlink.wire import (
     unpack_value,
 )
 from hostlink.wire.address import parse_address
+from hostlink.wire.process_data import FRAME_DATA, SAMPLE_DATA
 from tests.support.waiting import SOON_S, until
 
 NODE = 5
@@ -212,6 +213,7 @@ def test_every_readable_object_answers(bench: Bench) -> None:
             silent.add((row.name, error.code))
     empty = {"calibration", "calibration_id", "camera", "refusal", "rest_frame_message"}
     empty |= {f"error_{i}" for i in range(1, 9)}
+    empty |= {datum.name for datum in (*SAMPLE_DATA, *FRAME_DATA)}  # before the first sample
     assert silent == {(name, Abort.NO_DATA) for name in empty}
 
 

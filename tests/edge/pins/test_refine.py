@@ -134,16 +134,6 @@ def test_missing_and_covered_pins_are_lost_and_half_hidden_ones_less_certain() -
     assert np.isnan(error) or pins.sigma_px[30] > 5 * np.nanmedian(pins.sigma_px)
 
 
-def test_two_pins_never_share_one_blob() -> None:
-    truth = hexagon(3, 22.0, (150.0, 150.0))
-    image = expose(draw(SIZE, np.delete(truth, 10, axis=0), 6.0, 0.9, 120, 30), 2.0, np.random.default_rng(7))
-    predicted = truth.copy()
-    predicted[10] = truth[11] + np.array([4.0, 2.0])
-    pins = CentroidRefiner(known_rest(truth, 6.0, 0.9, 120, 2.0, 22.0, SIZE)).refine(image, predicted)
-    assert np.isnan(pins.xy_img[10]).all()
-    assert np.abs(pins.xy_img[11] - truth[11]).max() < 0.1
-
-
 def test_pins_that_the_border_cuts_keep_their_place() -> None:
     truth = np.array(
         [[3.2, 60.0], [60.0, 2.1], [60.0, 60.0], [116.3, 60.0], [60.0, 116.6], [25.0, 25.0], [90.0, 90.0]]

@@ -12,6 +12,7 @@ from mcap.reader import make_reader
 from mcap.records import Channel, Chunk, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap_protobuf.decoder import DecoderFactory
+from mcap_protobuf.writer import Writer
 
 from edge.errors import SinkError, SourceError
 from edge.recording import writer
@@ -377,19 +378,31 @@ def test_a_recording_is_never_overwritten_unasked(tmp_path: Path) -> None:
     assert "/other" in one_line(SourceError, RecordingSource, path, topic="/other")
 
 
-def test_colour_images_of_another_tool_become_grey(tmp_path: Path) -> None:
-    """No /camera/frame messages: log time and a running number are used."""
-    from mcap_protobuf.writer import Writer
+def test_a_camera_whose_clock_begins_anew_leaves_times_that_grow(tmp_path: Path) -> None:
+    frames = [Frame(np.full((4, 4), n, np.uint8), ns, n) for n, ns in enumerate((7000, 9000, 1000, 3000))]
+    for options in ({}, {"offset_ns": 0}):
+        write(tmp_path / "a.mcap", frames, overwrite=True, rate_hz=1e5, **options)
+        log_ns = [ns for topic, ns, _ in read_messages(tmp_path / "a.mcap") if topic == TOPICS["image"].name]
+        assert all(step_ns > 0 for step_ns in np.diff(log_ns))
+        got = list(RecordingSource(tmp_path / "a.mcap"))
+        assert [f.sequence for f in got] == [0, 1, 2, 3]
+        assert [f.capture_ns for f in got] == [7000, 9000, 14000, 16000]
 
-    rows = np.zeros((6, 40), np.uint8)  # 8 px of three bytes and 16 bytes of padding
-    rows[:, :24] = np.tile([255, 0, 0], 8)
-    with (tmp_path / "other.mcap").open("wb") as file, Writer(file) as writer:
-        for i in range(3):
-            image = proto("RawImage")(width=8, height=6, step=40, encoding="rgb8", data=rows.tobytes())
-            writer.write_message("/usb_cam/image", image, log_time=1000 + i, publish_time=1000 + i)
-    source = RecordingSource(tmp_path / "other.mcap")
-    frames = list(source)
-    assert source.size_px == (8, 6)
-    assert [f.capture_ns for f in frames] == [1000, 1001, 1002]
-    assert [f.sequence for f in frames] == [0, 1, 2]
-    assert np.all(frames[0].image == 76)  # 0.299 of 255
+
+@pytest.mark.parametrize("chunk_size", [1, 1 << 20])
+@pytest.mark.parametrize("indexed", [True, False])
+def test_messages_out_of_order_are_played_in_order_of_time(
+    tmp_path: Path, chunk_size: int, indexed: bool
+) -> None:
+    path, log_ns = tmp_path / "a.mcap", [4000, 1000, 3000, 2000, 5000]
+    with path.open("wb") as file, Writer(file, chunk_size=chunk_size) as writer:
+        for ns in log_ns:
+            image = proto("RawImage")(
+                width=2, height=1, step=2, encoding="mono8", data=bytes([ns // 1000, 9])
+            )
+            writer.write_message("/image", image, log_time=ns, publish_time=ns)
+    if not indexed:
+        path.write_bytes(path.read_bytes()[:-40])
+    frames = list(RecordingSource(path))
+    assert [(f.capture_ns, f.image[0, 0]) for f in frames] == [(1000 * n, n) for n in range(1, 6)]
+    assert [f.sequence for f in frames] == [0, 1, 2, 3, 4]  # a running number

@@ -174,6 +174,8 @@ def test_the_camera_is_asked_for_what_was_set(dai: Any) -> None:
     assert calls["setAntiBandingMode"][0] == (dai.CameraControl.AntiBandingMode.OFF,)
     assert calls["setXLinkChunkSize"][0] == (0,)
     assert calls["requestOutput"] == (((640, 400),), {"type": dai.ImgFrame.Type.GRAY8, "fps": 240.0})
+    unasked = calls_of(oak.camera_output(Options()))  # its own size and rate
+    assert unasked["requestOutput"] == (((640, 400),), {"type": dai.ImgFrame.Type.GRAY8, "fps": 60.0})
     # Crop and synchronisation are left to the module.
     size = Options(width=640, height=400)
     calls = calls_of(oak.camera_output(size, "CAM_B", oak.Crop(100, 50, 320, 240), "input"))

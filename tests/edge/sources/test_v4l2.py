@@ -10,8 +10,9 @@ import pytest
 
 from edge.errors import SourceError
 from edge.sources.options import Options
-from edge.sources.v4l2 import V4l2Source, find_device, list_cameras
+from edge.sources.v4l2 import V4l2Source, find_device, lasting_name, list_cameras
 from edge.types import Clock, Frame, Image
+from tests.support.refusals import one_line
 from tests.support.waiting import SOON_S, until
 
 W, H = 64, 48
@@ -71,7 +72,7 @@ class FakeCapture:
 
     def get(self, prop: int) -> float:
         if prop == cv2.CAP_PROP_POS_MSEC:
-            return self.camera.stamp_ns / 1e6 if self.camera.stamps else 0.0
+            return (self.camera.stuck_ns or self.camera.stamp_ns) / 1e6 if self.camera.stamps else 0.0
         return self.values.get(prop, 0.0)
 
     def grab(self) -> bool:
@@ -93,6 +94,8 @@ class FakeCapture:
         fourcc = int(self.values[cv2.CAP_PROP_FOURCC]).to_bytes(4, "little").decode()
         if self.what == "black":
             return True, np.zeros((H, W), np.uint8)
+        if self.camera.shown is not None:
+            return True, self.camera.shown
         if self.what == "damage":
             return True, np.zeros((1, 7), np.uint8)
         return True, encode(fourcc, 5 if self.what == "freeze" else self.camera.n)
@@ -107,11 +110,13 @@ class FakeCamera:
         self.rate_hz = rate_hz
         self.halves_with_one_buffer = False
         self.stamps = True
+        self.stuck_ns = 0  # what the driver states for ever
         self.fixed_size = self.mute = False
         self.no_such: set[int] = set()
         self.clamp: dict[int, float] = {}
         self.present = True
         self.script: list[str] = []
+        self.shown: Any = None  # what each image is; None: it is made anew
         self.captures: list[FakeCapture] = []
         self.n = 0
         self.stamp_ns = 5_000_000_000_000
@@ -226,6 +231,46 @@ def test_frames_that_never_came_are_gaps_in_the_sequence() -> None:
         steps = np.diff([first.sequence] + [opened.next().sequence for _ in range(3)])
         assert steps.tolist() == [1, 3, 1]
         assert opened.source.faults["missed frame"] == 2
+
+
+def test_a_camera_that_dims_is_one_condition_and_loses_no_frame(caplog: pytest.LogCaptureFixture) -> None:
+    camera = FakeCamera(rate_hz=60)
+    with Opened(camera) as opened:
+        opened.next()
+        camera.rate_hz = 30
+        dim = [opened.next() for _ in range(20)]
+        assert np.diff([frame.sequence for frame in dim[2:]]).tolist() == [1] * 17
+        assert opened.source.condition == "slow"
+        assert opened.source.faults == {"slow": 1, "missed frame": 2}  # the first two may have been lost
+        assert caplog.messages == [
+            "camera v4l2:0: 30 images/s instead of 60; light the tip better, or set exposure_us and gain"
+        ]
+        camera.script = ["skip"]
+        opened.next()
+        assert opened.source.faults["missed frame"] == 4
+        camera.rate_hz = 60
+        opened.next()
+        opened.next()
+        assert opened.source.condition == ""
+
+
+def test_a_drivers_time_that_stands_still_is_noticed(caplog: pytest.LogCaptureFixture) -> None:
+    camera = FakeCamera()
+    with Opened(camera) as opened:
+        before = opened.next()
+        camera.stuck_ns = camera.stamp_ns
+        frames = [opened.next() for _ in range(9)]
+        assert {frame.clock for frame in frames} == {Clock.HOST}
+        assert np.all(np.diff([frame.capture_ns for frame in (before, *frames)]) > 0)
+        assert opened.source.faults == {"repeated time": 9}
+        assert caplog.messages == ["camera v4l2:0: its driver's time stands still; the host's is taken"]
+
+
+def test_the_terms_name_request_and_outcome() -> None:
+    with Opened(FakeCamera(), width=W, height=H, rate_hz=100) as opened:
+        assert opened.source.terms == f"asked for {W}x{H} at 100/s, gives {W}x{H} at 120.0/s"
+    with Opened(FakeCamera()) as opened:
+        assert opened.source.terms == f"asked for its own size at its own rate, gives {W}x{H} at 120.0/s"
 
 
 def test_a_lost_camera_comes_back_unless_it_has_another_size() -> None:
@@ -371,6 +416,59 @@ def test_cameras_of_a_machine(machine: tuple[Path, Path]) -> None:
 )
 def test_a_camera_by_number_serial_or_path(machine: tuple[Path, Path], where: str, node: str) -> None:
     assert Path(find_device(where.format(dev=machine[1]), *machine)).name == node
+
+
+@pytest.fixture
+def twins(machine: tuple[Path, Path]) -> tuple[Path, Path]:
+    """The same with a third camera, of the first one's serial number and label; each has its socket."""
+    sys_root, dev_root = machine
+    node, device = sys_root / "class/video4linux/video12", sys_root / "devices/usb1/1-3/1-3:1.0"
+    device.mkdir(parents=True)
+    node.mkdir(parents=True)
+    (node / "device").symlink_to(device)
+    (node / "name").write_text("Global Shutter 1-1\n")
+    (device.parent / "serial").write_text("AB12\n")
+    (dev_root / "video12").write_text("")
+    (dev_root / "v4l/by-id/usb-Maker_Shutter_AB12-video-index0").symlink_to(dev_root / "video12")
+    (dev_root / "v4l/by-path").mkdir()
+    for number in (0, 10, 12):
+        (dev_root / f"v4l/by-path/usb-0:{number}-video-index0").symlink_to(dev_root / f"video{number}")
+    return sys_root, dev_root
+
+
+@pytest.mark.parametrize(
+    ("where", "n"),
+    [
+        ("AB12", 2),
+        ("usb-Maker", 2),
+        ("Shutter", 3),
+        ("{dev}/v4l/by-id/usb-Maker_Shutter_AB12-video-index0", 2),
+    ],
+)
+def test_a_name_of_several_cameras_is_refused_and_all_are_listed(
+    twins: tuple[Path, Path], where: str, n: int
+) -> None:
+    message = one_line(SourceError, find_device, where.format(dev=twins[1]), *twins)
+    assert f"fits {n} cameras, give the path of one: " in message
+    assert message.count("/v4l/by-path/usb-0:") == n
+
+
+@pytest.mark.parametrize(
+    ("where", "lasting"),
+    [
+        ("0", "{dev}/v4l/by-path/usb-0:0-video-index0"),  # its serial number is not its own
+        ("{dev}/video10", "{dev}/v4l/by-path/usb-0:10-video-index0"),  # it has none
+        ("{dev}/v4l/by-path/usb-0:0-video-index0", ""),
+        ("5", ""),
+    ],
+)
+def test_a_number_has_a_name_that_stays(twins: tuple[Path, Path], where: str, lasting: str) -> None:
+    assert lasting_name(where.format(dev=twins[1]), *twins) == lasting.format(dev=twins[1])
+    assert Path(find_device(lasting.format(dev=twins[1]) or "0", *twins)).parent == twins[1]
+
+
+def test_a_number_of_a_camera_alone_of_its_kind(machine: tuple[Path, Path]) -> None:
+    assert lasting_name("0", *machine) == "v4l2:AB12"
 
 
 @pytest.mark.parametrize("where", ["5", "NONE", "", "/dev/no/such/camera"])

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 
 import hostlink
 from hostlink.bridge.run import Bridge, Outlet
+from hostlink.hand_file import HandFile
 from hostlink.wire import State
 from tests.support.fingers import Fingers
 from tests.support.waiting import SOON_S, until
@@ -13,9 +14,15 @@ from tests.support.waiting import SOON_S, until
 class Hand(Fingers):
     """Nodes on a virtual bus, a connection to it, and a bridge."""
 
-    def __init__(self, bus: str, fingers: Sequence[int], state: Callable[[int, int], State]) -> None:
+    def __init__(
+        self,
+        bus: str,
+        fingers: Sequence[int],
+        state: Callable[[int, int], State],
+        hand: HandFile | None = None,
+    ) -> None:
         super().__init__(f"virtual:{bus}", fingers, state)
-        self.connection = hostlink.connect(f"virtual:{bus}")
+        self.connection = hostlink.connect(f"virtual:{bus}", hand=hand)
         self._bridge: tuple[Bridge, threading.Thread, Sequence[Outlet]] | None = None
 
     def bridge(self, *outlets: Outlet) -> Bridge:

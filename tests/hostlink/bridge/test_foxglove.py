@@ -8,7 +8,7 @@ import threading
 import time
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import suppress
-from math import nan
+from math import nan, pi, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +18,10 @@ from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from mcap.reader import make_reader
 
-from hostlink.bridge.foxglove import LAYOUT, PARAMETERS, FoxgloveOutlet
+from hostlink.bridge.foxglove import LAYOUT, FoxgloveOutlet
+from hostlink.bridge.values import PARAMETERS
 from hostlink.commands.plot import read_series
+from hostlink.hand_file import HandFile, Mount
 from hostlink.topics import DIAGNOSTICS, values_of
 from hostlink.web import Listen
 from hostlink.wire import Contact, State, Status, pack_state, unpack_state
@@ -185,6 +187,31 @@ def test_samples_scenes_and_diagnoses_are_what_the_fingers_sent(hand: Hand) -> N
         assert [t.child_frame_id for t in tips] == ["finger_1", "finger_3"]
 
     watch(outlet.url, visit)
+
+
+def test_a_hands_names_are_those_of_topics_frames_and_parameters() -> None:
+    mounts = (Mount("thumb", 1, (-0.04, 0.0, 0.0), (0.0, 0.0, pi / 2)), Mount("index", 3, (0.0, 0.0, 0.0)))
+    hand = Hand("fox-named", (1, 3), state, HandFile("left_hand", mounts=mounts))
+    outlet = bridged(hand, control=())
+
+    async def visit(viewer: Viewer) -> None:
+        for topic in ("/thumb/sample", "/thumb/contacts", "/tf"):
+            await viewer.subscribe(topic)
+        got = viewer.messages
+        await viewer.until(lambda: len(got) == 3, "messages")
+        assert SceneUpdate.FromString(got["/thumb/contacts"][-1][1]).entities[0].frame_id == "thumb"
+
+        def thumb() -> Any:
+            tips = FrameTransforms.FromString(got["/tf"][-1][1]).transforms
+            return next((tip for tip in tips if tip.child_frame_id == "thumb"), None)
+
+        tip = await viewer.until(thumb, "where the thumb is")
+        assert (tip.parent_frame_id, tip.translation.x) == ("hand", -0.04)
+        assert (tip.rotation.z, tip.rotation.w) == pytest.approx((sqrt(0.5), sqrt(0.5)))
+        await viewer.until(lambda: "/index/tare" in viewer.services, "the service")
+
+    watch(outlet.url, visit)
+    hand.close()
 
 
 def test_others_may_only_watch_and_come_back(hand: Hand) -> None:

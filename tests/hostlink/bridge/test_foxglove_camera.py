@@ -157,7 +157,7 @@ def test_places_are_scaled_with_the_picture() -> None:
 def test_pictures_are_stamped_by_the_samples_clock_across_its_wrap(page: Page) -> None:
     outlet = FoxgloveOutlet(Listen("127.0.0.1", 0), pages=[page.address])
     (camera,) = outlet._cameras  # no public way in: the SDK alone holds the rest
-    camera.note((1 << 32) - 1_000_000, 100_000_000_000)
+    camera.clock.note((1 << 32) - 1_000_000, 100_000_000_000)
 
     async def visit(viewer: Viewer) -> None:
         await viewer.subscribe(TOPICS[0])

@@ -6,21 +6,26 @@ import resource
 import struct
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from importlib.metadata import version
 from math import isnan
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import can
 import click
 import pytest
 
 from hostlink import RestFrameOutcome, RestFrameReason, RestFrameState, Sample, decode_recording
+from hostlink.commands import live
 from hostlink.commands.cli import COMMANDS, cli
 from hostlink.interrupt import ENDING
 from hostlink.output_file import find_unfinished
 from hostlink.recording import read_log
 from hostlink.wire import VERSION, State, pack_state
+from hostlink.wire.address import parse_address
 from tests.hostlink.test_recording import as_candump, write_buses, write_edge
 from tests.support.commands import Done, run_host_without
 from tests.support.commands import run_host as run
@@ -109,9 +114,10 @@ def contents(folder: Path) -> dict[str, bytes]:
         ("set can:can0 schema_hash 5", "can only be read"),
         ("set can:can0 calibration /nosuch.json", "/nosuch.json: cannot be read: No such file or directory"),
         ("set can:can0 calibration /", "/: cannot be read: Is a directory"),
-        ("view can:can0 --hand 1,1", "--hand 1,1: node 1 is given twice"),
-        ("view can:can0 --hand 0,1", "give node numbers from 1 to 127"),
-        ("view can:can0 --hand thumb", "give node numbers from 1 to 127"),
+        ("view can:can0 --hand none.toml", "none.toml: cannot be read: No such file or directory"),
+        ("dbc", "dbc: of which fingers? give --node 3 --node 4, or --hand hand.toml"),
+        ("dbc --node 3 --node 3", "--node: one is given twice"),
+        ("dbc --node 3 -o hand.txt", "hand.txt: the name must end in .dbc"),
         ("view can:can0 --listen no-host!", "no host 'no-host!' is known; give HOST:PORT"),
         ("monitor udp:300.1.1.1", "300.1.1.1 is no multicast group; give one, e.g. udp:239.0.0.1"),
         ("busload --fingers 0", "--fingers"),
@@ -146,7 +152,6 @@ def contents(folder: Path) -> dict[str, bytes]:
         ("bridge virtual:none --foxglove --seconds 1e300", "1e300 is out of range; give a number above 0"),
         ("bridge virtual:none --ros jazzy --record x.mcap", "--record"),
         ("bridge can:no-such-bus --ros jazzy --router tcp/127.0.0.1:9", "no-such-bus"),
-        ("bridge virtual:none --ros jazzy --view http://a", "--view: cameras are shown by --foxglove"),
         ("bridge virtual:none --foxglove --view http://a --view 1=http://b", "finger 1 is given twice"),
         ("bridge virtual:none --foxglove --listen 0.0.0.0:0 --allow-control", "no place for it"),
         ("bridge virtual:none --foxglove --origin http://localhost:8080", "--allow-control"),
@@ -163,9 +168,11 @@ def test_mistakes_are_one_line_and_write_nothing(files: Path, arguments: str, me
     [
         (["numpy", "pandas", "pyarrow", "pyarrow.parquet"], "decode hand.log --parquet out.parquet", "data"),
         (["foxglove"], "bridge virtual:none --foxglove", "foxglove"),
-        (["aiohttp"], "bridge virtual:none --foxglove --listen 127.0.0.1:0 --view http://a", "foxglove"),
+        (["aiohttp"], "bridge virtual:none --ros jazzy --router tcp/127.0.0.1:9 --view http://a", "view"),
         (["zenoh"], "bridge virtual:none --ros jazzy", "ros"),
         (["rosbags.typesys"], "bridge virtual:none --ros jazzy", "ros"),
+        (["xxhash"], "bridge virtual:none --ros jazzy", "ros"),
+        (["cantools"], "dbc --node 3", "dbc"),
     ],
 )
 def test_without_the_extra_it_is_one_line(
@@ -393,6 +400,21 @@ def test_a_log_without_times_is_decoded(
     assert done.code == 0
     if command == "decode":
         assert [json.loads(text)["arrival_s"] for text in done.out.splitlines()] == [None] * 20
+
+
+def test_times_grow_in_a_recording_during_which_the_clock_is_set_back(tmp_path: Path) -> None:
+    stamps_s = (5000.0, 5000.1, 1400.2, 1400.3)  # of the wall clock, an hour back after the second frame
+
+    def on_raw(callback: Callable[[can.Message, float], None]) -> Callable[[], None]:
+        for n, stamp_s in enumerate(stamps_s):
+            callback(can.Message(arbitration_id=0x186, timestamp=stamp_s), 10.0 + n / 10)
+        return lambda: None
+
+    hand: Any = SimpleNamespace(address=parse_address("can:can0"), on_raw=on_raw)
+    assert live._record(hand, tmp_path / "a.log", 0.0) == (4, 0)
+    times_s = [float(line[1 : line.index(")")]) for line in (tmp_path / "a.log").read_text().splitlines()]
+    assert [at - times_s[0] for at in times_s] == pytest.approx([0, 0.1, 0.2, 0.3], abs=1e-5)
+    assert times_s[0] - 10.0 == pytest.approx(time.time() - time.monotonic(), abs=60)
 
 
 @pytest.mark.parametrize(("query", "number"), [("", 1), ("?node=3", 3)])

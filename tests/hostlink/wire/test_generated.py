@@ -3,29 +3,48 @@
 import json
 import struct
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
 from random import Random
 from typing import Any
 
+import canmatrix.formats
 import canopen
 import cantools
 import pytest
+from canmatrix.ArbitrationId import ArbitrationId
 from cantools.database.can import Signal
+from cantools.database.namedsignalvalue import NamedSignalValue
 from cantools.typechecking import DecodeResultType
 
 import hostlink
-from hostlink.wire import OBJECTS, CanIds, State, pack_detail, pack_parts, pack_state, unpack_state
+from hostlink.wire import (
+    OBJECTS,
+    CanIds,
+    State,
+    Status,
+    pack_detail,
+    pack_emergency,
+    pack_parts,
+    pack_state,
+    unpack_state,
+)
 from hostlink.wire.detail import PINS_PER_SEGMENT
 from hostlink.wire.fields import LAYOUT, PARTS, field_named
 from hostlink.wire.generate import generate
 from hostlink.wire.generate.dbc import classic_signals, state_signals
 from hostlink.wire.objects import TYPES
 from tests.support.c_programs import C, compiled
+from tests.support.commands import run_host
 from tests.support.states import random_state
 from tests.vectors.__main__ import FILE
 
 FOLDER = Path(hostlink.__file__).parent
 SAMPLES = 2_000
+UNITS = {f.name: f.unit for f in LAYOUT}
+
+#: A message's identifier and data -> its signals by name: numbers, or the names of values.
+Decoder = Callable[[int, bytes], dict[str, Any]]
 
 
 def test_no_file_is_stale() -> None:
@@ -33,14 +52,26 @@ def test_no_file_is_stale() -> None:
     assert not stale, f"stale: {stale}; run `make generate`"
 
 
-def database(name: str) -> cantools.database.can.Database:
-    loaded = cantools.database.load_file(FOLDER / "dbc" / name)
+def by_cantools(path: Path) -> Decoder:
+    loaded = cantools.database.load_file(path)
     assert isinstance(loaded, cantools.database.can.Database)
-    return loaded
+    return lambda can_id, data: values_of(loaded.decode_message(can_id, data))
+
+
+def by_canmatrix(path: Path) -> Decoder:
+    loaded = canmatrix.formats.loadp_flat(str(path))
+    assert loaded is not None
+
+    def decode(can_id: int, data: bytes) -> dict[str, Any]:
+        decoded = loaded.decode(ArbitrationId(can_id, extended=False), data)
+        named = {name: v.signal.values.get(int(v.raw_value)) for name, v in decoded.items()}
+        return {name: named[name] or float(v.phys_value) for name, v in decoded.items()}
+
+    return decode
 
 
 def flat(state: State) -> dict[str, object]:
-    """The state by the names of the wire's layout; invalid values as named in the DBC."""
+    """The state by the names of the DBC's signals; invalid values as named there."""
     values: dict[str, object] = {}
     for f in LAYOUT:
         if f.contact:
@@ -52,47 +83,94 @@ def flat(state: State) -> dict[str, object]:
     return values
 
 
+def by_bit(state: State) -> dict[str, object]:
+    bits: dict[str, object] = {f"status_{b.name}".lower(): ("no", "yes")[b in state.status] for b in Status}
+    return {name: value for name, value in flat(state).items() if name != "status"} | bits
+
+
 def values_of(decoded: DecodeResultType) -> dict[str, Any]:
-    """Signals by name: numbers, or "invalid"; none of our messages has containers."""
+    """Signals by name: numbers, or the name of a value; none of our messages has containers."""
     assert isinstance(decoded, dict)
-    return dict(decoded)
+    return {name: v.name if isinstance(v, NamedSignalValue) else v for name, v in decoded.items()}
 
 
-def test_cantools_decodes_state_frames_bit_identically() -> None:
-    message, rng = database("voronoi_touch_fd.dbc").get_message_by_name("State"), Random(1)
-    assert message.frame_id == CanIds().state(1)
-    assert message.is_fd
-    for i in range(SAMPLES):
-        frame = pack_state(random_state(rng, i), i)
-        decoded = values_of(message.decode(frame))
-        for name, value in flat(unpack_state(frame)).items():
-            assert decoded[name] == value, name
-        assert (decoded["counter"], decoded["version"]) == (i & 0xFF, frame[3])
+#: A reader of DBC, and how exactly: canmatrix multiplies decimals.
+READERS = [(by_cantools, 0.0, SAMPLES), (by_canmatrix, 1e-12, SAMPLES // 20)]
 
 
-def test_cantools_decodes_classic_parts_bit_identically() -> None:
-    loaded, rng = database("voronoi_touch_classic.dbc"), Random(2)
-    for i in range(SAMPLES // 5):  # of 9 to 12 parts each
-        state = random_state(rng, i)
-        values = flat(unpack_state(pack_state(state, i)))
-        frames = pack_parts(state, i)
-        low = 0.0
-        for tpdo, frame in frames:
-            decoded = values_of(loaded.decode_message(CanIds().tpdo(tpdo, 1), frame))
-            low = decoded.pop("sample_low")
-            for name in decoded.keys() & values.keys():
-                assert decoded[name] == values[name], name
-            if tpdo == 2:
-                assert decoded["part_n"] == len(frames)
-                assert int(decoded["sample_high"]) << 5 | int(low) == values["sample"]
+@pytest.mark.parametrize(("reader", "error_rel", "samples_n"), READERS)
+def test_readers_of_a_hands_dbc_decode_every_fingers_frames(
+    reader: Callable[[Path], Decoder], error_rel: float, samples_n: int, tmp_path: Path
+) -> None:
+    """Of two fingers on a bus, CAN FD and classic, made by the command."""
+    decoders = []
+    for kind in ("", "--classic"):
+        path = tmp_path / f"hand{kind}.dbc"
+        assert run_host("dbc", "--node", "3", "--node", "4", *filter(None, [kind]), "-o", path).code == 0
+        decoders.append(reader(path))
+    decode_fd, decode_classic = decoders
+    rng, ids = Random(1), CanIds()
+
+    def check(decoded: dict[str, Any], expected: dict[str, object]) -> None:
+        for name in decoded.keys() & expected.keys():
+            value: Any = expected[name]
+            known = isinstance(value, str) or not error_rel
+            assert decoded[name] == (value if known else pytest.approx(value, rel=error_rel)), name
+
+    for i in range(samples_n):
+        state, node = random_state(rng, i), 3 + i % 2
+        frame = pack_state(state, i)
+        expected = by_bit(unpack_state(frame)) | {"counter": i & 0xFF, "version": frame[3]}
+        decoded = decode_fd(ids.state(node), frame)
+        assert expected.keys() <= decoded.keys()
+        check(decoded, expected)
+        frames = pack_parts(state, i) if i % 5 == 0 else ()  # of 9 to 12 parts each
+        expected |= {"counter": i % 15, "version": frame[3] & 0xF, "part_n": len(frames)}
+        expected |= {"sample_low": state.sample & 31, "sample_high": (state.sample & 0xFFFF) >> 5}
+        for tpdo, part in frames:
+            check(decode_classic(ids.tpdo(tpdo, node), part), expected)
+
+
+def test_a_hands_dbc_is_for_people(tmp_path: Path) -> None:
+    """Names fit DBC's 32 characters; values have units, limits, comments; messages have cycle times."""
+    (tmp_path / "hand.toml").write_text(
+        '[[finger]]\nname = "thumb"\nnode = 3\n[[finger]]\nname = "a_long_finger_name_xx"\nnode = 4\n'
+    )
+    refusal = run_host("dbc", "--hand", tmp_path / "hand.toml").refusal
+    assert "finger 2: name = 'a_long_finger_name_xx': give a name of at most 20" in refusal
+    (tmp_path / "hand.toml").write_text(
+        '[[finger]]\nname = "thumb"\nnode = 3\n[[finger]]\nname = "a_long_finger_name_x"\nnode = 4\n'
+    )
+    for kind in ([], ["--classic"]):
+        done = run_host("dbc", "--hand", tmp_path / "hand.toml", "--rate", "100", *kind)
+        loaded = cantools.database.load_string(done.out, "dbc")
+        assert isinstance(loaded, cantools.database.can.Database)
+        periods = {m.name: m.cycle_time for m in loaded.messages}
+        assert periods["thumb_Heartbeat"] == 500
+        assert periods["thumb_Part1" if kind else "thumb_State"] == 10
+        assert periods["a_long_finger_name_x_Emergency"] is None
+        assert {m.senders[0] for m in loaded.messages} == {"thumb", "a_long_finger_name_x"}
+        for m in loaded.messages:
+            assert len(m.name) < 32
+            assert m.comment, m.name
+            for signal in m.signals:
+                assert len(signal.name) < 32
+                assert signal.comment, signal.name
+                assert signal.minimum is not None
+                assert signal.maximum is not None
+                assert (signal.unit or "") == UNITS.get(signal.name, signal.unit or "")
+        emergency = loaded.get_message_by_name("thumb_Emergency")
+        decoded = values_of(emergency.decode(pack_emergency(0x5001, 0x81, 1, int(Status.CAMERA_FAULT))))
+        seen = {name for name, value in decoded.items() if value == "yes"}
+        assert seen == {"error_generic", "error_manufacturer", "status_camera_fault"}
+        assert (decoded["emcy"], decoded["fault"]) == ("camera_lost", "camera_lost")
 
 
 def test_cantools_decodes_detail_segments() -> None:
-    message = database("voronoi_touch_fd.dbc").get_message_by_name("Detail")
-    rng = Random(3)
+    decode, rng = by_cantools(FOLDER / "dbc" / "voronoi_touch_fd.dbc"), Random(3)
     rows = [(rng.uniform(-100, 100), rng.uniform(-100, 100), rng.uniform(-1, 1)) for _ in range(331)]
     for k, segment in enumerate(pack_detail(9, rows, 0)):
-        decoded = values_of(message.decode(segment))
+        decoded = decode(CanIds().detail(1), segment)
         assert (decoded["segment"], decoded["pin_n"], decoded["sample"]) == (k, 331, 9)
         for i, row in enumerate(rows[k * PINS_PER_SEGMENT : (k + 1) * PINS_PER_SEGMENT]):
             got = [decoded[f"pin{i}_{name}"] for name in ("dx_px", "dy_px", "da")]
