@@ -17,7 +17,9 @@ the length of a shear is less certain than its direction. The noise of x is then
 that of y u_y^2 along + u_x^2 across.
 
 Rules
-- Terms of all models share one tree: a product is its parent times one input.
+- Terms of all models share one tree: a product is its parent times one input. Of two that are each other's
+  conjugate it has one, as their parts differ in a sign only.
+- Every sum is over the real and imaginary parts of products, with real weights.
 - Only the models in demand are evaluated, and only the products that they need.
 - L has real rows: of a complex row, its real and its imaginary part are two. Of a process with one output the
   real part counts alone.
@@ -232,10 +234,10 @@ class ModelKernel:
     _sign: cython.double[::1]  # -1 where it is the input's conjugate
     _active: cython.int[::1]
     _wanted: list[bool]
-    # (models + 1, 6) first term, noise term, output, term of `lost`, row of `_factor`, knot
+    # (models + 1, 6) first part, noise term, output, term of `lost`, row of `_factor`, knot
     _first: cython.int[:, ::1]
-    _node: cython.int[::1]  # of each term
-    _weight: cython.double[:, ::1]
+    _part: cython.int[::1]  # those of `_parts` that the models sum up
+    _weight: cython.double[:, ::1]  # (n, 2) of each: for the real part of the value, and the imaginary
     _factor: cython.double[:, ::1]  # of `_blocks_of`
     _noise_node: cython.int[::1]
     _noise_weight: cython.double[:, ::1]  # (2, n) along and across
@@ -245,9 +247,7 @@ class ModelKernel:
     _limits: cython.double[:, ::1]
     _valid: cython.double[:, ::1]  # (outputs, 3) low, high, sigma
     _knot: cython.double[:, ::1]  # of curves: input, output
-    _re: cython.double[::1]  # products of the current frame
-    _im: cython.double[::1]
-    _terms: cython.double[:, ::1]  # those of a model
+    _parts: cython.double[::1]  # real and imaginary part of each product of the current frame
     _outputs: cython.double[:, ::1]  # (outputs, 3) value, sigma, whether out of range
 
     def __init__(self, inputs: Sequence[str], models: Sequence[Model]) -> None:
@@ -260,19 +260,21 @@ class ModelKernel:
         lost = [_lost_of(part) for part in parts]
         knots = [model.knots if isinstance(model, Curve) else [] for model in models]
         tree = _Tree(inputs)
-        nodes = [tree.nodes(part.terms) for part in parts]
-        noise = [tree.nodes(part.noise_terms) for part in parts]
-        of_lost = [tree.nodes(part.terms) for part in lost]
-        self._nodes = [np.concatenate(own) for own in zip(nodes, noise, of_lost, strict=True)]
-        self._node, self._noise_node, self._lost_node = map(_joined, (nodes, noise, of_lost))
+        sums = [_sums_of(part, *tree.nodes(part.terms)) for part in parts]
+        summed = [numbers for numbers, _, _ in sums]
+        noise = [tree.nodes(part.noise_terms)[0] for part in parts]
+        of_lost = [tree.nodes(part.terms)[0] for part in lost]
+        nodes = zip(summed, noise, of_lost, strict=True)
+        self._nodes = [np.concatenate([numbers // 2, *others]) for numbers, *others in nodes]
+        self._part, self._noise_node, self._lost_node = map(_joined, (summed, noise, of_lost))
         self._parent, self._column, sign = np.array(tree.products, np.int32).T.copy()
         self._sign = sign.astype(np.float64)
-        factors = [_blocks_of(part) for part in parts]
-        rows = zip(nodes, noise, [part.outputs for part in parts], of_lost, factors, knots, strict=True)
+        factors = [_blocks_of(factor) for _, _, factor in sums]
+        rows = zip(summed, noise, [part.outputs for part in parts], of_lost, factors, knots, strict=True)
         counts = [tuple(map(len, row)) for row in rows]
         self._first = np.cumsum([(0,) * 6, *counts], axis=0, dtype=np.int32)
-        self._weight = _table([w for part in parts for w in part.weights], 2)
-        self._factor = np.concatenate([np.empty((0, 2 * ROWS)), *factors])
+        self._weight = np.concatenate([np.empty((0, 2)), *(weights.T for _, weights, _ in sums)])
+        self._factor = np.concatenate([np.empty((0, ROWS)), *factors])
         along = [w for part in parts for w in part.noise_weights]
         across = [w for part in parts for w in (part.across_weights or part.noise_weights)]
         self._noise_weight = np.array([along, across], np.float64)
@@ -281,8 +283,7 @@ class ModelKernel:
         ranges = [(*v, s) for part in parts for v, s in zip(part.valid, part.sigma, strict=True)]
         self._valid = _table(ranges, 3)
         self._knot = _table([knot for curve in knots for knot in curve], 2)
-        self._re, self._im = np.zeros((2, len(tree.products)))
-        self._terms = np.zeros((max(map(len, nodes), default=0), 2))
+        self._parts = np.zeros(2 * len(tree.products))
         self._outputs = np.zeros((len(self.names), 3))
         self.want(None)
 
@@ -335,15 +336,16 @@ class ModelKernel:
         x: cython.double
         y: cython.double
         i: cython.Py_ssize_t
-        self._re[0] = 1.0
+        parts: cython.double[::1] = self._parts
+        parts[0] = 1.0
         for i in range(self._active.shape[0]):
             k = self._active[i]
-            p = self._parent[k]
-            a = self._column[k]
-            x = z[2 * a]
-            y = self._sign[k] * z[2 * a + 1]
-            self._re[k] = self._re[p] * x - self._im[p] * y
-            self._im[k] = self._re[p] * y + self._im[p] * x
+            p = 2 * self._parent[k]
+            a = 2 * self._column[k]
+            x = z[a]
+            y = self._sign[k] * z[a + 1]
+            parts[2 * k] = parts[p] * x - parts[p + 1] * y
+            parts[2 * k + 1] = parts[p] * y + parts[p + 1] * x
         for i in range(len(self._wanted)):
             if self._wanted[i]:
                 self._evaluate(i)
@@ -360,14 +362,10 @@ class ModelKernel:
         re: cython.double = 0.0
         im: cython.double = 0.0
         k: cython.Py_ssize_t
-        begin: cython.Py_ssize_t = self._first[m, 0]
-        for k in range(begin, self._first[m + 1, 0]):
-            x = self._re[self._node[k]]
-            y = self._im[self._node[k]]
-            self._terms[k - begin, 0] = x
-            self._terms[k - begin, 1] = y
-            re += self._weight[k, 0] * x - self._weight[k, 1] * y
-            im += self._weight[k, 0] * y + self._weight[k, 1] * x
+        for k in range(self._first[m, 0], self._first[m + 1, 0]):
+            x = self._parts[self._part[k]]
+            re += self._weight[k, 0] * x
+            im += self._weight[k, 1] * x
         learnt: cython.double = self._learnt(m)
         # Written so that a NaN is reported as out of range too.
         known: cython.bint = learnt <= self._limits[m, 0]
@@ -391,25 +389,23 @@ class ModelKernel:
     @cython.exceptval(check=False)
     def _learnt(self, m: cython.Py_ssize_t) -> cython.double:
         """|L psi|^2."""
-        sums: cython.double[8] = [0.0] * 8
-        others: cython.double[8] = [0.0] * 8
+        sums: cython.double[16] = [0.0] * 16
         factor: cython.double[:, ::1] = self._factor
-        terms: cython.double[:, ::1] = self._terms
-        n: cython.Py_ssize_t = self._first[m + 1, 0] - self._first[m, 0]
+        begin: cython.Py_ssize_t = self._first[m, 0]
+        n: cython.Py_ssize_t = self._first[m + 1, 0] - begin
         row: cython.Py_ssize_t
         k: cython.Py_ssize_t
         r: cython.Py_ssize_t
         total: cython.double = 0.0
         for row in range(self._first[m, 4], self._first[m + 1, 4], n):
-            for r in range(8):
-                sums[r] = others[r] = 0.0
+            for r in range(16):
+                sums[r] = 0.0
             for k in range(n):
-                for r in range(8):
-                    sums[r] += factor[row + k, r] * terms[k, 0] + factor[row + k, 16 + r] * terms[k, 1]
-                for r in range(8):
-                    others[r] += factor[row + k, 8 + r] * terms[k, 0] + factor[row + k, 24 + r] * terms[k, 1]
-            for r in range(8):
-                total += sums[r] * sums[r] + others[r] * others[r]
+                x = self._parts[self._part[begin + k]]
+                for r in range(16):
+                    sums[r] += factor[row + k, r] * x
+            for r in range(16):
+                total += sums[r] * sums[r]
         return total
 
     @cython.cfunc
@@ -435,7 +431,7 @@ class ModelKernel:
         h: cython.double = 0.0
         k: cython.Py_ssize_t
         for k in range(self._first[m, 1], self._first[m + 1, 1]):
-            h += self._noise_weight[across, k] * self._re[self._noise_node[k]]
+            h += self._noise_weight[across, k] * self._parts[2 * self._noise_node[k]]
         return exp(min(max(h, self._limits[m, 1 + 2 * across]), self._limits[m, 2 + 2 * across]))
 
     @cython.cfunc
@@ -444,8 +440,8 @@ class ModelKernel:
         """Variance from pins that are not seen, in units of sigma^2; NaN: more than the fit tried."""
         if self._limits[m, 5] == -HUGE_VAL:  # without a model of it
             return 0.0
-        gap: cython.double = self._re[self._lost_node[self._first[m, 3]]]
-        volume: cython.double = self._re[self._lost_node[self._first[m, 3] + 1]]
+        gap: cython.double = self._parts[2 * self._lost_node[self._first[m, 3]]]
+        volume: cython.double = self._parts[2 * self._lost_node[self._first[m, 3] + 1]]
         if gap <= 0.0:
             return 0.0
         if not gap <= self._limits[m, 8]:
@@ -453,7 +449,7 @@ class ModelKernel:
         h: cython.double = self._limits[m, 5]
         k: cython.Py_ssize_t
         for k in range(self._first[m, 3], self._first[m + 1, 3]):
-            h += self._lost_weight[k] * self._re[self._lost_node[k]]
+            h += self._lost_weight[k] * self._parts[2 * self._lost_node[k]]
         h += self._limits[m, 6] * log(gap) + self._limits[m, 7] * log(max(volume, VOLUME_MIN))
         return exp(min(h, LOST_MAX))
 
@@ -489,10 +485,17 @@ class _Tree:
         self._node: dict[tuple[tuple[int, int], ...], int] = {(): 0}
         self.products = [(0, 0, 1)]
 
-    def nodes(self, terms: Sequence[Sequence[str]]) -> Index:
-        """Numbers of products; they and their parents are added if new."""
-        letters = [tuple(sorted(self._letter[name] for name in term)) for term in terms]
-        return np.array([self._add(term) for term in letters], np.int32)
+    def nodes(self, terms: Sequence[Sequence[str]]) -> tuple[Index, Array]:
+        """Numbers of the products that terms are, added with their parents if new; and what their imaginary
+        parts are to be multiplied by: 1, -1 where a term is the product's conjugate, 0 where it is real.
+        """
+        nodes, signs = np.empty(len(terms), np.int32), np.empty(len(terms))
+        for i, term in enumerate(terms):
+            letters = tuple(sorted(self._letter[name] for name in term))
+            conjugate = tuple(sorted((column, -sign) for column, sign in letters))
+            nodes[i] = self._add(min(letters, conjugate))
+            signs[i] = (letters < conjugate) - (letters > conjugate)
+        return nodes, signs
 
     def _add(self, letters: tuple[tuple[int, int], ...]) -> int:
         if letters not in self._node:
@@ -531,16 +534,34 @@ def _as_process(model: Model) -> Process:
     return Process(model.outputs, model.terms, model.weights, model.valid, model.sigma, factor, math.inf)
 
 
-def _blocks_of(model: Process) -> Array:
-    """(blocks * terms, 2 ROWS) the real rows of L, filled up with zeros: what the real parts of the terms are
-    multiplied by, and what the imaginary ones.
+def _sums_of(model: Process, nodes: Index, signs: Array) -> tuple[Index, Array, Array]:
+    """A model as sums of parts of products, with real weights.
+
+    nodes, signs  of its terms, as of `_Tree.nodes`
+    Returns       (n,) numbers of the parts: 2 k is the real part of product k, 2 k + 1 the imaginary; weights
+                  (2, n) of the value's real and imaginary part; (rows, n) rows of L
     """
-    n = len(model.terms)
-    rows = np.array(model.factor, np.float64).reshape(-1, n, 2) * (1.0, -1.0)
+    weights = np.array(model.weights, np.float64).reshape(-1, len(nodes), 2) @ (1, 1j)
+    factor = np.array(model.factor, np.float64).reshape(-1, len(nodes), 2) @ (1, 1j)
     if len(model.outputs) == 2:
-        rows = np.concatenate([rows, rows[:, :, ::-1] * (-1.0, 1.0)])
-    rows = np.pad(rows, ((0, (ROWS - len(rows) % ROWS) % ROWS), (0, 0), (0, 0)))
-    return np.ascontiguousarray(rows.reshape(-1, ROWS, n, 2).transpose(0, 2, 3, 1)).reshape(-1, 2 * ROWS)
+        factor = np.concatenate([factor, -1j * factor])
+    rows = np.concatenate([weights, -1j * weights, factor])
+    used, place = np.unique(nodes, return_inverse=True)
+    sums = np.zeros((len(used), 2, len(rows)))
+    np.add.at(sums[:, 0], place, rows.real.T)
+    np.add.at(sums[:, 1], place, (-signs * rows.imag).T)
+    needed = np.ones((len(used), 2), np.bool_)
+    needed[place, 1] = signs != 0.0
+    parts = np.column_stack([2 * used, 2 * used + 1])[needed]
+    columns = sums[needed].T
+    return parts.astype(np.int32), columns[:2], columns[2:]
+
+
+def _blocks_of(factor: Array) -> Array:
+    """(blocks * n, ROWS) the rows of L (rows, n), filled up with zeros, `ROWS` together."""
+    rows = np.pad(factor, ((0, -len(factor) % ROWS), (0, 0)))
+    n = rows.shape[1]
+    return np.ascontiguousarray(rows.reshape(-1, ROWS, n).transpose(0, 2, 1)).reshape(-1, ROWS)
 
 
 def _lost_of(model: Process) -> Lost:

@@ -19,8 +19,8 @@ cdef class ContactDetector:
     cdef double[:, ::1] _middle  # ring medians of the motion; NaN: not looked up yet
     cdef int[::1] _looked_up  # the first n_looked_up: rows of those that were
     cdef Py_ssize_t _n_looked_up
-    cdef double[::1] _sorted_x  # motion of one ring, in order
-    cdef double[::1] _sorted_y
+    cdef double[::1] _ring_x  # motion of one ring
+    cdef double[::1] _ring_y
     cdef double[::1] _values
     cdef double[::1] _ring_values
     cdef double _cell_noise

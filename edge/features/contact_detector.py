@@ -44,20 +44,16 @@ from edge.features.params import (
 )
 from edge.geometry.lattice import slope_stencil
 from edge.geometry.neighbours import short_rows
-from edge.geometry.select import SIGMA_OF_MAD
 from edge.types import Array, Rest
 
 if cython.compiled:
-    from cython.cimports.edge.geometry.select import median
+    from cython.cimports.edge.geometry.select import median, sigma_of
     from cython.cimports.libc.math import NAN, fabs, hypot, isfinite, isnan, sqrt
 else:
     from math import fabs, hypot, isfinite, isnan, sqrt
     from math import nan as NAN  # noqa: N812
 
-    from edge.geometry.select import median
-
-#: Standard deviation of normal noise over the median of its size.
-_SIGMA_OF_MAD = cython.declare(cython.double, SIGMA_OF_MAD)
+    from edge.geometry.select import median, sigma_of
 
 
 @cython.final
@@ -79,7 +75,7 @@ class ContactDetector:
         self._root = np.sqrt(np.arange(width + 1) / width)
         self._middle = np.full((n, 2), np.nan)
         self._looked_up, self._n_looked_up = np.empty(n, np.int32), 0
-        self._sorted_x, self._sorted_y = np.empty(width), np.empty(width)
+        self._ring_x, self._ring_y = np.empty(width), np.empty(width)
         self._values, self._ring_values = np.empty(n), np.empty(n)
         self._cell_noise, self._ring_noise, self._median_noise = CELL_NOISE, RING_NOISE, MEDIAN_NOISE
         self._clear_sigma = params.contact_sigma
@@ -230,22 +226,11 @@ class ContactDetector:
             y = xy[j, 1] - self._rest[j, 1] - shift_y
             if isnan(x):
                 continue
-            to = known
-            while to > 0 and self._sorted_x[to - 1] > x:
-                self._sorted_x[to] = self._sorted_x[to - 1]
-                to -= 1
-            self._sorted_x[to] = x
-            to = known
-            while to > 0 and self._sorted_y[to - 1] > y:
-                self._sorted_y[to] = self._sorted_y[to - 1]
-                to -= 1
-            self._sorted_y[to] = y
+            self._ring_x[known] = x
+            self._ring_y[known] = y
             known += 1
-        if known > 0:
-            j = (known - 1) // 2
-            k = known // 2
-            self._middle[i, 0] = 0.5 * (self._sorted_x[j] + self._sorted_x[k])
-            self._middle[i, 1] = 0.5 * (self._sorted_y[j] + self._sorted_y[k])
+        self._middle[i, 0] = median(self._ring_x, known)
+        self._middle[i, 1] = median(self._ring_y, known)
         if not isnan(self._middle[i, 0]):  # what is NaN is looked up again
             self._looked_up[self._n_looked_up] = cython.cast(cython.int, i)
             self._n_looked_up += 1
@@ -290,6 +275,6 @@ class ContactDetector:
         if n == 0:
             return learnt
         if predicted > 0.0:
-            ratio = _SIGMA_OF_MAD * median(sizes, n) / predicted
+            ratio = sigma_of(sizes, n) / predicted
         ratio = min(max(ratio, 1.0 / self._noise_ratio_max), self._noise_ratio_max)
         return learnt + (ratio - learnt) / self._noise_frames_n

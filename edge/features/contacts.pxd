@@ -69,6 +69,7 @@ cdef class ContactFinder:
     cdef Py_ssize_t _n_before  # regions of the last frame, before any was split or joined
     cdef double _visibility_radius_px
     cdef double _place_radius_px
+    cdef double _place_radius_axis
     cdef double _contact_sigma
     cdef double _min_area_change
     cdef double _min_oriented_elongation

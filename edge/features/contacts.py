@@ -340,6 +340,7 @@ class ContactFinder:
         self._n_before = 0
         self._visibility_radius_px = params.close_pitch * pitch_px
         self._place_radius_px = params.place_radius_pitch * pitch_px
+        self._place_radius_axis = params.place_radius_axis
         self._contact_sigma, self._min_area_change = params.contact_sigma, params.min_area_change
         self._min_oriented_elongation = params.min_oriented_elongation
 
@@ -498,10 +499,8 @@ class ContactFinder:
         self.curl_moment[i, 1] = scale * curl_y
 
     def _radius_px(self, i: cython.Py_ssize_t) -> float:
-        """Round the middle of contact i, of what belongs to it. A region whose height falls to its edge as a
-        parabola does has a variance of a sixth of the edge's square, and a semi-axis of two sigmas.
-        """
-        return max(sqrt(6.0) / 2.0 * self.regions.semi_axis[i], self._place_radius_px)
+        """Round the middle of contact i, of what belongs to it."""
+        return max(self._place_radius_axis * self.regions.semi_axis[i], self._place_radius_px)
 
     def _find_place(self, i: cython.Py_ssize_t, n_contacts: cython.Py_ssize_t) -> None:
         xy: cython.const[cython.double][:, ::1] = self._xy

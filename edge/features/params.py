@@ -49,6 +49,7 @@ class FeatureParams:
     shallow_rel: float = 0.3  # of a peak: what is lower is outside of its contact, a valley less deep is none
     min_oriented_elongation: float = 1.5  # ratio of the axes above which a direction is given
     place_radius_pitch: float = 2.0  # pins within this radius of the middle make a contact's place
+    place_radius_axis: float = 1.25  # ... or within so many semi-axes, where that is more
 
     # --- contacts fitted to the pins' motion: one or two?
     close_pitch: float = 2.5  # closer contacts may be one region; a contact's surroundings

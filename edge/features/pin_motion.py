@@ -35,19 +35,18 @@ import numpy as np
 from edge.features.modes import MODE_MIRROR
 from edge.geometry.lattice import residual_stencil, slope_stencil
 from edge.geometry.neighbours import weighted_rows
-from edge.geometry.select import SIGMA_OF_MAD
 from edge.types import Array, Complex, Mask, Rest
 
 if cython.compiled:
     from cython.cimports.edge.geometry.neighbours import weighted_sums
-    from cython.cimports.edge.geometry.select import median
+    from cython.cimports.edge.geometry.select import sigma_of
     from cython.cimports.libc.math import NAN, atan2, fabs, isnan
 else:
     from math import atan2, fabs, isnan
     from math import nan as NAN  # noqa: N812
 
     from edge.geometry.neighbours import weighted_sums
-    from edge.geometry.select import median
+    from edge.geometry.select import sigma_of
 
 #: Ridge on a plane's equations, for pins on one line: 1e-9 of a pin's weight changes no other fit.
 _RIDGE = cython.declare(cython.double, 1e-9)
@@ -58,8 +57,6 @@ _FLAT = cython.declare(cython.double, 1e-12)
 _ELLIPSE = cython.declare(cython.double, 4.0)
 #: Modes, padded to whole vectors.
 ROW = 24
-#: Standard deviation of normal noise over the median of its size.
-_SIGMA_OF_MAD = cython.declare(cython.double, SIGMA_OF_MAD)
 
 
 @cython.final
@@ -427,4 +424,4 @@ class PinNoise:
                 sizes[n_sizes] = fabs(residual[2 * i])
                 sizes[n_sizes + 1] = fabs(residual[2 * i + 1])
                 n_sizes += 2
-        return _SIGMA_OF_MAD * median(sizes, n_sizes) if n_sizes else 0.0
+        return sigma_of(sizes, n_sizes) if n_sizes else 0.0

@@ -44,8 +44,7 @@ class LatticeParams:
 
     longest_edge: float = 1.6  # pins further apart are no neighbours: there is a bay of the hull
     near_width: float = 1.6  # of the Gaussian weight
-    distance_min: float = 0.5  # no two tracks come nearer
-    distance_min_rel: float = 0.85  # ... or than this share of their distance at rest, where that is less
+    distance_min: float = 0.5  # no two tracks come nearer, or than this share of a shorter distance at rest
     closest_n: int = 8
 
 
@@ -171,7 +170,7 @@ class Lattice:
         both = np.sort(np.stack([pin, self.closest.ravel()], axis=1))
         self.pairs, first = np.unique(both, axis=0, return_index=True)
         apart = distance[:, :columns].ravel()[first]
-        self.distance_min_px = np.minimum(PARAMS.distance_min, PARAMS.distance_min_rel * apart) * pitch_px
+        self.distance_min_px = PARAMS.distance_min * np.minimum(apart, 1.0) * pitch_px
 
 
 def _edges(xy: Array, longest: float) -> Index:

@@ -18,6 +18,7 @@ else:
 
 #: The median absolute deviation of normal noise, times this, is its standard deviation.
 SIGMA_OF_MAD = 1.4826
+_SIGMA_OF_MAD = cython.declare(cython.double, SIGMA_OF_MAD)
 
 
 def kth_smallest(values: Array, k: int) -> float:
@@ -88,3 +89,8 @@ def median(v: cython.double[::1], n: cython.Py_ssize_t) -> cython.double:
     for i in range(n // 2):
         below = max(below, v[i])
     return 0.5 * (below + middle)
+
+
+def sigma_of(v: cython.double[::1], n: cython.Py_ssize_t) -> cython.double:
+    """Standard deviation of normal noise, by the first n of its sizes, which change places."""
+    return _SIGMA_OF_MAD * median(v, n)

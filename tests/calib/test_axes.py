@@ -68,26 +68,23 @@ def test_a_mirrored_or_turned_rig_gives_the_same_errors(
     np.testing.assert_allclose(_errors(form), straight, rtol=0.02, atol=1e-4)
 
 
-@pytest.mark.parametrize("form", FORMS, ids=str)
-def test_any_rig_s_handedness_is_recognised(form: tuple[int, int, bool]) -> None:
-    sx, sy, swapped = form
-    axes = _found(form, *make(60, noise=0.01))
-    assert axes.mirrored[SHEAR] == (sx * sy * (-1 if swapped else 1) < 0)
-    assert not axes.warnings
-
-
 def test_the_relation_is_given_in_the_image_s_axes() -> None:
     # The synthetic rig's shear is the image's.
-    names = {
+    lines = {
         (1, 1, False): "shear_x_mm = image x, shear_y_mm = image y",
         (1, -1, False): "shear_x_mm = image x, shear_y_mm = image -y (mirrored)",
         (-1, 1, False): "shear_x_mm = image -x, shear_y_mm = image y (mirrored)",
         (1, 1, True): "shear_x_mm = image y, shear_y_mm = image x (mirrored)",
         (-1, 1, True): "shear_x_mm = image y, shear_y_mm = image -x",
         (-1, -1, False): "shear_x_mm = image -x, shear_y_mm = image -y",
+        (1, -1, True): "shear_x_mm = image -y, shear_y_mm = image x",
+        (-1, -1, True): "shear_x_mm = image -y, shear_y_mm = image -x (mirrored)",
     }
-    for form, expected in names.items():
-        assert _found(form, *make(100)).lines == (expected,)
+    for form in FORMS:
+        axes = _found(form, *make(60, noise=0.01))
+        assert axes.lines == (lines[form],)
+        assert axes.mirrored[SHEAR] == ("mirrored" in lines[form])
+        assert not axes.warnings
 
 
 def test_a_sweep_along_one_axis_leaves_handedness_open() -> None:

@@ -5,25 +5,19 @@ import pytest
 from numpy.random import default_rng
 
 from edge.drift import Drift, DriftParams
-from edge.types import Array, PinPattern, Pins, Rest, Tracks
+from edge.types import Array, Rest, Tracks
+from tests.support.layouts import rest_of, square, tracks_of
 
 STEP_NS = 100_000_000
 
 
 @pytest.fixture
 def rest() -> Rest:
-    x, y = np.meshgrid(np.arange(6.0), np.arange(6.0))
-    xy = 100.0 + 20.0 * np.column_stack([x.ravel(), y.ravel()])
-    n = len(xy)
-    pins = Pins(xy, np.full(n, 0.05), np.full(n, 4.0), np.full(n, 100.0))
-    return Rest(pins, PinPattern(4.0, 20.0, xy.mean(axis=0), 80.0, 20.0, 100.0, 1.0, (320, 320)))
+    return rest_of(square(6))
 
 
 def tracks(xy: Array, lost: int = 0) -> Tracks:
-    seen = np.ones(len(xy), dtype=bool)
-    seen[:lost] = False
-    xy = np.where(seen[:, None], xy, np.nan)
-    return Tracks.of(xy, np.where(seen, 0.05, np.nan), seen)
+    return tracks_of(np.where(np.arange(len(xy))[:, None] < lost, np.nan, xy))
 
 
 def rest_for(

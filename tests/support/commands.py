@@ -11,6 +11,7 @@ from typing import IO
 import pytest
 
 from calib.__main__ import main as calib_main
+from edge.__main__ import main as edge_main
 from hostlink.commands.cli import main as host_main
 from tests.support.processes import python
 
@@ -39,9 +40,18 @@ def run_host(*arguments: str | Path) -> Done:
 
 def run_calib(*arguments: str | Path) -> Done:
     """`python -m calib ...`."""
+    return _as_typed(calib_main, "calib", *arguments)
+
+
+def run_edge(*arguments: str | Path) -> Done:
+    """`python -m edge ...`."""
+    return _as_typed(edge_main, "edge", *arguments)
+
+
+def _as_typed(main: Callable[[], object], *words: str | Path) -> Done:
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr("sys.argv", ["calib", *map(str, arguments)])
-        return _done(calib_main)
+        patched.setattr("sys.argv", [*map(str, words)])
+        return _done(main)
 
 
 def run_host_without(modules: list[str], *arguments: str | Path) -> Done:

@@ -29,7 +29,7 @@ def need_multicast() -> None:
 
 
 class Application:
-    """The application of a node in these tests."""
+    """The application of a node in these tests: it records the node's calls."""
 
     def __init__(self, serial: str) -> None:
         self.serial, self.touched, self.calibration = serial, False, b""
@@ -39,6 +39,9 @@ class Application:
         self.requests_n = 0
         self.outcome = RestFrameOutcome(RestFrameState.ACCEPTED)  # of the next requests
         self.busy_for_n = 0  # number of polls before it is known
+        self.features: frozenset[str] = frozenset()
+        self.faults: dict[FaultCode, bool] = {}
+        self.reboots = 0
 
     def describe(self) -> Mapping[str, int | float | str | bytes]:
         identity = {"serial_number": self.serial, "calibration_id": self.calibration_id}
@@ -72,11 +75,14 @@ class Application:
         self.calibration = data
         self.requests_n += 1
 
-    def set_features(self, names: frozenset[str]) -> None: ...
+    def set_features(self, names: frozenset[str]) -> None:
+        self.features = names
 
-    def reboot(self) -> None: ...
+    def reboot(self) -> None:
+        self.reboots += 1
 
-    def report(self, code: FaultCode, active: bool, message: str = "") -> None: ...
+    def report(self, code: FaultCode, active: bool, message: str = "") -> None:
+        self.faults[code] = active
 
 
 def state(sample: int, age_s: float = 0.0) -> State:

@@ -10,7 +10,7 @@ import pytest
 from edge.geometry.lens import corrected
 from edge.sources.lens_file import load_lens
 from edge.types import Array, Image, Lens
-from tests.edge.cli.conftest import Command
+from tests.support.commands import run_edge as command
 
 TRUE = Lens(
     size_px=(480, 360),
@@ -62,7 +62,7 @@ def pictures(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return paths
 
 
-def test_the_lens_of_the_pictures_is_found(command: Command, tmp_path: Path, pictures: list[Path]) -> None:
+def test_the_lens_of_the_pictures_is_found(tmp_path: Path, pictures: list[Path]) -> None:
     path = tmp_path / "lens.toml"
     done = command("lens", *pictures, "-o", path)
     assert done.code == 0
@@ -80,7 +80,7 @@ def test_the_lens_of_the_pictures_is_found(command: Command, tmp_path: Path, pic
     assert np.abs(off).max() < 0.3
 
 
-def test_mistakes_are_one_line(command: Command, tmp_path: Path, pictures: list[Path]) -> None:
+def test_mistakes_are_one_line(tmp_path: Path, pictures: list[Path]) -> None:
     path, small = tmp_path / "lens.toml", tmp_path / "small.png"
     cv2.imwrite(str(small), np.zeros((100, 100), np.uint8))
     for arguments, message in (

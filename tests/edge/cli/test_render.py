@@ -12,7 +12,7 @@ from edge.cli.render import Style, render_recording
 from edge.pins import take_rest
 from edge.recording.reader import RecordingSource
 from edge.view.panels import View, draw_camera
-from tests.edge.cli.conftest import Command
+from tests.support.commands import run_edge as command
 
 
 def frames_of(path: Path) -> list[np.ndarray]:
@@ -53,7 +53,7 @@ def test_every_frame_is_in_the_video(data_dir: Path, tmp_path: Path) -> None:
     assert cv2.VideoCapture(str(tmp_path / "a.mkv")).get(cv2.CAP_PROP_FPS) == pytest.approx(25)
 
 
-def test_the_command(command: Command, data_dir: Path, tmp_path: Path) -> None:
+def test_the_command(data_dir: Path, tmp_path: Path) -> None:
     render = ("render", data_dir / "nothing.mcap", "--height", "120", "-o")
     done = command(*render, tmp_path / "a.mp4", "--json")
     assert (done.code, done.err) == (0, "")

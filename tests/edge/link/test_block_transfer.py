@@ -93,7 +93,7 @@ def serves(bench: Bench) -> bool:
 
 
 def test_a_remote_node_reads_and_writes_every_object(bus: test_node.Bench) -> None:
-    file = b"{%s}" % bytes(range(256)) * 150
+    file = b"{%s}" % bytes(range(256)) * 10  # three sub-blocks
     written: dict[str, float | bytes] = {"calibration": file, "divider": 3, "rate_hz": 99.5, "tare": 1}
     for name, value in written.items():
         row = object_named(name)

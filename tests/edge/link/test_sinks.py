@@ -19,18 +19,8 @@ from edge.errors import SinkError
 from edge.link.medium import CanFrame, MediumError
 from edge.link.params import PARAMS
 from edge.link.python_can import CanMedium
-from edge.link.sinks import CanClassicSink, CanFdSink, SerialSink, open_sink
-from hostlink.wire import (
-    Assembler,
-    CanIds,
-    FaultCode,
-    Kind,
-    Message,
-    State,
-    pack_state,
-    unpack_part,
-    unpack_state,
-)
+from edge.link.sinks import CanFdSink, SerialSink, open_sink
+from hostlink.wire import FaultCode, Message, State, unpack_state
 from hostlink.wire.serial import decode_frame
 from tests.support.refusals import one_line
 from tests.support.waiting import SOON_S, until
@@ -43,40 +33,6 @@ def state(sample: int) -> State:
 @pytest.fixture
 def channel(request: pytest.FixtureRequest) -> str:
     return f"bus-{request.node.name}"
-
-
-def test_fd_frames_are_the_samples(channel: str) -> None:
-    with can.Bus(interface="virtual", channel=channel) as host:
-        sink = open_sink(f"virtual:{channel}?node=7")
-        assert isinstance(sink, CanFdSink)
-        for k in range(50):
-            assert sink.send(state(k))
-        messages = [host.recv(SOON_S) for _ in range(50)]
-        sink.close()
-    assert all(m is not None and m.is_fd and m.arbitration_id == 0x187 for m in messages)
-    wanted = [unpack_state(pack_state(state(k), k)) for k in range(50)]
-    assert [unpack_state(bytes(m.data)) for m in messages if m] == wanted
-    assert (sink.counters.sent, sink.counters.dropped) == (50, 0)
-
-
-def test_classic_parts_make_the_sample(channel: str) -> None:
-    with can.Bus(interface="virtual", channel=channel) as host:
-        sink = open_sink(f"virtual:{channel}?fd=0", node=3)
-        assert isinstance(sink, CanClassicSink)
-        assert sink.send(state(5))
-        assembler, whole = Assembler(), None
-        while whole is None:
-            message = host.recv(SOON_S)
-            assert message is not None
-            assert not message.is_fd
-            kind = CanIds().kind_of(message.arbitration_id)
-            assert kind is not None
-            assert kind[1] == 3
-            assert kind[0] in (Kind.TPDO1, Kind.TPDO2, Kind.TPDO3, Kind.TPDO4)
-            whole = assembler.add(unpack_part(int(kind[0].value[-1]), bytes(message.data)))
-        sink.close()
-    assert whole.sample == 5
-    assert whole.displacement_mm == pytest.approx(1.25)
 
 
 @pytest.mark.parametrize(

@@ -22,6 +22,7 @@ from edge.worker.params import PARAMS
 from hostlink.web import PageServer, WebError, parse_listen
 from hostlink.web.limits import WebLimits
 from hostlink.wire import FaultCode
+from tests.support.exact import circumcentre
 from tests.support.processes import python
 from tests.support.refusals import one_line
 from tests.support.viewing import TOKEN, Live
@@ -220,18 +221,10 @@ def test_a_packet_holds_what_the_loop_measured(live: Live) -> None:
         corners = []
         for triangle in arrays["triangles"].reshape(-1, 3):
             if pin in triangle:
-                corners.append(circumcentre(points[triangle.astype(int)]))
+                corners.append(np.array(circumcentre(*points[triangle.astype(int)]), float))
         assert len(corners) == len(polygons[pin])
         for corner in corners:
             assert np.hypot(*(polygons[pin] - corner).T).min() < 0.02
-
-
-def circumcentre(corners: np.ndarray) -> np.ndarray:
-    a, u, v = corners[0], corners[1] - corners[0], corners[2] - corners[0]
-    cross = 2 * (u[0] * v[1] - u[1] * v[0])
-    u2, v2 = u @ u, v @ v
-    centre: np.ndarray = a + np.array([v[1] * u2 - u[1] * v2, u[0] * v2 - v[0] * u2]) / cross
-    return centre
 
 
 def test_charts_get_every_sample_once(monkeypatch: pytest.MonkeyPatch) -> None:
