@@ -20,11 +20,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from types import new_class
 from typing import Annotated, Any, Literal, Protocol, TypeVar, dataclass_transform, runtime_checkable
 
+import cv2
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
@@ -99,6 +100,16 @@ class Lens(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
             raise ValueError(f"distortion: {len(self.distortion)} numbers; a {self.model} has {numbers}")
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Region:
+    """The part of a source's images that shows the skin: `edge.sources.region`.
+
+    nearest_px  (h, w, 2) x, y of the pixel of the skin that is nearest to each: its own on the skin
+    """
+
+    nearest_px: NDArray[np.int16]
+
+
 @per_frame
 class Frame:
     """One camera image.
@@ -117,6 +128,13 @@ class Frame:
     bits: int = 8
     truth: dict[str, Any] | None = None
 
+    def within(self, region: Region | None) -> Frame:
+        """The frame that shows the region alone: a pixel outside is as the nearest one inside."""
+        if region is None or region.nearest_px.shape[:2] != self.image.shape:
+            return self
+        image: Any = cv2.remap(self.image, region.nearest_px, None, cv2.INTER_NEAREST)  # type: ignore[call-overload]  # the second map may be None
+        return replace(self, image=image)
+
 
 class FrameSource(Protocol):
     """An iterator of frames that gives the newest one and counts those that it dropped.
@@ -133,6 +151,7 @@ class FrameSource(Protocol):
     live: bool  # True: frames come at the camera's pace; False: as fast as they are read
     polarity: Polarity  # of its pins, as far as its address says
     lens: Lens | None  # whose distortion is removed from the pins' places; None: none
+    region: Region | None  # of its images, which alone the frames show; None: all
     dropped_n: int  # frames that were discarded because the reader was slow
 
     def __iter__(self) -> Iterator[Frame]: ...

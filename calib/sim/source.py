@@ -28,7 +28,7 @@ from calib.sim.tip import Tip
 from edge.errors import ConfigError, SourceError
 from edge.sensors import KnownSensor, load_sensor
 from edge.sources import Options, Paced
-from edge.types import Frame, FrameSource, Lens, Polarity
+from edge.types import Frame, FrameSource, Lens, Polarity, Region
 
 RATE_HZ = 60.0
 
@@ -61,6 +61,7 @@ class SceneSource:
         self.dropped_n = 0
         self.polarity = Polarity.FOUND
         self.lens: Lens | None = None
+        self.region: Region | None = None
         self._simulator = simulator
         self._moves = shallower(SCENES[scene], depth_factor)
         self._kept: list[Frame] | None = list(self._render()) if keep else None
@@ -74,7 +75,7 @@ class SceneSource:
         for frame in self._render() if self._kept is None else self._kept:
             if self._closed:
                 return
-            yield frame
+            yield frame.within(self.region)
 
     def close(self) -> None:
         self._closed = True

@@ -27,7 +27,7 @@ from edge.runtime.device import LoopDevice
 from edge.runtime.loop import Loop, LoopConfig
 from edge.runtime.systemd import Notifier
 from edge.sensors import KnownSensor, load_sensor, missing_pins
-from edge.sources import open_source
+from edge.sources import open_source, region_of
 from edge.types import FrameSource, Polarity, Result
 from hostlink.interrupt import call_on_signals
 from hostlink.web import Listen
@@ -56,13 +56,27 @@ def rest_given(source: FrameSource, how: str | None, calibration: Calibration | 
 
 
 def expect_sensor(source: FrameSource, config: Config) -> KnownSensor | None:
-    """The configured sensor; the source's pins are looked for as it has them, unless its address says how."""
+    """The configured sensor; the source's pins are looked for as and where it has them.
+
+    A recording takes the configured region too, as a camera does when it is opened.
+    Raises  ConfigError; SourceError: the region is none of these images
+    """
+    if source.region is None:
+        source.region = region_of(source, config.source.roi, config.source.circle, config.source.mask)
     if not config.sensor.model:
         return None
     sensor = load_sensor(config.sensor.model)
+    look_as(source, sensor)
+    return sensor
+
+
+def look_as(source: FrameSource, sensor: KnownSensor) -> None:
+    """Look for pins of the sensor's polarity, in its region, unless the source's address says otherwise."""
     if source.polarity is Polarity.FOUND:
         source.polarity = sensor.polarity
-    return sensor
+    if source.region is None:
+        camera = sensor.camera
+        source.region = region_of(source, camera.roi or "", camera.circle or "", camera.mask or "")
 
 
 def make_loop(stack: ExitStack, source: FrameSource, config: Config, calibration_path: Path | None) -> Loop:

@@ -8,20 +8,18 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
 
 from edge.calibration import Calibration
 from edge.calibration.file import Curve
 from edge.cli.machine import Machine
 from edge.config import Config
-from edge.errors import CalibrationError, NoPins, SinkError
-from edge.faults.image_quality import HALF_REL, ONE_LEVEL, level_of
+from edge.errors import CalibrationError, SinkError
 from edge.faults.pin_visibility import SEEN_REL
 from edge.link.sinks import open_sink
 from edge.params import ASTRAY_REL
-from edge.pins import take_rest
 from edge.rest.sensor_match import mm_per_px, recognise
-from edge.rest.symmetry import symmetry_of
 from edge.rest.tip_match import in_order_of
 from edge.runtime.board_monitor import HOT_DEGC, STORED_BYTES
 from edge.sensors import KnownSensor, known_sensors, missing_pins
@@ -29,15 +27,14 @@ from edge.sources.camera import CameraSource
 from edge.sources.live import PARAMS as LIVE
 from edge.sources.options import Options, parse_spec
 from edge.sources.v4l2 import lasting_name
-from edge.types import Frame, FrameSource, Lens, LiveSource, Polarity, Rest
+from edge.types import Frame, FrameSource, LiveSource, Rest
 from hostlink.wire.address import Address, AddressError, parse_address
 
-LEVELS = ("ok", "warn", "fail")
+_COLOURS = {"ok": "green", "warn": "yellow", "fail": "red"}
+LEVELS = tuple(_COLOURS)
 FD_MTU = 72  # bytes; MTU of a Linux interface for CAN FD
 _WARNING_N = 96  # errors counted from which on a CAN controller warns (ISO 11898-1)
 _STAMP_NS = 1000  # unit of the time in a sample
-#: A warning above this residual of the calibration of displacement or shear.
-ROUGH_MM = 0.3
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,13 +55,21 @@ def judged(topic: str, message: str, *problems: tuple[bool, str, str]) -> Line:
     return Line(topic, "ok", message)
 
 
+def print_lines(lines: Sequence[Line]) -> None:
+    for line in lines:
+        level = click.style(f"{line.level:4s}", _COLOURS[line.level])
+        click.echo(f"{level} {line.topic:12s} {line.message}")
+        if line.advice:
+            click.echo(f"{'':17s} -> {line.advice}")
+
+
 def worst(lines: Sequence[Line]) -> str:
     """The worst level of all."""
     return max((line.level for line in lines), key=LEVELS.index, default="ok")
 
 
 def camera(source: FrameSource, frames: Sequence[Frame], config: Config) -> Iterator[Line]:
-    """Found, rate, brightness."""
+    """Found, rate."""
     if not frames:
         why = (source.condition if isinstance(source, LiveSource) else "") or "no images"
         advice = "unplug it and plug it in again; other program?"
@@ -88,46 +93,6 @@ def camera(source: FrameSource, frames: Sequence[Frame], config: Config) -> Iter
         finding = f"{rate_hz:.1f} frames/s" + (f", {asked_hz:g} asked" if asked_hz else "")
         slow = rate_hz < LIVE.slow_rel * asked_hz
         yield judged("rate", finding, (slow, "fail", "shorten [source] exposure_us, or ask for less"))
-    level, full = np.mean([level_of(f.image, f.bits) for f in frames], axis=0)
-    near_one_level = level**2 * (1 << frames[0].bits) < 1.0  # by ratios, nearer to it than to white
-    yield judged(
-        "light",
-        f"mean level {level:.1%} of full scale, {full:.1%} of the image at full scale",
-        (level < ONE_LEVEL, "fail", "dark: is the LED lit? raise [source] exposure_us or gain"),
-        (full > 1 - HALF_REL, "fail", "overexposed: lower [source] exposure_us, keep stray light out"),
-        (near_one_level, "warn", "dim: raise [source] exposure_us, then gain"),
-        (full > ASTRAY_REL, "warn", "glare: lower [source] exposure_us"),
-    )
-
-
-def pins(
-    frames: Sequence[Frame], polarity: Polarity = Polarity.FOUND, lens: Lens | None = None
-) -> tuple[list[Line], Rest | None]:
-    """Found, sharp, clear of the border, untouched; and their rest frame."""
-    try:
-        rest = take_rest([f.image for f in frames], polarity, lens)
-    except NoPins as error:
-        return [Line("pins", "fail", str(error), "focus the lens; see `python -m edge inspect IMAGE`")], None
-    height, width = frames[0].image.shape
-    p = rest.pattern
-    kind = "dark" if p.dark else "bright"
-    finding = f"{len(rest)} found, {kind}, radius {p.pin_radius_px:.1f} px, pitch {p.pitch_px:.1f} px"
-    softness = p.edge_px / p.pin_radius_px
-    blur = f"edges are blurred by {p.edge_px:.1f} px, {softness:.0%} of a pin's radius"
-    sharpen = "turn the lens until `python -m edge inspect` finds the sharpest pins"
-    x, y = rest.xy_img.T
-    margin = float(np.min([x, y, width - 1 - x, height - 1 - y])) - p.pin_radius_px
-    centre = f"centre the tip: pins need {p.pitch_px:.0f} px of space to move"
-    symmetry = symmetry_of(rest)
-    touch = f"something touches the tip: {symmetry.message}" if symmetry.in_contact else "none seen"
-    let_go = "let go; or is the camera not square to the tip?"
-    border = f"outermost pin {margin:.0f} px from the image's border"
-    return [
-        Line("pins", "ok", finding),
-        judged("focus", blur, (softness > HALF_REL, "warn", sharpen)),
-        judged("margin", border, (margin < p.pitch_px, "warn", centre)),
-        judged("touch", touch, (symmetry.in_contact, "warn", let_go)),
-    ], rest
 
 
 def sensor(rest: Rest, named: KnownSensor | None) -> Line:
@@ -135,7 +100,8 @@ def sensor(rest: Rest, named: KnownSensor | None) -> Line:
     match = recognise(rest, known_sensors() if named is None else [named])
     known = match.sensor if match else named
     if known is None:
-        return Line("sensor", "ok", "looks like none of the known ones, which is no fault")
+        own = "python -m edge sensor IMAGE -o mine.toml describes it"
+        return Line("sensor", "ok", f"looks like none of the known ones, which is no fault: {own}")
     scale = mm_per_px(known, rest)
     in_mm = "" if scale is None else f", {scale:.4f} mm a px"
     if named is None:
@@ -186,17 +152,21 @@ def calibration(path: Path | None, rest: Rest | None) -> Iterator[Line]:
 
 def _residual(loaded: Calibration) -> Line:
     sigmas: dict[str, float] = {}  # one-sigma error of each output
+    ranges: dict[str, tuple[float, float]] = {}  # of each output in the data
     for model in loaded.content.models:
         if isinstance(model, Curve):
             sigmas[model.output] = model.sigma
+            ranges[model.output] = model.knots[0][1], model.knots[-1][1]
         else:
             sigmas |= dict(zip(model.outputs, model.sigma, strict=True))
+            ranges |= dict(zip(model.outputs, model.valid, strict=True))
     shown = [
         f"{name} {sigma:.3g}" for name, sigma in sorted(sigmas.items()) if not name.startswith("contact_")
     ]
     lengths = ("displacement_mm", "shear_x_mm", "shear_y_mm")
-    rough = ", ".join(name for name in lengths if sigmas.get(name, 0.0) > ROUGH_MM)
-    advice = f"{rough} above {ROUGH_MM:g} mm: calibrate with more data"
+    limits = {name: ASTRAY_REL * abs(ranges[name][1] - ranges[name][0]) for name in lengths if name in sigmas}
+    rough = ", ".join(name for name, limit in limits.items() if sigmas[name] > limit)
+    advice = f"{rough} above {ASTRAY_REL:.0%} of the calibrated range: calibrate with more data"
     return judged("residual", f"one sigma: {', '.join(shown) or 'no models'}", (bool(rough), "warn", advice))
 
 

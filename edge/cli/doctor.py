@@ -4,15 +4,13 @@ It changes nothing. A topic that cannot be checked because another failed is ski
 """
 
 import json
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
-from itertools import islice
 from pathlib import Path
 
 import click
 
-from edge.cli import checks
+from edge.cli import checks, picture
 from edge.cli.assembly import expect_sensor, open_configured
 from edge.cli.checks import Line, worst
 from edge.cli.machine import Machine
@@ -26,13 +24,10 @@ from edge.cli.options import (
 )
 from edge.cli.progress import waiting
 from edge.config import Config
-from edge.errors import InputError
-from edge.params import PARAMS as RUNTIME
+from edge.errors import InputError, NoPins
+from edge.pins import take_rest
 from edge.rest.tare import PARAMS as TARE
-from edge.sources.live import PARAMS as LIVE
-from edge.types import Frame, FrameSource, LiveSource
-
-_COLOURS = {"ok": "green", "warn": "yellow", "fail": "red"}
+from edge.types import FrameSource
 
 
 @click.command()
@@ -67,11 +62,7 @@ def doctor(
     if as_json:
         click.echo(json.dumps({"worst": worst(lines), "lines": [asdict(line) for line in lines]}))
     else:
-        for line in lines:
-            level = click.style(f"{line.level:4s}", _COLOURS[line.level])
-            click.echo(f"{level} {line.topic:12s} {line.message}")
-            if line.advice:
-                click.echo(f"{'':17s} -> {line.advice}")
+        checks.print_lines(lines)
     raise SystemExit(worst(lines) == "fail")
 
 
@@ -92,16 +83,19 @@ def examine(
         size_px = source.size_px
         sensor = expect_sensor(source, config)
         try:
-            frames = _watch(source)
+            frames = picture.watch(source)
         finally:
             source.close()
         asked_hz = config.source.rate_hz or source.rate_hz
         lines += checks.camera(source, frames, config)
         if frames:
-            found, rest = checks.pins(frames[: TARE.frames_n], source.polarity, source.lens)
-            lines += found
-            if rest is not None:
-                lines.append(checks.sensor(rest, sensor))
+            try:
+                rest = take_rest([f.image for f in frames[: TARE.frames_n]], source.polarity, source.lens)
+            except NoPins as error:
+                lines.append(Line("pins", "fail", str(error), "focus the lens, set [source] roi to the skin"))
+            else:
+                lines += [*picture.pins(frames[-1], rest), checks.sensor(rest, sensor)]
+            lines.append(picture.brightness(frames, rest))
     lines += checks.calibration(calibration_path, rest)
     for spec in config.link.sinks:
         lines += checks.link(spec, machine)
@@ -114,15 +108,3 @@ def examine(
         *checks.disk(config, size_px, asked_hz, machine),
     ]
     return lines
-
-
-def _watch(source: FrameSource) -> list[Frame]:
-    if not isinstance(source, LiveSource):
-        return list(islice(source, LIVE.rate_frames_n + 1))
-    frames: list[Frame] = []
-    end_s = time.monotonic() + LIVE.first_s
-    while len(frames) <= LIVE.rate_frames_n and time.monotonic() < end_s:
-        got = source.read(RUNTIME.wait_s)
-        if got is not None:
-            frames.append(got)
-    return frames

@@ -1,83 +1,97 @@
-"""`edge inspect`: which pins are found in single images, or in the rest frame of a recording."""
+"""`edge inspect`: what a picture, recording or camera shows: pins, sensor, light, focus, what to do."""
 
 import json
 from collections.abc import Sequence
 from contextlib import closing
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import click
 
 from edge.calibration import Calibration
-from edge.cli.assembly import load_calibration
+from edge.cli import picture
+from edge.cli.assembly import load_calibration, look_as
+from edge.cli.checks import Line, print_lines
 from edge.cli.options import FOLDER, PATH, calibration_option, overwrite_option, rest_option, sensor_option
-from edge.errors import EdgeError, InputError, SourceError
+from edge.errors import EdgeError, InputError, NoPins, SourceError
 from edge.pins import take_rest
+from edge.pins.lens import rest_as_seen
 from edge.rest.choice import rest_of_source
 from edge.rest.sensor_match import mm_per_px, recognise
 from edge.rest.symmetry import symmetry_of
+from edge.rest.tare import PARAMS as TARE
 from edge.sensors import KnownSensor, known_sensors, load_sensor, missing_pins
-from edge.sources import open_source, read_image
-from edge.types import Image, Polarity, Rest
+from edge.sources import open_source
+from edge.types import Array, Frame, RecordedSource, Rest
 from edge.view.panels import save_pins_overlay
 from hostlink.cli_exit import print_error
 from hostlink.output_file import check_output, writing
 
 
 @click.command()
-@click.argument("images", nargs=-1, required=True, metavar="IMAGE...", type=PATH)
+@click.argument("images", nargs=-1, required=True, metavar="IMAGE...")
 @click.option(
     "--json",
     "as_json",
     is_flag=True,
-    help='Print [{"image":..., "n_pins":..., "dark":..., "sensor":..., "mm_per_px":..., '
-    '"touched":..., "xy_px":...}]; with --rest "rest":... and "untouched":... too.',
+    help='Print [{"image":..., "n_pins":..., "dark":..., "sensor":..., "mm_per_px":..., "touched":..., '
+    '"xy_px":..., "holes_px":..., "settings":..., "lines":...}]; of a recording "rest":... and '
+    '"untouched":... too.',
 )
-@click.option("--overlay", type=FOLDER, help="Folder for pictures with the pins marked.")
+@click.option("--out", type=PATH, help="One picture that shows all of it (.png), of a single IMAGE.")
+@click.option("--overlay", type=FOLDER, help="Folder for such pictures, one of each IMAGE.")
 @sensor_option
 @rest_option
 @calibration_option
 @overwrite_option
 def inspect(
-    images: Sequence[Path],
+    images: Sequence[str],
     as_json: bool,
+    out: Path | None,
     overlay: Path | None,
     sensor_name: str | None,
     rest: str | None,
     calibration_path: Path | None,
     overwrite: bool,
 ) -> None:
-    """Find the pins in each IMAGE, without prior knowledge, and list them.
+    """Find the pins in each IMAGE, without prior knowledge, and say what is good and what is to be done.
 
-    Use it to check focus, illumination and exposure: every pin should be found, and nothing else. Of an
-    untouched tip it also says which known sensor it looks like, and the scale where its pitch is known.
-    With --rest each IMAGE is a recording (MCAP, video, folder), and the pins are those of its rest frame.
+    An IMAGE is a picture, a recording (MCAP, video, GIF, folder) or a camera (v4l2:0), with options as for
+    --source. Every pin should be found, and nothing else. Of an untouched tip it also says which known
+    sensor it looks like, and the scale where its pitch is known. Of a recording the pins are those of its
+    rest frame: the least deformed image, or as --rest says.
     """
     if calibration_path is not None and rest is None:
         raise InputError("--calibration: is for the rest frame of a recording; give --rest too")
     calibration = load_calibration(calibration_path)
     named = None if sensor_name is None else load_sensor(sensor_name)
     sensors = known_sensors() if named is None else [named]
-    polarity = Polarity.FOUND if named is None else named.polarity
     pictures = {} if overlay is None else _pictures(images, overlay, overwrite)
+    if out is not None:
+        if len(images) > 1 or overlay is not None:
+            raise InputError("--out: is for a single image; give --overlay and a folder for several")
+        pictures = {images[0]: check_output(out, (".png",), [_file(images[0])], overwrite)}
     found: list[dict[str, Any]] = []
-    for path in images:
-        entry: dict[str, Any] = {"image": str(path), "n_pins": 0, "xy_px": []}
+    for address in images:
+        entry: dict[str, Any] = {"image": address, "n_pins": 0, "xy_px": []}
         try:
-            image, found_rest, about = _rest_of(path, rest, calibration, polarity)
+            seen = _seen_of(address, rest, calibration, named)
         except EdgeError as error:
-            message = str(error) if str(path) in str(error) else f"{path}: {error}"
+            message = str(error) if address in str(error) else f"{address}: {error}"
             print_error(message)
             entry["error"] = message
         else:
-            entry |= about | _findings(found_rest, sensors)
-            if path in pictures:
-                with writing(pictures[path], overwrite) as unfinished:
-                    save_pins_overlay(unfinished, image, found_rest.pins)
+            entry |= seen.findings(sensors)
+            summary = f"{address}: {_in_words(entry, sensors)}"
+            if address in pictures:
+                with writing(pictures[address], overwrite) as unfinished:
+                    seen.draw(unfinished, summary)
             if not as_json:
-                click.echo(f"{path}: {_in_words(entry, sensors)}")
-                if rest is not None:
-                    click.echo(f"{path}: rest frame: {entry['rest']}")
+                click.echo(summary)
+                if "rest" in entry:
+                    click.echo(f"{address}: rest frame: {entry['rest']}")
+                print_lines(seen.lines)
         found.append(entry)
     if as_json:
         click.echo(json.dumps(found))
@@ -85,35 +99,88 @@ def inspect(
         raise SystemExit(2)
 
 
-def _rest_of(
-    path: Path, how: str | None, calibration: Calibration | None, polarity: Polarity
-) -> tuple[Image, Rest, dict[str, Any]]:
-    """Of an image, or of a recording as `replay` takes it. Raises SourceError, NoPins, CalibrationError."""
-    if how is None:
-        try:
-            image = read_image(path)
-        except SourceError as error:
-            advice = "; for a recording add --rest auto" if path.exists() else ""
-            raise SourceError(f"{error}{advice}") from None
-        return image, take_rest([image], polarity), {}
-    with closing(open_source(str(path))) as source:
-        if source.polarity is Polarity.FOUND:
-            source.polarity = polarity
-        given = rest_of_source(source, how, calibration)
-    return given.frame.image, given.rest, {"rest": given.message, "untouched": given.untouched}
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """What one source shows.
+
+    settings  keys of its address that suit it better, and the pins that each finds
+    about     of the choice of the rest frame
+    """
+
+    frame: Frame
+    rest: Rest
+    lines: list[Line]
+    settings: dict[str, int]
+    about: dict[str, Any]
+
+    def findings(self, sensors: Sequence[KnownSensor]) -> dict[str, Any]:
+        rest, match = self.rest, recognise(self.rest, sensors)
+        scale = None if match is None else mm_per_px(match.sensor, rest)
+        return self.about | {
+            "n_pins": len(rest),
+            "dark": rest.pattern.dark,
+            "sensor": None if match is None else match.sensor.name,
+            "mm_per_px": None if scale is None else round(scale, 5),
+            "touched": symmetry_of(rest).in_contact,
+            "xy_px": _rounded(rest.xy_img),
+            "holes_px": _rounded(picture.holes(rest)),
+            "settings": self.settings,
+            "lines": [asdict(line) for line in self.lines],
+        }
+
+    def draw(self, path: Path, title: str) -> None:
+        rest = rest_as_seen(self.rest)
+        rois = [key.partition("=")[2].split(",") for key in self.settings if key.startswith("roi=")]
+        text = [
+            f"{line.level} {line.topic}: {line.message}" + (f" -> {line.advice}" if line.advice else "")
+            for line in self.lines
+        ]
+        save_pins_overlay(
+            path,
+            self.frame.image,
+            rest.pins,
+            picture.clipped(self.frame, rest),
+            picture.holes(rest),
+            [[int(number) for number in roi] for roi in rois],
+            [title, *text],
+        )
 
 
-def _findings(rest: Rest, sensors: Sequence[KnownSensor]) -> dict[str, Any]:
-    match = recognise(rest, sensors)
-    scale = None if match is None else mm_per_px(match.sensor, rest)
-    return {
-        "n_pins": len(rest),
-        "dark": rest.pattern.dark,
-        "sensor": None if match is None else match.sensor.name,
-        "mm_per_px": None if scale is None else round(scale, 5),
-        "touched": symmetry_of(rest).in_contact,
-        "xy_px": [[round(float(x), 3), round(float(y), 3)] for x, y in rest.xy_img],
-    }
+def _rounded(xy: Array) -> list[list[float]]:
+    return [[round(float(x), 3), round(float(y), 3)] for x, y in xy]
+
+
+def _seen_of(
+    address: str, how: str | None, calibration: Calibration | None, named: KnownSensor | None
+) -> _Seen:
+    """Of a picture or camera its first images, of a recording the rest frame as `replay` takes it.
+
+    Raises  SourceError, NoPins, CalibrationError
+    """
+    with closing(open_source(address)) as source:
+        if named is not None:
+            look_as(source, named)
+        several = isinstance(source, RecordedSource) and not source.live and source.frames_n != 1
+        if how is not None or several:
+            given = rest_of_source(source, how or "auto", calibration)
+            frame, rest = given.frame, given.rest
+            frames, about = [frame], {"rest": given.message, "untouched": given.untouched}
+        else:
+            frames, about = picture.watch(source)[: TARE.frames_n], {}
+            if not frames:
+                raise SourceError(f"{source.name}: no images; is another program using it?")
+            frame = frames[-1]
+            try:
+                rest = take_rest([f.image for f in frames], source.polarity, source.lens)
+            except NoPins as error:
+                line = picture.brightness(frames, None)
+                raise NoPins(
+                    f"{error}; light: {line.message}; {line.advice or 'give ?roi= or ?mask='}"
+                ) from None
+        settings = picture.settings_tried(source, frame, rest)
+        lines = [*picture.pins(frame, rest), picture.brightness(frames, rest)]
+        lines += [picture.better_settings(settings)] if settings else []
+    return _Seen(frame, rest, lines, settings, about)
 
 
 def _in_words(entry: dict[str, Any], sensors: Sequence[KnownSensor]) -> str:
@@ -122,7 +189,11 @@ def _in_words(entry: dict[str, Any], sensors: Sequence[KnownSensor]) -> str:
     if known is not None:
         message += f"as of {known.title} ({known.name})"
     else:
-        message += f"not as of {sensors[0].title}" if len(sensors) == 1 else "as of no known sensor"
+        message += (
+            f"not as of {sensors[0].title}"
+            if len(sensors) == 1
+            else "as of no known sensor (python -m edge sensor describes it)"
+        )
     if entry["mm_per_px"] is not None:
         message += f", {entry['mm_per_px']:.4f} mm a px"
     if entry["touched"]:
@@ -131,19 +202,25 @@ def _in_words(entry: dict[str, Any], sensors: Sequence[KnownSensor]) -> str:
     return f"{message}: {missing}" if missing else message
 
 
-def _pictures(images: Sequence[Path], folder: Path, overwrite: bool) -> dict[Path, Path]:
+def _file(address: str) -> Path:
+    """The file that an address names, without its options."""
+    return Path(address if Path(address).exists() else address.partition("?")[0])
+
+
+def _pictures(images: Sequence[str], folder: Path, overwrite: bool) -> dict[str, Path]:
     """The picture file of each image. Raises OutputError; InputError: two have the same name."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"--overlay {folder}: {error.strerror}; give a folder that can be made") from None
-    for path in images:  # they would be images of the folder from then on
+    paths = {address: _file(address) for address in images}
+    for path in paths.values():  # they would be images of the folder from then on
         if path.parent.resolve() == folder.resolve():
             raise InputError(f"--overlay {folder}: {path.name} is there too; give another folder")
-    chosen: dict[Path, Path] = {}
-    for path in dict.fromkeys(images):
-        picture = folder / f"{path.stem}_pins.png"
-        if picture in chosen.values():
+    chosen: dict[str, Path] = {}
+    for address, path in paths.items():
+        made = folder / f"{path.stem}_pins.png"
+        if made in chosen.values():
             raise InputError(f"--overlay {folder}: two images are named {path.stem}; give them one by one")
-        chosen[path] = check_output(picture, (".png",), images, overwrite)
+        chosen[address] = check_output(made, (".png",), list(paths.values()), overwrite)
     return chosen

@@ -91,6 +91,7 @@ def _use_rest(loop: Loop, recording: str, how: str | None, quiet: bool) -> None:
     """
     with closing(open_source(recording)) as source:
         source.polarity, source.lens = loop.source.polarity, loop.source.lens
+        source.region = loop.source.region
         given = rest_given(source, how, loop.measurement.calibration)
     if given is not None:
         loop.measurement.use_rest(given.rest, given.frame)

@@ -146,7 +146,7 @@ class RecordingSource(FileSource):
         for frame in growing(self._frames(faults, self.size_px), self.rate_hz or FILES.stills_hz):
             if self._closed:
                 return
-            yield frame
+            yield frame.within(self.region)
 
     @property
     def frames_n(self) -> int:

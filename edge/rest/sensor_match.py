@@ -6,6 +6,9 @@ are, and a free pin there takes the site. On the right layout the predictions ar
 of a pitch, through a fisheye too; on a wrong one they are as good as chance. The first neighbours must
 stand as the layout has them, but for rotation and zoom: a sheared hexagonal lattice is a square one. A
 sensor without a known layout can only be named.
+
+Many sensors share a square grid. So the number of pins has to be the sensor's too, and of a grid that the
+image cuts, the pins reach all its borders, with as many pitches across as the sensor's own image has.
 """
 
 from collections.abc import Sequence
@@ -172,8 +175,31 @@ def _match(sensor: KnownSensor, rest: Rest) -> LayoutMatch | None:
     layout, count = sensor.pins.layout, sensor.pins.count or 0
     if layout is None or (layout != "square" and not count):
         return None
+    if not _same_view(sensor, rest):
+        return None
     match = match_layout(rest, layout, count)
     return match if _fits(match) else None
+
+
+def _same_view(sensor: KnownSensor, rest: Rest) -> bool:
+    """Whether number of pins, borders and pitch over the image's size are the sensor's, as far as known."""
+    count, pattern = sensor.pins.count, rest.pattern
+    if count is not None:
+        most = (count**0.5 + 2) ** 2 if sensor.cut else count  # a row more at each border
+        if not SHARED_MIN * count <= len(rest) <= most / SHARED_MIN:
+            return False
+    if not sensor.cut:
+        return True
+    size = np.array(pattern.size_px)
+    free = np.minimum(rest.xy_img.min(axis=0), size - 1 - rest.xy_img.max(axis=0))
+    if free.max() > pattern.pitch_px + pattern.pin_radius_px:
+        return False
+    camera, pitch_mm = sensor.camera, sensor.pins.pitch_mm
+    if camera.size_px is None or camera.mm_per_px is None or pitch_mm is None:
+        return True
+    across = np.array(camera.size_px) * camera.mm_per_px / pitch_mm
+    ratio = (size / pattern.pitch_px) / across
+    return bool(ratio.min() >= SHARED_MIN and ratio.max() <= 1 / SHARED_MIN)
 
 
 def _fits(match: LayoutMatch) -> bool:

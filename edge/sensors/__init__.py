@@ -55,10 +55,16 @@ class SensorTip(_Closed, frozen=True, kw_only=True):
 
 
 class SensorCamera(_Closed, frozen=True, kw_only=True):
-    """[camera] size_px: of its images, width and height; mm_per_px: scale at their middle."""
+    """[camera] size_px: of its images, width and height; mm_per_px: scale at their middle.
+
+    roi, circle, mask  the part that shows the skin, as in a source's address; mask: beside this file
+    """
 
     size_px: tuple[limits.ImageSide, limits.ImageSide] | None = None
     mm_per_px: Length | None = None
+    roi: str | None = None
+    circle: str | None = None
+    mask: str | None = None
 
 
 class KnownSensor(_Closed, frozen=True, kw_only=True):
@@ -106,9 +112,13 @@ def load_sensor(name: str) -> KnownSensor:
             f"sensor {limits.quote(name)} is unknown; one of {known}, or a file of your own (.toml)"
         )
     try:
-        return limits.read_toml_as(path, KnownSensor, name=path.stem)[1]
+        sensor = limits.read_toml_as(path, KnownSensor, name=path.stem)[1]
     except limits.BadContent as error:
         raise ConfigError(f"{path}: {error}") from None
+    if not sensor.camera.mask:
+        return sensor
+    mask = str(path.parent / sensor.camera.mask)
+    return msgspec.structs.replace(sensor, camera=msgspec.structs.replace(sensor.camera, mask=mask))
 
 
 def missing_pins(sensor: KnownSensor, found_n: int) -> str:

@@ -7,7 +7,8 @@
     picamera:0                  a Raspberry Pi's CSI camera, through picamera2
     sim:...                     the simulator
 
-Each takes options after a question mark: `north.avi?pins=dark`, `v4l2:0?rate_hz=120&lens=lens.toml`.
+Each takes options after a question mark: `north.avi?pins=dark`, `v4l2:0?rate_hz=120&lens=lens.toml`,
+`a.png?roi=40,30,560,420` (`region`).
 
 Further schemes come from installed packages through the entry point group `voronoi_touch.sources`: a
 callable `(where, options) -> FrameSource`, named as the scheme. The simulator is found that way too.
@@ -28,6 +29,7 @@ from edge.sources.lens_file import lens_for
 from edge.sources.live import ThreadedSource
 from edge.sources.options import NoKeys, Options, Spec, parse_spec
 from edge.sources.paced import Paced
+from edge.sources.region import region_of
 from edge.types import FrameSource
 
 if TYPE_CHECKING:
@@ -43,6 +45,7 @@ __all__ = [
     "known_schemes",
     "open_source",
     "read_image",
+    "region_of",
 ]
 
 GROUP = "voronoi_touch.sources"
@@ -136,6 +139,7 @@ def open_source(spec: str, **settings: Any) -> FrameSource:
     source.polarity = plain.options.pins
     try:
         source.lens = lens_for(source, plain.options.lens)
+        source.region = region_of(source, plain.options.roi, plain.options.circle, plain.options.mask)
     except SourceError:
         source.close()
         raise

@@ -23,7 +23,7 @@ from edge.sources.live import PARAMS as LIVE
 from edge.sources.live import rate_of
 from edge.sources.options import NoKeys, Options
 from edge.sources.pixels import decode_picture, to_grey
-from edge.types import Clock, Frame, Image, Lens, Polarity
+from edge.types import Clock, Frame, Image, Lens, Polarity, Region
 from hostlink.input_file import read_bounded
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".webp")
@@ -118,6 +118,7 @@ class FileSource:
         self.dropped_n = 0
         self.polarity = Polarity.FOUND
         self.lens: Lens | None = None
+        self.region: Region | None = None
         self.faults: Counter[str] = Counter()
         self._bits = 0  # of a pixel, by the first image
         self._closed = False
@@ -180,7 +181,8 @@ class FolderSource(FileSource):
                     f"{self.size_px[0]}x{self.size_px[1]}; keep one size in a folder"
                 )
             capture_ns = round(n * 1e9 / self.rate_hz)
-            yield Frame(image, capture_ns, n, Clock.RECORDED, self._bits_of(image))
+            frame = Frame(image, capture_ns, n, Clock.RECORDED, self._bits_of(image))
+            yield frame.within(self.region)
 
 
 class VideoSource(FileSource):
@@ -258,7 +260,8 @@ class VideoSource(FileSource):
                 own_ms = float(capture.get(cv2.CAP_PROP_POS_MSEC))
                 capture_ns = round(own_ms * 1e6 if self._own_times else n * 1e9 / self.rate_hz)
                 grey = to_grey(image)
-                yield Frame(grey, capture_ns, n, Clock.RECORDED, self._bits_of(grey))
+                frame = Frame(grey, capture_ns, n, Clock.RECORDED, self._bits_of(grey))
+                yield frame.within(self.region)
                 n += 1
         finally:
             capture.release()

@@ -16,7 +16,7 @@ import numpy as np
 
 from edge.errors import SourceError
 from edge.params import PARAMS as RUNTIME
-from edge.types import Frame, Lens, Polarity
+from edge.types import Frame, Lens, Polarity, Region
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +83,7 @@ class ThreadedSource(ABC):
         self.rate_hz = 0.0
         self.polarity = Polarity.FOUND
         self.lens: Lens | None = None
+        self.region: Region | None = None
         self.dropped_n = 0
         self.received_n = 0
         self.faults: Counter[str] = Counter()
@@ -107,6 +108,7 @@ class ThreadedSource(ABC):
 
     def _offer(self, frame: Frame) -> None:
         """Hand over a frame; an older one that no one took is dropped."""
+        frame = frame.within(self.region)
         with self._changed:
             if self._slot is not None:
                 self.dropped_n += 1

@@ -33,6 +33,7 @@ class NoKeys(msgspec.Struct):
 class Options(msgspec.Struct, frozen=True):
     """width, height  px; 0: the source's own
     gain           in the camera's own unit (V4L2 control, ISO for OAK, a factor for picamera2); 0: unchanged
+    roi            "x,y,w,h", circle: "x,y,r", mask: a file: the part that shows the skin; "": all
     lens           file of `edge lens`, or factory: distortion that is removed from the pins' places; "": none
     extra          keys of the specification that are the source's own
     """
@@ -46,6 +47,9 @@ class Options(msgspec.Struct, frozen=True):
     format: str = ""  # pixel format, e.g. GREY, Y10P, MJPG, YUYV; "": the best that the camera has
     pins: Polarity = Polarity.FOUND  # dark or bright; "": found when the rest frame is taken
     lens: str = ""
+    roi: str = ""
+    circle: str = ""
+    mask: str = ""
     buffers: Annotated[int, msgspec.Meta(ge=1, le=_VIDEO_MAX_FRAME)] = 1  # of the kernel, for a V4L2 camera
     check_rate: bool = True  # measure the rate at the start, and refuse a camera that is slower than asked
     extra: Mapping[str, str] = {}

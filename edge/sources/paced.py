@@ -36,6 +36,7 @@ class Paced(ThreadedSource):
         super().__init__(source.name)
         self.source = source
         self.size_px, self.polarity, self.lens = source.size_px, source.polarity, source.lens
+        self.region, source.region = source.region, None
         self.rate_hz = rate_hz or source.rate_hz * speed
         self._speed = speed
         self._own_times = not rate_hz

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edge.errors import SinkError
-from edge.types import Array, Features, Frame, Image, Pins, Tracks
+from edge.types import Array, Features, Frame, Image, Mask, Pins, Tracks
 from edge.view.palette import PAPER, PARAMS, Bgr, Palette, cell_colours
 
 Canvas = NDArray[np.uint8]
@@ -169,17 +169,35 @@ def draw_camera(view: View, image: Image, bits: int = 8, tracks: Tracks | None =
     return canvas
 
 
-def save_pins_overlay(path: str | Path, image: Image, pins: Pins) -> None:
+def save_pins_overlay(
+    path: str | Path,
+    image: Image,
+    pins: Pins,
+    clipped: Mask | None = None,
+    holes_img: Array | None = None,
+    rois: Sequence[Sequence[int]] = (),
+    text: Sequence[str] = (),
+) -> None:
     """The image, twice its size, with a circle of each pin's own radius and a cross at its centre.
 
-    Raises  SinkError: cannot be written
+    clipped    (n,) pins whose circle is red; holes_img  (k, 2) px, marked by a cross
+    rois       x, y, w, h in px, drawn as rectangles; text  lines below the image
+    Raises     SinkError: cannot be written
     """
     scale = 2.0
     view = View((-0.5, -0.5), scale, (int(scale * image.shape[1]), int(scale * image.shape[0])))
     canvas = draw_camera(view, image, 8 if image.dtype == np.uint8 else 16)
-    for (x, y), r in zip(view.fixed(pins.xy_img).tolist(), pins.radius_px.tolist(), strict=True):
-        cv2.circle(canvas, (x, y), round(r * scale * _ONE), _RING, 1, cv2.LINE_AA, _SHIFT)
+    red = [False] * len(pins) if clipped is None else clipped.tolist()
+    for (x, y), r, full in zip(view.fixed(pins.xy_img).tolist(), pins.radius_px.tolist(), red, strict=True):
+        cv2.circle(canvas, (x, y), round(r * scale * _ONE), _CROSS if full else _RING, 1, cv2.LINE_AA, _SHIFT)
         cv2.drawMarker(canvas, (round(x / _ONE), round(y / _ONE)), _CROSS, cv2.MARKER_CROSS, 5, 1)
+    for x, y in [] if holes_img is None else np.rint(view.canvas(holes_img)).astype(int).tolist():
+        cv2.drawMarker(canvas, (x, y), _HOLE, cv2.MARKER_TILTED_CROSS, 14, 2)
+    for left, top, wide, high in rois:
+        low, far = view.canvas(np.array([[left, top], [left + wide, top + high]])).astype(int).tolist()
+        cv2.rectangle(canvas, low, far, _HOLE, 1)
+    if text:
+        canvas = np.vstack([canvas, _written(text, canvas.shape[1])])
     try:
         written = cv2.imwrite(str(path), canvas)
     except cv2.error:  # no encoder for this suffix
@@ -188,7 +206,17 @@ def save_pins_overlay(path: str | Path, image: Image, pins: Pins) -> None:
         raise SinkError(f"picture {path}: cannot be written; give a folder that exists and may be written to")
 
 
+def _written(text: Sequence[str], width: int) -> Canvas:
+    """Lines of text on paper, as small as the longest one needs."""
+    capital = min(12.0, 1.1 * width / max(map(len, text)))
+    paper = np.full((round((len(text) + 1) * 2 * capital), width, 3), PAPER.paper, np.uint8)
+    for n, line in enumerate(text, 1):
+        _text(paper, (capital, 2 * n * capital), line, capital, PAPER.ink)
+    return paper
+
+
 _CROSS: Bgr = (60, 60, 255)
+_HOLE: Bgr = (255, 0, 255)
 _RING: Bgr = (0, 200, 255)  # amber: distinguishable from white pins and a grey image for every reader
 
 

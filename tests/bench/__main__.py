@@ -19,7 +19,7 @@ COMMANDS = {
     "identity": "Pin identity after a jump and its confidence, on real and simulated frames.",
     "paced": "The running program at 240 frames/s: latency, memory, losses.",
     "real": "Errors on the published recordings, five splits and a learning curve.",
-    "sensors": "A picture of what is made of each real sensor.",
+    "sensors": "The table of docs/sensors.md: each real sensor, and a picture of some.",
     "sigma": "Share of the errors on the published recordings that is within sigma.",
     "slip": "Slip announced before it happens, and false alarms.",
     "soak": "The program under a random schedule of all faults, and its promises.",

@@ -34,7 +34,7 @@ from edge.link.socketcan import SocketCanMedium  # noqa: E402
 from edge.runtime.device import LoopDevice  # noqa: E402
 from edge.runtime.loop import Loop  # noqa: E402
 from edge.sources.paced import Paced  # noqa: E402
-from edge.types import Clock, Frame, Lens, Polarity  # noqa: E402
+from edge.types import Clock, Frame, Lens, Polarity, Region  # noqa: E402
 from edge.worker import WorkerClient, WorkerConfig  # noqa: E402
 from hostlink.web import parse_listen  # noqa: E402
 from hostlink.wire import State, unpack_state  # noqa: E402
@@ -52,6 +52,7 @@ class Images:
 
     live = False
     polarity = Polarity.FOUND
+    region: Region | None = None
     lens: Lens | None = None
     dropped_n = 0
     name = "images"

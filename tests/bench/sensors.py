@@ -1,10 +1,13 @@
-"""One picture of what is made of each real sensor: cells, motion and contact, without its maker's images.
+"""A row of `docs/sensors.md` for each real sensor, and one picture of what is made of some of them.
+
+A new recording is a line of `CATALOGUE`. The picture shows cells, motion and contact, without makers' images.
 
 Of each recording the image with the largest contact is drawn, against its rest frame: the one that was
-published, or that `--rest auto` chooses. Pins are followed through a video; each still is a jump from rest.
+published, or that `--rest auto` chooses.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import click
@@ -13,53 +16,105 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edge.cells import cell_polygons
+from edge.errors import NoPins
 from edge.frame import Pipeline
 from edge.pins import take_rest
 from edge.rest.choice import rest_of_source
-from edge.sources import open_source, read_image
-from edge.types import Frame, Rest, Result
+from edge.sources import FolderSource, open_source, read_image
+from edge.types import Rest, Result
 from edge.view.panels import View, draw_touch
-from tests.bench.output import writes_results
-from tests.bench.recordings import TIP_331, real_option
+from tests.bench.output import ROOT, writes_results
+from tests.bench.recordings import real_option
 
+PAGE = ROOT / "docs" / "sensors.md"
+CASES = "cases/sensors"
+PRESSED = f"{CASES}/press_hides_dots_gelslim"
+HEAD = "| recording | pins by eye | found | more than by eye | held | touched |"
 SIDE_PX = 320
 TITLE_PX = 28
-STILLS_STEP = 30  # every thirtieth still
 SEEN_REL = 0.85  # share of the pins that an image must show
-TITLES = {
-    TIP_331: "TacTip, 331 pins",
-    "video/Movement4.avi": "home-made tip, about 130 pins",
-    "video/flatSkin.avi": "flat skin, square grid, fisheye",
-    "gelsight_mini/press.avi": "GelSight Mini, dark dots",
-}
 
 
-def _recording(path: Path) -> tuple[Rest, Iterable[Frame]]:
-    """Its rest frame; a video's images, or some of the stills."""
-    if path.is_dir():
-        paths = sorted((path / "frames").iterdir())[::STILLS_STEP]
-        return take_rest([read_image(path / "rest.png")]), (
-            Frame(read_image(still), 0, n) for n, still in enumerate(paths)
-        )
-    source = open_source(str(path))
-    return rest_of_source(source, "auto").rest, source
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A recording; paths are in the folder of the shared data.
+
+    by_eye  pins counted by eye; 0: not counted
+    images  video, or folder of stills; "": there is the rest image alone
+    rest    image of the untouched skin; "": `--rest auto` finds one
+    """
+
+    title: str
+    by_eye: int
+    images: str
+    rest: str = ""
 
 
-def _strongest(rest: Rest, frames: Iterable[Frame], stills: bool) -> Result:
-    """The image with the largest contact. stills: none follows from the one before."""
+CATALOGUE = (
+    Row(
+        "TacTip, 331 pins, thresholded", 331, "real/tactip331_binary/frames", "real/tactip331_binary/rest.png"
+    ),
+    Row("TacTip, 331 pins", 331, "real/tactip331_gray/frames"),
+    Row("home-made tip, spokes", 0, "real/video/Movement4.avi"),
+    Row("flat skin, square grid, fisheye", 0, "real/video/flatSkin.avi"),
+    Row("GelSight Mini, dark dots", 70, "real/gelsight_mini/press.avi"),
+    Row("FingerVision dome", 36, "real/fingervision_dome/frames"),
+    Row(
+        "GelSlim, ghosted dots",
+        285,
+        f"{CASES}/press_hides_dots_gelslim",
+        f"{CASES}/press_hides_dots_gelslim/000_rest.png",
+    ),
+    Row("GelSlim, small dots", 530, "", f"{CASES}/false_gelsight_mini/000.png"),
+    Row("Tactile insertion, ghosted dots", 330, "", f"{CASES}/ghosted_dots_one_marker_two_pins/000.png"),
+    Row("FingerVision, flat", 180, "", f"{CASES}/pin_split_by_glint/whole.png"),
+    Row("Vptac, two mirrors", 0, f"{CASES}/mirror_two_views", f"{CASES}/mirror_two_views/001.png"),
+    Row("UM-FingerVision dome", 36, "", f"{CASES}/size_jump_umfv/000.png"),
+    Row("AllSight, spokes", 100, "", f"{CASES}/tube_perspective_allsight/000.png"),
+    Row("TacLINK, along a tube", 64, "", f"{CASES}/tube_perspective_taclink/000.png"),
+)
+STILLS_N = 20  # of a folder of stills, evenly
+
+
+def _rest_of(shared: Path, row: Row) -> Rest:
+    """Raises NoPins."""
+    if row.rest:
+        return take_rest([read_image(shared / row.rest)])
+    return rest_of_source(open_source(str(shared / row.images)), "auto").rest
+
+
+def _results(shared: Path, row: Row, rest: Rest) -> Iterator[Result]:
+    """Of a video's images, each followed from the one before; of a folder's stills, each a jump from rest."""
+    source = open_source(str(shared / row.images)) if row.images else ()
+    step = max(1, source.frames_n // STILLS_N) if isinstance(source, FolderSource) else 1
     pipeline = Pipeline(rest)
-    best: tuple[float, Result] | None = None
-    for frame in frames:
-        if stills:
-            pipeline.forget()
-        result = pipeline.process(frame)
-        if result.features is None or result.tracks.n_seen < SEEN_REL * len(rest):
+    for n, frame in enumerate(source):
+        if n % step == 0:
+            if isinstance(source, FolderSource):
+                pipeline.forget()
+            yield pipeline.process(frame)
+
+
+def _row(shared: Path, row: Row) -> tuple[str, NDArray[np.uint8] | None]:
+    """Its line of the table, and its panel of the picture, if it shows a contact."""
+    by_eye = str(row.by_eye) if row.by_eye else "not counted"
+    try:
+        rest = _rest_of(shared, row)
+    except NoPins:
+        return f"| {row.title} | {by_eye} | 0 | 0 | | |", None
+    held, touched_n, best = [], 0, None
+    for result in _results(shared, row, rest):
+        held.append(result.tracks.n_seen / len(rest))
+        if result.features is None or not result.features.in_contact:
             continue
+        touched_n += 1
         volume = result.features.volume_px2 or 0.0
-        if best is None or volume > best[0]:
+        if held[-1] >= SEEN_REL and (best is None or volume > best[0]):
             best = volume, result
-    assert best is not None, "no image shows the pins"
-    return best[1]
+    false = str(max(0, len(rest) - row.by_eye)) if row.by_eye else ""
+    share = f"{np.median(held):.0%} | {touched_n} of {len(held)}" if held else "|"
+    line = f"| {row.title} | {by_eye} | {len(rest)} | {false} | {share} |"
+    return line, None if best is None else _panel(row.title, rest, best[1])
 
 
 def _panel(title: str, rest: Rest, result: Result) -> NDArray[np.uint8]:
@@ -76,11 +131,11 @@ def _panel(title: str, rest: Rest, result: Result) -> NDArray[np.uint8]:
 @real_option
 @writes_results
 def command(folder: Path, out: Path) -> None:
-    """Draw what is made of each real sensor."""
-    panels = []
-    for name, title in TITLES.items():
-        rest, frames = _recording(folder / name)
-        result = _strongest(rest, frames, stills=(folder / name).is_dir())
-        click.echo(f"{name}: {len(rest)} pins, image {result.frame.sequence}")
-        panels.append(_panel(title, rest, result))
-    cv2.imwrite(str(out / "sensors.png"), np.hstack(panels), [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    """Write the table of docs/sensors.md, and draw what is made of some sensors."""
+    lines, panels = zip(*[_row(folder.parent, row) for row in CATALOGUE], strict=True)
+    table = "\n".join([HEAD, "|---|---|---|---|---|---|", *lines])
+    click.echo(table)
+    before, after = PAGE.read_text(encoding="utf-8").split(HEAD, 1)
+    PAGE.write_text(before + table + after[after.index("\n\n") :], encoding="utf-8")
+    drawn = [panel for panel in panels if panel is not None]
+    cv2.imwrite(str(out / "sensors.png"), np.hstack(drawn), [cv2.IMWRITE_PNG_COMPRESSION, 9])

@@ -19,7 +19,7 @@ from calib.rig.simulated import SimulatedRig, load_simulation
 from calib.rig.stage import AxisTable, GcodeStage, StageFile, StageTable, load_stage
 from calib.sim import Tool
 from edge.pins import take_rest
-from edge.types import Clock, Frame, Lens, Polarity
+from edge.types import Clock, Frame, Lens, Polarity, Region
 from tests.support.fake_stage import FakeStage
 from tests.support.refusals import one_line
 from tests.support.waiting import SOON_S
@@ -35,6 +35,7 @@ class FakeCamera:
     size_px = (4, 4)
     rate_hz = 1000.0
     polarity = Polarity.FOUND
+    region: Region | None = None
     lens: Lens | None = None
     dropped_n = 0
 

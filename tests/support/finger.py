@@ -7,7 +7,7 @@ from edge.calibration import Calibration
 from edge.faults.registry import FaultRegistry
 from edge.link.sinks import MemorySink
 from edge.runtime.loop import Loop, LoopConfig
-from edge.types import Clock, Frame, FrameSource, Image, Lens, Polarity
+from edge.types import Clock, Frame, FrameSource, Image, Lens, Polarity, Region
 from hostlink.wire import FaultCode, State
 
 PERIOD_NS = 10_000_000
@@ -17,6 +17,7 @@ class Camera:
     """A live camera whose state the test sets."""
 
     polarity = Polarity.FOUND
+    region: Region | None = None
     lens: Lens | None = None
     name, size_px, rate_hz, live, dropped_n = "test camera", (320, 320), 100.0, True, 0
     condition = frame_condition = ""

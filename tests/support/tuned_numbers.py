@@ -47,7 +47,8 @@ NOT_TUNED: dict[str, frozenset[str]] = {
         "edge/tracking/outliers.py:UNSUPPORTED",
     }),
     "mathematics": frozenset({
-        "edge/calibration/checks.py:_CELL_AREA", "edge/cli/lens.py:VIEWS_MIN", "edge/geometry/lens.py",
+        "edge/calibration/checks.py:_CELL_AREA", "edge/cli/lens.py:VIEWS_MIN", "edge/cli/picture.py:_AROUND",
+        "edge/geometry/lens.py",
         "edge/features/several/fitted_contacts.py:_HALF",
         "edge/features/several/fitted_contacts.py:_PINS_MIN",
         "edge/features/params.py:CELL_NOISE",
@@ -94,7 +95,7 @@ NOT_TUNED: dict[str, frozenset[str]] = {
     }),
     "colours": frozenset({
         "edge/view/palette.py:PAPER", "edge/view/palette.py:SAFE", "edge/view/panels.py:_CROSS",
-        "edge/view/panels.py:_RING",
+        "edge/view/panels.py:_RING", "edge/view/panels.py:_HOLE",
     }),
 }  # fmt: skip
 _EXEMPT = frozenset().union(*NOT_TUNED.values())

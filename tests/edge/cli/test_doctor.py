@@ -144,7 +144,8 @@ def test_everything_in_order_gives_ok(examined: Examined) -> None:
     assert bad(found) == {}
     assert set(found) == {
         "camera", "rate", "light", "pins", "focus", "margin", "calibration", "age", "residual", "link",
-        "errors", "processor", "temperature", "clock", "disk", "sensor", "touch",
+        "errors", "processor", "temperature", "clock", "disk", "sensor", "touch", "holes", "motion",
+        "contrast",
     }  # fmt: skip
     assert found["link"].message == "can0 is up, 1 Mbit/s and 5"
 
@@ -200,7 +201,7 @@ def test_a_slow_camera_and_a_touch(examined: Examined, rest: list[Image]) -> Non
 
 
 def test_a_camera_without_images(examined: Examined, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("edge.cli.doctor.LIVE", replace(LIVE, first_s=0.05))
+    monkeypatch.setattr("edge.cli.picture.LIVE", replace(LIVE, first_s=0.05))
     camera = Camera([])
     camera.condition = "stalled"
     found = examined(camera=camera)

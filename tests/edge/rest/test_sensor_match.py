@@ -72,6 +72,30 @@ def test_the_same_pins_in_another_layout_are_another_tip() -> None:
     assert match_layout(rest_of("square-grid"), "hex", 127).pins_on < 0.1
 
 
+@pytest.mark.parametrize(
+    ("columns", "rows", "size_px", "pitch_px"),
+    [
+        (10, 7, (320, 240), 31.4),  # the sensor itself
+        (10, 7, (640, 480), 62.8),  # from a larger image
+        (15, 12, (640, 480), 38.0),
+        (23, 23, (427, 320), 13.0),
+        (9, 7, (640, 480), 31.0),  # as many pins that leave the borders free
+        (8, 8, (240, 240), 29.0),  # as many in another view
+    ],
+)
+def test_dark_square_grids_of_others_are_not_named(
+    columns: int, rows: int, size_px: tuple[int, int], pitch_px: float
+) -> None:
+    own = (columns, rows) == (10, 7)
+    xy = pitch_px * np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
+    xy += (np.array(size_px) - 1 - xy.max(axis=0)) / 2
+    ones, pattern = np.ones(len(xy)), rest_of("gelsight-mini").pattern
+    pattern = replace(pattern, size_px=size_px, pitch_px=pitch_px, centre_img=np.array(size_px) / 2)
+    rest = Rest(Pins(xy, 0.05 * ones, 5 * ones, 100 * ones), pattern)
+    assert (recognise(rest, KNOWN) is not None) == own
+    assert (mm_per_px(load_sensor("gelsight-mini"), rest) is not None) == own
+
+
 def test_pins_in_no_layout_are_no_sensor() -> None:
     """A dart-throwing pattern: even spacing, no order."""
     rng, placed = np.random.default_rng(19), [np.array([200.0, 200.0])]

@@ -22,7 +22,7 @@ from edge.sources import FolderSource, Paced, ThreadedSource, VideoSource, open_
 from edge.sources.files import growing
 from edge.sources.live import Watch
 from edge.sources.options import Options, parse_spec
-from edge.types import Clock, Frame, Lens, Polarity
+from edge.types import Clock, Frame, Lens, Polarity, Region
 from tests.support.refusals import one_line
 from tests.support.waiting import SOON_S
 
@@ -413,6 +413,7 @@ class Listed:
     """A recording of given times."""
 
     polarity = Polarity.FOUND
+    region: Region | None = None
     lens: Lens | None = None
     name, size_px, live, dropped_n = "listed", (4, 4), False, 0
 

@@ -1,0 +1,219 @@
+"""What is judged of a picture and its pins: `inspect` and `doctor` say the same of it, by this code.
+
+Evidence for the limits: docs/tuning.md, "Doctor".
+"""
+
+import time
+from collections.abc import Iterator, Sequence
+from itertools import islice
+from math import tau
+
+import cv2
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import Delaunay, cKDTree
+
+from edge.cli.checks import Line, judged
+from edge.errors import NoPins
+from edge.faults.image_quality import HALF_REL, ONE_LEVEL, level_of
+from edge.geometry.lattice import N_RING, nearest
+from edge.geometry.lattice import PARAMS as LATTICE
+from edge.limits import PINS_MIN
+from edge.params import ASTRAY_REL
+from edge.params import PARAMS as RUNTIME
+from edge.pins import take_rest
+from edge.pins.lens import rest_as_seen
+from edge.rest.symmetry import symmetry_of
+from edge.rest.tip_match import SHARED_MIN
+from edge.sources import region_of
+from edge.sources.live import PARAMS as LIVE
+from edge.types import Array, Frame, FrameSource, Image, Index, Lens, LiveSource, Mask, Polarity, Rest
+
+#: Of full scale: from here on a pixel may be clipped, as lenses, codecs and cameras leave a few levels.
+CLIPPED = 250 / 255
+_AROUND = np.exp(1j * tau * np.arange(24) / 24)
+
+
+def brightness(frames: Sequence[Frame], rest: Rest | None) -> Line:
+    """Brightness of the images, and which share of the pins is clipped, where there are pins."""
+    level, full = np.mean([level_of(f.image, f.bits) for f in frames], axis=0)
+    near_one_level = level**2 * (1 << frames[0].bits) < 1.0  # by ratios, nearer to it than to white
+    share = 0.0 if rest is None else float(clipped(frames[-1], rest_as_seen(rest)).mean())
+    of_pins = "" if rest is None else f", {share:.0%} of the pins clipped"
+    return judged(
+        "light",
+        f"mean level {level:.1%} of full scale, {full:.1%} of the image at full scale{of_pins}",
+        (level < ONE_LEVEL, "fail", "dark: is the LED lit? raise [source] exposure_us or gain"),
+        (full > 1 - HALF_REL, "fail", "overexposed: lower [source] exposure_us, keep stray light out"),
+        (near_one_level, "warn", "dim: raise [source] exposure_us, then gain"),
+        (share > ASTRAY_REL, "warn", "overexposed pins: lower [source] exposure_us, then the LED"),
+        (full > ASTRAY_REL, "warn", "glare: lower [source] exposure_us"),
+    )
+
+
+def clipped(frame: Frame, rest: Rest) -> Mask:
+    """(n,) whether the bright side of a pin's edge is clipped: the pin, or the skin round a dark one."""
+    radii = np.array([1.4, 1.7] if rest.pattern.dark else [0.0, 0.3, 0.6])
+    level = _levels(frame.image, rest, radii)
+    limit = CLIPPED * ((1 << frame.bits) - 1)
+    return np.asarray(np.median(level.reshape(len(rest), -1), axis=1) >= limit)
+
+
+def smear_px(frame: Frame, rest: Rest) -> tuple[float, float]:
+    """By how much the pins are longer in one direction than across, px, as the length of a motion that
+    makes it; and the direction, degrees from x towards y.
+    """
+    radii = np.arange(0.0, 2.0, 0.1)
+    level = np.median(_levels(frame.image, rest, radii), axis=0)  # (directions, radii): the typical pin
+    profile = (level - level[:, -5:].mean()) * (-1.0 if rest.pattern.dark else 1.0)
+    weight = np.maximum(profile, 0.0) * radii
+    second = (weight * radii**2).sum(axis=1) @ _AROUND**2 / weight.sum()  # difference of the variances
+    r = rest.pattern.pin_radius_px
+    return float(r * np.sqrt(12.0 * abs(second))), float(np.degrees(np.angle(second) / 2))
+
+
+def _levels(image: Image, rest: Rest, radii: Array) -> Array:
+    """(n, 24, k) grey levels round each pin in all directions, at k distances in radii of the pin."""
+    x, y = rest.xy_img.T
+    away = rest.pins.radius_px[:, None, None] * _AROUND[:, None] * radii
+    at = (x[:, None, None] + away.real, y[:, None, None] + away.imag)
+    map_x, map_y = (np.asarray(one, np.float32).reshape(len(rest), -1) for one in at)
+    grey = image.astype(np.float32)
+    read = cv2.remap(grey, map_x, map_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(read, np.float64).reshape(away.shape)
+
+
+def holes(rest: Rest) -> Array:
+    """(k, 2) px, places where three neighbours agree that a pin is missing; none without a lattice."""
+    found = [_holes(rest.xy_img[group]) for group in groups(rest) if len(group) >= PINS_MIN]
+    return np.concatenate([np.empty((0, 2)), *found])
+
+
+def _holes(xy: Array) -> Array:
+    """Of pins in one group. A pin between two neighbours of a lattice stands in the middle: so each pair of
+    pins says where the next one is.
+    """
+    ring = nearest(xy, N_RING)[:, 1:]
+    step = np.hypot(*(xy[ring] - xy[:, None]).transpose(2, 0, 1))
+    pitch = np.median(step[:, :3], axis=1)
+    row, column = np.nonzero(step < LATTICE.longest_edge * pitch[:, None])
+    place, unit = 2 * xy[row] - xy[ring[row, column]], pitch[row]
+    inside = Delaunay(xy).find_simplex(place) >= 0
+    place, unit = place[inside], unit[inside]
+    if len(place) == 0:
+        return np.empty((0, 2))
+    free = cKDTree(xy).query(place)[0] > LATTICE.distance_min * unit
+    if free.mean() > 1.0 - SHARED_MIN**2:  # too few places with a pin, or pins with a place: no lattice
+        return np.empty((0, 2))
+    place, unit = place[free], unit[free]
+    found: list[Array] = []
+    while len(place):
+        alike = cKDTree(place).query_ball_point(place, LATTICE.distance_min * unit)
+        most = max(alike, key=len)
+        if len(most) < 3:
+            break
+        found.append(np.median(place[most], axis=0))
+        others = np.hypot(*(place - found[-1]).T) > unit
+        place, unit = place[others], unit[others]
+    return np.array(found).reshape(-1, 2)
+
+
+def groups(rest: Rest) -> list[Index]:
+    """Rows of the pins that stand together, the largest group first; a stray pin is a group too."""
+    xy = rest.xy_img
+    step, row = cKDTree(xy).query(xy, min(len(xy), 1 + N_RING))
+    unit = np.median(np.median(step[:, 1:4], axis=1)[row], axis=1)
+    one, column = np.nonzero(step < LATTICE.longest_edge * unit[:, None])
+    links = coo_array((np.ones(len(one)), (one, row[one, column])), shape=(len(xy), len(xy)))
+    kind = connected_components(links)[1]
+    found = [np.flatnonzero(kind == k).astype(np.int32) for k in range(int(kind.max()) + 1)]
+    return sorted(found, key=len, reverse=True)
+
+
+def settings_tried(source: FrameSource, frame: Frame, rest: Rest) -> dict[str, int]:
+    """Keys for the source's address that suit this image better, and how many pins each finds.
+
+    Tried are the other polarity, where none was asked for, and a rectangle round each group of pins that
+    stand apart from the others.
+    """
+    found: dict[str, int] = {}
+    if source.polarity is Polarity.FOUND:
+        other = Polarity.BRIGHT if rest.pattern.dark else Polarity.DARK
+        found[f"pins={other}"] = _pins_n(frame, other, source.lens)
+    found = {key: n for key, n in found.items() if n > len(rest)}
+    apart = groups(rest) if source.region is None else []
+    polarity = Polarity.DARK if rest.pattern.dark else Polarity.BRIGHT
+    for group in apart if len(apart) > 1 else []:
+        if len(group) >= PINS_MIN:
+            corner = np.maximum(rest.xy_img[group].min(axis=0) - rest.pattern.pitch_px, 0)
+            size = rest.xy_img[group].max(axis=0) + rest.pattern.pitch_px - corner
+            roi = ",".join(str(round(float(number))) for number in (*corner, *size))
+            n = _pins_n(frame.within(region_of(source, roi, "", "")), polarity, source.lens)
+            if 0 < n < len(rest):
+                found[f"roi={roi}"] = n
+    return found
+
+
+def _pins_n(frame: Frame, polarity: Polarity, lens: Lens | None) -> int:
+    try:
+        return len(take_rest([frame.image], polarity, lens))
+    except NoPins:
+        return 0
+
+
+def better_settings(tried: dict[str, int]) -> Line:
+    """What `settings_tried` found, for people."""
+    apart = "pins stand in separate groups: " if any(key.startswith("roi") for key in tried) else ""
+    named = ", ".join(f"?{key} finds {n}" for key, n in tried.items())
+    return Line("settings", "warn", apart + named, "add one of them to the address, or the key to [source]")
+
+
+def pins(frame: Frame, rest: Rest) -> Iterator[Line]:
+    """Found, none missing, sharp, at rest, clear of the border and of the skin's brightness, untouched."""
+    height, width = frame.image.shape
+    p = rest.pattern
+    kind = "dark" if p.dark else "bright"
+    finding = f"{len(rest)} found, {kind}, radius {p.pin_radius_px:.1f} px, pitch {p.pitch_px:.1f} px"
+    yield Line("pins", "ok", finding)
+    missing_n = len(holes(rest))
+    share = missing_n / (len(rest) + missing_n)
+    clean = "clean lens and skin, light it evenly; is a pin torn out?"
+    yield judged("holes", f"{missing_n or 'none'} seen in the lattice", (share > ASTRAY_REL, "warn", clean))
+    seen = rest_as_seen(rest)
+    softness = p.edge_px / p.pin_radius_px
+    blur = f"edges are blurred by {p.edge_px:.1f} px, {softness:.0%} of a pin's radius"
+    sharpen = "turn the lens until `python -m edge inspect` finds the sharpest pins"
+    yield judged("focus", blur, (softness > HALF_REL, "warn", sharpen))
+    smear, direction = smear_px(frame, seen)
+    longer = f"pins are {smear:.1f} px longer at {direction:.0f} degrees than across"
+    hold = "hold it still and shorten [source] exposure_us; or has each pin a ghost, or is the view slanted?"
+    spread = smear**2 / 12 > HALF_REL * p.pin_radius_px**2 / 4  # variances, of the motion and of a disc
+    yield judged("motion", longer, (spread, "warn", hold))
+    top = (1 << frame.bits) - 1
+    noise = f"of full scale, noise is {p.noise / top:.1%}"
+    contrast = f"pins differ from the skin by {p.brightness / top:.0%} {noise}"
+    faint = p.brightness**2 < p.noise * top  # by ratios, nearer to the noise than to full scale
+    yield judged("contrast", contrast, (faint, "warn", "light the pins better, then raise gain"))
+    x, y = seen.xy_img.T
+    margin = float(np.min([x, y, width - 1 - x, height - 1 - y])) - p.pin_radius_px
+    centre = f"centre the tip: pins need {p.pitch_px:.0f} px of space to move"
+    border = f"outermost pin {margin:.0f} px from the image's border"
+    yield judged("margin", border, (margin < p.pitch_px, "warn", centre))
+    symmetry = symmetry_of(rest)
+    touch = f"something touches the tip: {symmetry.message}" if symmetry.in_contact else "none seen"
+    let_go = "let go; or is the camera not square to the tip?"
+    yield judged("touch", touch, (symmetry.in_contact, "warn", let_go))
+
+
+def watch(source: FrameSource) -> list[Frame]:
+    """The first images of a source, as many as a rate is measured from."""
+    if not isinstance(source, LiveSource):
+        return list(islice(source, LIVE.rate_frames_n + 1))
+    frames: list[Frame] = []
+    end_s = time.monotonic() + LIVE.first_s
+    while len(frames) <= LIVE.rate_frames_n and time.monotonic() < end_s:
+        got = source.read(RUNTIME.wait_s)
+        if got is not None:
+            frames.append(got)
+    return frames

@@ -1,0 +1,66 @@
+"""The part of the images that shows the skin, where a source's address or its sensor's file says so.
+
+    a.png?roi=40,30,560,420       a rectangle: left, top, width, height, px
+    v4l2:0?circle=320,240,200     a circle: middle and radius, px
+    b.mcap?mask=skin.png          a picture as large as the images: white is skin
+
+Of several, the skin is what all of them show. An image keeps its size, so that places and lens stay as they
+are; each pixel outside becomes the nearest one inside. So the edge of the region is no step that could be
+taken for a pin, and a pin that it cuts becomes a streak, which is none.
+"""
+
+import cv2
+import numpy as np
+
+from edge.errors import SourceError
+from edge.limits import PINS_MIN
+from edge.sources.files import read_image
+from edge.types import FrameSource, Mask, Region
+
+_FORMS = {"roi": "x,y,w,h", "circle": "x,y,r"}
+
+
+def region_of(source: FrameSource, roi: str, circle: str, mask: str) -> Region | None:
+    """The region of a source's images; None: all of them. Raises SourceError."""
+    if not (roi or circle or mask):
+        return None
+    name, (width, height) = source.name, source.size_px
+    y, x = np.mgrid[:height, :width]
+    skin = np.ones((height, width), bool)
+    if roi:
+        left, top, wide, high = _numbers(name, "roi", roi)
+        skin &= (x >= left) & (x < left + wide) & (y >= top) & (y < top + high)
+    if circle:
+        centre_x, centre_y, radius = _numbers(name, "circle", circle)
+        skin &= (x - centre_x) ** 2 + (y - centre_y) ** 2 <= radius**2
+    if mask:
+        skin &= _white(name, (width, height), mask)
+    if np.count_nonzero(skin) < PINS_MIN:
+        raise SourceError(f"{name}: the region holds no skin in images of {width}x{height}; give another")
+    # OpenCV labels each pixel with the nearest zero: with the nearest pixel of the skin.
+    labels = cv2.distanceTransformWithLabels(
+        (~skin).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
+    )[1]
+    place_of = np.zeros((int(labels.max()) + 1, 2), np.int16)
+    place_of[labels[skin]] = np.argwhere(skin)[:, ::-1]
+    return Region(place_of[labels])
+
+
+def _numbers(name: str, key: str, text: str) -> list[float]:
+    form = _FORMS[key]
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) != form.count(",") + 1 or not np.isfinite(numbers).all():
+        raise SourceError(f"{name}: {key}={text}: give {key}={form} in pixels")
+    return numbers
+
+
+def _white(name: str, size_px: tuple[int, int], path: str) -> Mask:
+    picture = read_image(path)
+    if picture.shape[::-1] != size_px:
+        its, images = ("{}x{}".format(*size) for size in (picture.shape[::-1], size_px))
+        raise SourceError(f"{name}: mask={path} is {its}, the images are {images}; make it as large")
+    white: Mask = picture > np.iinfo(picture.dtype).max // 2
+    return white
