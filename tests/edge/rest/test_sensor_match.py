@@ -91,7 +91,7 @@ def test_dark_square_grids_of_others_are_not_named(
     xy += (np.array(size_px) - 1 - xy.max(axis=0)) / 2
     ones, pattern = np.ones(len(xy)), rest_of("gelsight-mini").pattern
     pattern = replace(pattern, size_px=size_px, pitch_px=pitch_px, centre_img=np.array(size_px) / 2)
-    rest = Rest(Pins(xy, 0.05 * ones, 5 * ones, 100 * ones), pattern)
+    rest = Rest(Pins(xy.astype(np.float64), 0.05 * ones, 5 * ones, 100 * ones), pattern)
     assert (recognise(rest, KNOWN) is not None) == own
     assert (mm_per_px(load_sensor("gelsight-mini"), rest) is not None) == own
 
