@@ -17,6 +17,7 @@ AT_MOST = {
     "pins": 27,
     "recording": 2,
     "rest": 3,
+    "runtime": 1,
     "shared": 11,
     "sources": 7,
     "tracking": 22,

@@ -55,7 +55,7 @@ def inspect(
     calibration_path: Path | None,
     overwrite: bool,
 ) -> None:
-    """Find the pins in each IMAGE, without prior knowledge, and say what is good and what is to be done.
+    """Find the pins in each IMAGE, and say what is good and what is to be done.
 
     An IMAGE is a picture, a recording (MCAP, video, GIF, folder) or a camera (v4l2:0), with options as for
     --source. Every pin should be found, and nothing else. Of an untouched tip it also says which known

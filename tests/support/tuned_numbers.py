@@ -90,6 +90,9 @@ NOT_TUNED: dict[str, frozenset[str]] = {
         "edge/pins/templates.py:LANES", "edge/pins/templates.py:BLOCK",
         "edge/worker/shared_memory.py:ALIGN",
     }),
+    "names of glibc's settings": frozenset({
+        "edge/runtime/process.py:_MMAP_THRESHOLD", "edge/runtime/process.py:_TRIM_THRESHOLD",
+    }),
     "figures of a maker": frozenset({
         "edge/runtime/board_monitor.py:HOT_DEGC", "edge/sources/oak.py:RATE_HZ",
     }),
