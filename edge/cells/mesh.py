@@ -614,7 +614,11 @@ class Mesh:
         s: cython.Py_ssize_t = self.tail[_before(g)]
         dx, dy = self.x[q] - self.x[p], self.y[q] - self.y[p]
         inside: cython.double = self._incircle_exact(p, q, r, s)
-        weight: cython.double = -inside / self._orient_exact(p, q, r) / self._orient_exact(q, p, s)
+        first: cython.double = self._orient_exact(p, q, r)
+        second: cython.double = self._orient_exact(q, p, s)
+        if first == 0.0 or second == 0.0:  # flat: no weight, or any
+            return NAN if inside == 0.0 else INFINITY
+        weight: cython.double = -inside / first / second
         return (dx * dx + dy * dy) * weight
 
     # ---- on which side of a line, and whether within a circle

@@ -537,7 +537,7 @@ class CentroidKernel:
         for at in range(k.pixels):
             if not self._is_in_view[at]:
                 continue
-            level = self._window[at]
+            level = cython.cast(cython.double, self._window[at])
             self._basis[0] = 1
             self._basis[1] = self._norms[norm, UNIT_D] * self._values[t + at]
             self._basis[2] = unit_t * self._values[t + k.plane + at]
