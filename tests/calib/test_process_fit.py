@@ -34,9 +34,8 @@ def _noise(inputs: Complex, seed: int, *, stepped: bool = False) -> Complex:
 def _fitted(inputs: Complex, y: Complex, lossy: Complex | None = None) -> FittedProcess:
     none = np.empty((len(y), 0, inputs.shape[1]), dtype=np.complex128)
     fold = (np.arange(len(y)) % FOLDS).astype(np.int32)
-    return fit_process(
-        inputs, FRAME_INPUTS, [], y, Symmetry.TURNING, fold, none if lossy is None else lossy, all_round=True
-    )
+    lossy, each = none if lossy is None else lossy, np.arange(len(y), dtype=np.int32)
+    return fit_process(inputs, FRAME_INPUTS, [], y, Symmetry.TURNING, fold, lossy, all_round=True, pose=each)
 
 
 def _predicted(fitted: FittedProcess, inputs: Complex) -> tuple[Complex, Complex]:
