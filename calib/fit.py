@@ -3,7 +3,8 @@
 For each output, candidates from the paper's own curve (depth: monotone in the volume; shear: linear in the
 mean motion, with an offset for preload) up to cubic products (`calib.designs`) are fitted by ridge regression
 (`calib.ridge`). Each is evaluated by grouped cross-validation (frames of one pose stay together), and the one
-with the fewest terms within one standard error of the best is chosen. Its sigma is the 68.3 % quantile of the
+with the fewest terms is chosen whose squared errors exceed the best's by no more than one standard error
+of their difference. Its sigma is the 68.3 % quantile of the
 held-out errors, divided by the widening that follows from the distance to the data.
 
 A symmetric Gaussian process (`calib.process_fit`), with the contact's place among its inputs, is a candidate
@@ -120,7 +121,8 @@ EVERYTHING = Search()
 class Choice:
     """The chosen model for a group of outputs, and what it was chosen from.
 
-    allowed   rms error on held-out frames: of the candidates up to it, the one with fewest terms is chosen
+    allowed   largest rms error on held-out frames of the candidates as good as the best, of which the one
+              with fewest terms is chosen
     held_out  (n,) prediction of each frame by a model fitted without it
     """
 

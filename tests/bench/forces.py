@@ -2,7 +2,8 @@
 
 A published FingerVision dome under weights, straight and on wedges. Each load and wedge is read by models of
 the others: of the same pin tracks, in the same run. Repeats of a load tell little new, as they share how the
-tip was set down, so scikit-learn's models are fitted to all frames, and to the mean of each pose.
+tip was set down, so scikit-learn's models are fitted to all frames, and to the mean of each pose. A load
+beyond the others is left out, as the edge sends no more than what was calibrated.
 """
 
 from collections.abc import Callable
@@ -105,7 +106,9 @@ def command(folder: Path, out: Path) -> None:
     targets, motion = data.targets, motions(data, data.targets)
     truth = np.column_stack([targets.values[name] for name in FORCES])
     load, pose = pose_numbers(truth.round(SAME_N)), pose_numbers(truth)
-    touched = np.flatnonzero(seen.in_contact).astype(np.int32)
+    others = [truth[seen.in_contact & (load != k)] for k in load]
+    inside = [np.all((r.min(axis=0) <= t) & (t <= r.max(axis=0))) for t, r in zip(truth, others, strict=True)]
+    touched = np.flatnonzero(seen.in_contact & inside).astype(np.int32)
     readers = {f"calib fit --prefer {prefer}": ours(data, targets, seen, prefer) for prefer in Prefer}
     for name in ("ridge", "Gaussian process"):
         for means in (False, True):
