@@ -3,9 +3,9 @@
 For each output, candidates from the paper's own curve (depth: monotone in the volume; shear: linear in the
 mean motion, with an offset for preload) up to cubic products (`calib.designs`) are fitted by ridge regression
 (`calib.ridge`). Each is evaluated by grouped cross-validation (frames of one pose stay together), and the one
-with the fewest terms is chosen whose squared errors exceed the best's by no more than one standard error
-of their difference. Its sigma is the 68.3 % quantile of the
-held-out errors, divided by the widening that follows from the distance to the data.
+with the fewest terms is chosen whose squared errors exceed the best's by no more than one standard error of
+their difference. Its sigma is the 68.3 % quantile of the held-out errors, divided by the widening that
+follows from the distance to the data.
 
 A symmetric Gaussian process (`calib.process_fit`), with the contact's place among its inputs, is a candidate
 like the others; so is another tip's model that was changed as these frames say (`calib.carry_over`). If the
@@ -403,7 +403,7 @@ def _start_processes(problem: _Problem, search: Search, pool: Executor | None) -
         if poses >= PARAMS.process_rows_min:
             alone = partial(call, terms_max=search.terms_max)
             if not problem.all_with_contact:
-                alone = partial(_with_contact_or_without, alone, y=y)
+                alone = partial(_with_contact_or_without, alone, y=y, share=problem.share)
             calls[ModelKind.PROCESS] = partial(alone, problem.inputs)
         if len(y) >= PARAMS.known_rows_min and group.outputs in search.known:
             known = search.known[group.outputs].in_the_image(problem.inputs, problem.names)
@@ -421,13 +421,13 @@ def _poses_that_count(poses: Array) -> Index:
 
 
 def _with_contact_or_without(
-    fitted: Callable[[Complex], FittedProcess], inputs: Complex, y: Complex
+    fitted: Callable[[Complex], FittedProcess], inputs: Complex, y: Complex, share: Array
 ) -> FittedProcess:
     """The better one: inputs of the strongest contact are 0 where a touch is too weak for one."""
     without = inputs.copy()
     without[:, [FRAME_INPUTS.index(name) for name in ("p", "peak", "size")]] = 0.0
     both = fitted(inputs), fitted(without)
-    return min(both, key=lambda process: float(np.mean(np.abs(process.held_out - y) ** 2)))
+    return min(both, key=lambda one: float(np.average(np.abs(one.held_out - y) ** 2, weights=share)))
 
 
 def _problems(rest: Rest, targets: Targets, extract: Extract, usable: Mask) -> Iterator[_Problem]:
@@ -576,8 +576,9 @@ def _as_good(tried: _Tried, best: Candidate, predicted: Complex, y: Complex, sha
     Frames that are hard for all models are in the errors of each, not in their difference.
     """
     more = np.abs(tried[2] - y) ** 2 - np.abs(predicted - y) ** 2
-    error = np.sqrt(np.average((more - np.average(more, weights=share)) ** 2, weights=share) / share.sum())
-    return bool(tried[0].rms ** 2 - best.rms**2 <= error)
+    off = more - np.average(more, weights=share)
+    error = float(np.sqrt(np.average(off**2, weights=share) / share.sum()))
+    return tried[0].rms ** 2 - best.rms**2 <= error
 
 
 def _polynomial(

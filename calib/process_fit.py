@@ -182,7 +182,7 @@ def fit_process(
         noise=along,
         across=across,
         lost=_effect_of_loss(features, weights / over, inputs, lossy, names)
-        or (known and known.lost_over(over)),
+        or (known.lost_over(over) if known else None),
         pin_noise=_pin_noise(features, weights, inputs, moved) * unit**2,
         held_out=unseen * unit + mean,
         uncertainty=Uncertainty(features, posterior.root() * (unit / math.sqrt(1.0 + features.turning))),
@@ -236,8 +236,8 @@ def _posterior(
 ) -> _Posterior:
     features = prior.features
     left = target - features.values(inputs, prior.mean)
-    left = left if features.turning else left.real
-    return _Posterior(features, inputs, moved, left, prior.noise, share_of_pose(pose))
+    y = left if features.turning else left.real
+    return _Posterior(features, inputs, moved, y, prior.noise, share_of_pose(pose))
 
 
 def _held_out(

@@ -1,9 +1,9 @@
 """`python -m tests.bench forces`: forces of known weights, read by our fit and by scikit-learn's.
 
-A published FingerVision dome under weights, straight and on wedges. Each load and wedge is read by models of
-the others: of the same pin tracks, in the same run. Repeats of a load tell little new, as they share how the
-tip was set down, so scikit-learn's models are fitted to all frames, and to the mean of each pose. A load
-beyond the others is left out, as the edge sends no more than what was calibrated.
+A published FingerVision dome under weights, straight and on wedges. Each is read by models of the others,
+of the same pin tracks. Repeats share how the tip was set down, so scikit-learn's models are fitted to all
+frames, and to the mean of each pose. A load beyond the others is left out: the edge sends no more than was
+calibrated.
 """
 
 from collections.abc import Callable
@@ -27,7 +27,6 @@ from tests.bench.recordings import real_option
 
 FORCES = ("force_x_n", "force_y_n", "force_n")
 COMPONENTS = 10  # principal ones of the motion, for the Gaussian process
-SAME_N = 1  # digits: two weights of nearly the same mass are one load
 Reader = Callable[[Index, Index], tuple[Array, Array]]
 
 
@@ -71,11 +70,8 @@ def theirs(name: str, motion: Array, truth: Array, pose: Index, *, means: bool) 
         components = PCA(COMPONENTS).fit(x)
         x, asked = components.transform(x), components.transform(motion[test])
         kernel = ConstantKernel() * RBF(3.0) + WhiteKernel(0.1)
-        found = []
-        for one in y.T:
-            process = GaussianProcessRegressor(kernel, normalize_y=True).fit(x / x.std(), one)
-            found.append(process.predict(asked / x.std(), return_std=True))
-        both = np.array(found).transpose(1, 2, 0)
+        fitted = [GaussianProcessRegressor(kernel, normalize_y=True).fit(x / x.std(), one) for one in y.T]
+        both = np.array([one.predict(asked / x.std(), return_std=True) for one in fitted]).transpose(1, 2, 0)
         return both[0], both[1]
 
     return read
@@ -105,20 +101,18 @@ def command(folder: Path, out: Path) -> None:
         seen = data.extract(pool)
     targets, motion = data.targets, motions(data, data.targets)
     truth = np.column_stack([targets.values[name] for name in FORCES])
-    load, pose = pose_numbers(truth.round(SAME_N)), pose_numbers(truth)
+    load, pose = pose_numbers(truth.round(1)), pose_numbers(truth)  # nearly the same mass is one load
     others = [truth[seen.in_contact & (load != k)] for k in load]
     inside = [np.all((r.min(axis=0) <= t) & (t <= r.max(axis=0))) for t, r in zip(truth, others, strict=True)]
     touched = np.flatnonzero(seen.in_contact & inside).astype(np.int32)
     readers = {f"calib fit --prefer {prefer}": ours(data, targets, seen, prefer) for prefer in Prefer}
     for name in ("ridge", "Gaussian process"):
-        for means in (False, True):
-            of = "of the means of poses" if means else "of frames"
-            readers[f"{name} {of}"] = theirs(name, motion, truth, pose, means=means)
+        readers[f"{name} of frames"] = theirs(name, motion, truth, pose, means=False)
+        readers[f"{name} of the means of poses"] = theirs(name, motion, truth, pose, means=True)
     rows = [judged(name, read, truth, load, touched) for name, read in readers.items()]
     text = (
         "# Forces of weights on a published FingerVision dome\n\n`python -m tests.bench forces`: mean "
-        f"absolute errors on {len(touched)} touched frames, each load by models of the others.\n\n"
-        f"{markdown(rows)}\n"
+        f"absolute errors on {len(touched)} frames, each by models of other loads.\n\n{markdown(rows)}\n"
     )
     click.echo(text)
     (out / "forces.md").write_text(text, encoding="utf-8")

@@ -39,7 +39,8 @@ def _fitted(
     symmetry: Symmetry = Symmetry.TURNING,
 ) -> FittedProcess:
     none = np.empty((len(y), 0, inputs.shape[1]), dtype=np.complex128)
-    lossy, pose = none if lossy is None else lossy, np.arange(len(y)) if pose is None else pose
+    lossy = none if lossy is None else lossy
+    pose = np.arange(len(y), dtype=np.int32) if pose is None else pose
     fold = (pose % FOLDS).astype(np.int32)
     return fit_process(inputs, FRAME_INPUTS, [], y, symmetry, fold, lossy, all_round=True, pose=pose)
 
@@ -163,7 +164,8 @@ def test_a_depth_is_zero_at_rest_unless_it_counts_from_elsewhere() -> None:
     light = volume < np.median(volume)
     for offset in (0.0, 400.0):
         depth = 200.0 * volume + 4000.0 * volume**2 + offset
-        fitted = _fitted(inputs[light][:30], depth[light][:30] + 0j, symmetry=Symmetry.EVEN)
+        y = depth[light][:30].astype(np.complex128)
+        fitted = _fitted(inputs[light][:30], y, symmetry=Symmetry.EVEN)
         value = evaluate_terms(inputs, term_columns(fitted.terms, FRAME_INPUTS)) @ fitted.weights
         off = np.abs(value.real - depth)
         print(offset, off[light].mean(), off[~light].mean(), depth[~light].mean())
