@@ -1,7 +1,6 @@
 """The host's page in a real browser: several fingers as a hand, from frames on a bus."""
 
 import os
-import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 
@@ -12,7 +11,7 @@ from hostlink.view import HandView
 from hostlink.web import parse_listen
 from hostlink.wire import Contact, State, Status
 from tests.browser.chrome import Chrome, Page
-from tests.support.fingers import Fingers
+from tests.support.fingers import Fingers, state
 
 BUS = f"udp:239.0.0.8?port={21_000 + os.getpid() % 20_000}"
 TOKEN = "a-token-for-tests"
@@ -22,18 +21,10 @@ FINGERS = (1, 2, 3, 5)  # the ring finger is missing
 def sample(n: int, k: int) -> State:
     """Each pressed by its number in tenths of a millimetre or more."""
     contacts = (Contact(-4.0, 3.0, 1.0), Contact(5.0, -2.0, 0.5))[: 2 if n == 3 else 1]
-    return State(
-        sample=k,
-        status=Status.TOUCHED,
-        capture_time_us=time.monotonic_ns() // 1000 - 3000,
-        latency_us=3000.0,
-        displacement_mm=1 + n / 10,
-        force_n=n / 2,
-        shear_x_mm=0.3,
-        shear_y_mm=0.4,
-        contact_n=len(contacts),
-        contacts=contacts,
-    )
+    return state(
+        k, status=Status.TOUCHED, displacement_mm=1 + n / 10, force_n=n / 2, shear_x_mm=0.3, shear_y_mm=0.4,
+        contact_n=len(contacts), contacts=contacts,
+    )  # fmt: skip
 
 
 @pytest.fixture(scope="module")

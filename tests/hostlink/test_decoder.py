@@ -8,7 +8,7 @@ from random import Random
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import hostlink.wire as wire
@@ -30,10 +30,9 @@ from hostlink.sequence import RESTART_RUN
 from hostlink.wire import CanIds, Message, State, encode_frame, pack_message, pack_state
 from hostlink.wire.e2e import protect_p11, protected_p5
 from hostlink.wire.fields import DATA_ID, DATA_ID_CLASSIC, PARTS, STATE_SIZE, VERSION
-from hostlink.wire.parts import unpack_part
 from tests.support.processes import python
 from tests.support.seeds import SEED
-from tests.support.states import any_state, random_state, same
+from tests.support.states import random_state, same
 
 IDS = CanIds()
 FRAMES = 30_000
@@ -372,17 +371,6 @@ def test_bad_classic_bus() -> None:
     assert len(ledger.delivered) > 0.3 * states_n
 
 
-@pytest.mark.generative
-@given(st.lists(st.binary(max_size=300), max_size=10), any_state)
-@settings(max_examples=200)
-def test_any_bytes_parse_or_are_counted_and_the_next_frame_is_found(junk: list[bytes], state: State) -> None:
-    decoder = SerialDecoder()
-    for chunk in junk:
-        assert not any(isinstance(e, Sample) for e in decoder.receive(chunk))
-    events = decoder.receive(encode_frame(Message.STATE, pack_state(state, 1)))
-    assert [type(e) for e in events] == [Sample]
-
-
 def classic_part(index: int, counter: int, sample_low: int, payload: int) -> tuple[int, bytes]:
     """A part with a right CRC and any content."""
     part = PARTS[index]
@@ -391,24 +379,6 @@ def classic_part(index: int, counter: int, sample_low: int, payload: int) -> tup
     frame = bytearray(2) + bytearray((bits & (1 << 48) - 1).to_bytes(6, "little"))
     protect_p11(frame, counter, DATA_ID_CLASSIC | index)
     return part.tpdo, bytes(frame)
-
-
-def test_two_valid_parts_that_claim_to_be_a_whole_sample_are_counted() -> None:
-    """part_n = 2, and right CRCs: there is no capture time, so there is no sample."""
-    state = State(sample=3, displacement_mm=1.0)
-    first, second = (part for _, part in wire.pack_parts(state, 0)[:2])
-    bits = int.from_bytes(second[2:], "little")
-    shift = 5 + 16 + 11 + 8 + 4  # sample_low, status, sample_high, pins_tracked, contact_n
-    bits = bits & ~(0xF << shift) | 2 << shift
-    claimed = bytearray(second[:2] + bits.to_bytes(6, "little"))
-    protect_p11(claimed, 0, DATA_ID_CLASSIC | 1)
-    assert unpack_part(2, bytes(claimed)).raws["part_n"] == 2
-    decoder = CanDecoder()
-    assert decoder.receive(0x181, first) == []
-    assert decoder.receive(0x281, bytes(claimed)) == []
-    assert decoder.statistics[1].corrupt_n == 1
-    again = [e for tpdo, part in wire.pack_parts(state, 1) for e in decoder.receive(IDS.tpdo(tpdo, 1), part)]
-    assert [type(e) for e in again] == [Sample], "and the next sample comes"
 
 
 @pytest.mark.generative

@@ -4,7 +4,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
-from typing import Self
+from typing import Any, Self
 
 import pytest
 
@@ -85,11 +85,11 @@ class Application:
         self.faults[code] = active
 
 
-def state(sample: int, age_s: float = 0.0) -> State:
+def state(sample: int, age_s: float = 0.0, **values: Any) -> State:
+    """Captured 3 ms before it is sent; its displacement is its number, unless `values` say otherwise."""
     now_us = time.monotonic_ns() // 1000 - round(age_s * 1e6)
-    return State(
-        sample=sample, capture_time_us=now_us - 3000, latency_us=3000.0, displacement_mm=sample / 100
-    )
+    given: dict[str, Any] = {"latency_us": 3000.0, "displacement_mm": sample / 100} | values
+    return State(sample=sample, capture_time_us=now_us - 3000, **given)
 
 
 def make_node(address: str) -> tuple[Node, Application]:

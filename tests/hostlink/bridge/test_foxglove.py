@@ -8,7 +8,7 @@ import threading
 import time
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import suppress
-from math import nan, pi, sqrt
+from math import pi, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -27,25 +27,18 @@ from hostlink.web import Listen
 from hostlink.wire import Contact, State, Status, pack_state, unpack_state
 from tests.hostlink.bridge.hand import Hand
 from tests.support.commands import run_host as run
+from tests.support.fingers import state as live_state
 from tests.support.waiting import until
 
 WAIT_S = 20.0
 
 
 def state(number: int, k: int) -> State:
-    now_us = time.monotonic_ns() // 1000
-    return State(
-        sample=k,
-        status=Status.TOUCHED,
-        capture_time_us=now_us - 3000,
-        latency_us=3000.0,
-        displacement_mm=number / 4,
-        shear_x_mm=0.3,
-        shear_y_mm=-0.4,
-        force_n=nan,
-        contact_n=2,
-        contacts=(Contact(1.5, -2.5, 0.5), Contact(-3.0, 4.0)),
-    )
+    contacts = (Contact(1.5, -2.5, 0.5), Contact(-3.0, 4.0))
+    return live_state(
+        k, status=Status.TOUCHED, displacement_mm=number / 4, shear_x_mm=0.3, shear_y_mm=-0.4,
+        contact_n=len(contacts), contacts=contacts,
+    )  # fmt: skip
 
 
 class Viewer:
