@@ -224,12 +224,5 @@ class Page:
                 "Input.dispatchMouseEvent", {"type": kind, "x": x, "y": y, "button": "left", "clickCount": 1}
             )
 
-    def offline(self, off: bool) -> None:
-        """Cut the page's network, or restore it."""
-        self.call(
-            "Network.emulateNetworkConditions",
-            {"offline": off, "latency": 0, "downloadThroughput": -1, "uploadThroughput": -1},
-        )
-
     def close(self) -> None:
         self._chrome.call("Target.closeTarget", {"targetId": self._target})

@@ -159,6 +159,7 @@ def test_fit_and_evaluate_a_capture(recording: Path, fitted: tuple[Path, str]) -
     assert {tuple(m["outputs"]) for m in json.loads(out)["models"]} >= {("displacement_mm",), ("force_n",)}
     calibration = Calibration.load(path)
     assert calibration.mm_per_px is not None
+    assert calibration.content.sensor.serial == "A1"
     assert 0.1 < calibration.mm_per_px / (2 * 16.7 / (2 * 0.38 * 240)) < 2.0
     report = json.loads(run("evaluate", path, recording, "--workers", "1", "-q", "--json"))
     assert report["n_frames"] == 36

@@ -151,17 +151,6 @@ def test_sigma_is_that_of_held_out_frames() -> None:
         assert np.median(sigma[name]) == pytest.approx(0.1, rel=0.35)
 
 
-def test_the_file_comes_back_as_it_was() -> None:
-    extract, _, calibration, _ = _fitted()
-    again = Calibration.parse(calibration.encoded, "cal.json")
-    assert again.content == calibration.content
-    assert again.content.sensor.serial == "A7"
-    read, _ = predict(calibration, extract)
-    same, _ = predict(again, extract)
-    for name, column in read.items():
-        np.testing.assert_array_equal(column, same[name])
-
-
 def test_untouched_and_uncertain_frames_are_not_fitted() -> None:
     extract, values = make(60, noise=0.01)
     spoilt = {name: column.copy() for name, column in values.items()}

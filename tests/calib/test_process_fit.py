@@ -108,14 +108,6 @@ def test_predictions_of_the_fit_s_own_frames_are_those_of_frames_it_has_not_seen
     assert np.mean(np.abs(held_out - y) ** 2) > 0.95 * np.mean(np.abs(y) ** 2)
 
 
-def test_the_same_frames_give_the_same_process() -> None:
-    inputs = _inputs(40, 0)
-    first, second = (_fitted(inputs, _shear(inputs) + _noise(inputs, 2)) for _ in range(2))
-    assert first.terms == second.terms
-    for name in ("weights", "factor", "sigma", "held_out"):
-        np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
-
-
 def test_far_from_the_data_the_variance_is_larger_than_before() -> None:
     inputs = _inputs(80, 0)
     fitted = _fitted(inputs, _shear(inputs) + _noise(inputs, 2))

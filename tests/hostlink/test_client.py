@@ -468,21 +468,6 @@ def test_tare_waits_for_its_outcome(pair: Pair) -> None:
         finger.tare()
 
 
-def test_a_failing_tap_is_removed_and_the_link_goes_on(wire: Wire) -> None:
-    called: list[float] = []
-
-    def bad(data: object, arrival_s: float) -> None:
-        called.append(arrival_s)
-        raise RuntimeError("of its own making")
-
-    end = wire.hand.on_raw(bad)
-    for number in range(2):
-        wire.send_state(1, state(number))
-        until_sample(wire.hand, number)
-    end()  # it has ended already, which is no error
-    assert len(called) == 1
-
-
 def test_round_trip_bounds_the_clock_without_assumptions(pair: Pair) -> None:
     node, _, hand = pair
     node.send(state(0))

@@ -210,7 +210,12 @@ def test_a_callback_may_exit_or_ask_and_the_link_goes_on(request: pytest.Fixture
     refused: list[str] = []
     ended: list[hostlink.Sample] = []
     received: list[hostlink.Sample] = []
+    failed: list[object] = []
     with hostlink.connect(bus) as hand:
+
+        def fail(*what: object) -> None:
+            failed.append(what)
+            raise RuntimeError("of its own making")
 
         def ask(*what: object) -> None:
             for wait in (
@@ -224,7 +229,7 @@ def test_a_callback_may_exit_or_ask_and_the_link_goes_on(request: pytest.Fixture
                 refused.append(str(caught.value))
 
         getattr(hand, kind)(lambda *what: sys.exit("done"))
-        getattr(hand, kind)(lambda *what: 1 // 0)
+        end_failing = getattr(hand, kind)(fail)
         end = hand.on_sample(ended.append)
         until(lambda: node.send(state(0)) and hand.latest(9) is not None and ended, "the finger")
         end()
@@ -237,6 +242,8 @@ def test_a_callback_may_exit_or_ask_and_the_link_goes_on(request: pytest.Fixture
         until(lambda: node.send(state(2)) and received, "a sample")
         assert hand.up
         assert hand.reconnects == 0
+        end_failing()  # that it has ended already is no error
+        assert len(failed) == 1 or kind == "on_sample", "one that fails is removed"
     node.close()
     assert {sample.state.sample for sample in ended} == {0}, "after its end it is called no more"
     assert {message.count("\n") for message in refused} == {0}

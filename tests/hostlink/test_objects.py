@@ -186,10 +186,10 @@ def test_a_finger_that_another_host_keeps_busy_gives_that_as_the_reason(
 class SharedBus:
     """A finger and hosts on a bus. Whose frame comes next is random; the frames of each keep their order.
 
-    Each host loses a share of the answers; `copies`: how often each request arrives, and is answered.
+    Each host loses a share of the answers. late: each request comes again, and is answered, after the next.
     """
 
-    def __init__(self, hosts_n: int, lost: float, copies: int) -> None:
+    def __init__(self, hosts_n: int, lost: float, late: bool) -> None:
         self.application = Application("VT-0042 of the left hand")
         self.application.touched = True
         server = ObjectServer(self.application, SettingsFile(), NODE, CanIds(), lambda _: None, dict)
@@ -197,7 +197,7 @@ class SharedBus:
         self._queues = [deque[bytes]() for _ in range(1 + hosts_n)]
         self._changed = threading.Condition()
         self._ended = False
-        self._rng, self._lost, self._copies = Random(1), lost, copies
+        self._rng, self._lost, self._late = Random(1), lost, late
         self.hosts = [self._host(k) for k in range(1, 1 + hosts_n)]
         self._thread = threading.Thread(target=self._carry)
         self._thread.start()
@@ -215,6 +215,7 @@ class SharedBus:
             self._put(0, data)
 
     def _carry(self) -> None:
+        before: list[bytes] = []
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._ended or any(self._queues))
@@ -227,8 +228,11 @@ class SharedBus:
                     host.answer(data)
                 elif sender not in (0, k):
                     host.overhear(data)
-            for _ in range(self._copies if sender else 0):
+            if sender:
+                for again in before:
+                    self._server.request(again)
                 self._server.request(data)
+                before = [data] * self._late
 
     def close(self) -> None:
         with self._changed:
@@ -274,17 +278,17 @@ def ask_at_once(fingers: list[Finger], serial_number: str, n: int) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    ("hosts_n", "lost", "copies", "n"),
-    [(2, 0.0, 1, 1000), (3, 0.0, 1, 100), (2, 0.01, 1, 30), (1, 0.0, 2, 100)],
+    ("hosts_n", "lost", "late", "n"),
+    [(2, 0.0, False, 1000), (3, 0.0, False, 100), (2, 0.01, False, 30), (1, 0.0, True, 100)],
     ids=["two", "three", "losses", "late answers"],
 )
 def test_hosts_on_one_bus_read_and_tare_correctly(
-    monkeypatch: pytest.MonkeyPatch, hosts_n: int, lost: float, copies: int, n: int
+    monkeypatch: pytest.MonkeyPatch, hosts_n: int, lost: float, late: bool, n: int
 ) -> None:
     if lost:
         monkeypatch.setattr(objects, "TIMEOUT_S", 0.05)
         monkeypatch.setattr(objects, "TRIES", 200)  # on a busy machine
-    with closing(SharedBus(hosts_n, lost, copies)) as bus:
+    with closing(SharedBus(hosts_n, lost, late)) as bus:
         clients: list[ObjectClient] = [*bus.hosts]
         fingers = [Finger(HandFile().mount(NODE), client, not_needed, not_needed) for client in clients]
         assert ask_at_once(fingers, bus.application.serial, n) == []

@@ -20,7 +20,6 @@ from mcap.reader import make_reader
 
 from hostlink.bridge.foxglove import LAYOUT, FoxgloveOutlet
 from hostlink.bridge.values import PARAMETERS
-from hostlink.commands.plot import read_series
 from hostlink.hand_file import HandFile, Mount
 from hostlink.topics import DIAGNOSTICS, values_of
 from hostlink.web import Listen
@@ -378,36 +377,6 @@ def test_messages_that_make_no_sense_are_one_line_in_the_log(
     lines = [r for r in caplog.records if r.name == "hostlink.bridge.foxglove"]
     assert 0 < len(lines) <= 4, "one for each kind of complaint"
     assert all(len(r.getMessage()) < 400 for r in lines)
-
-
-def test_a_recording_has_the_same_topics_and_schemas(hand: Hand, tmp_path: Path) -> None:
-    path = tmp_path / "hand.mcap"
-    outlet = bridged(hand, record=path)
-    seen: dict[str, dict[str, Any]] = {}
-
-    async def visit(viewer: Viewer) -> None:
-        for topic in ("/finger_1/sample", "/diagnostics"):
-            await viewer.subscribe(topic)
-        await viewer.until(lambda: len(viewer.messages) == 2 and len(viewer.channels) == 6, "all topics")
-        seen.update(viewer.channels)
-
-    watch(outlet.url, visit)
-    hand.close()
-    with path.open("rb") as file:
-        reader = make_reader(file)
-        summary = reader.get_summary()
-        assert summary is not None
-        schemas = summary.schemas
-        recorded = {
-            c.topic: (c.message_encoding, schemas[c.schema_id].name, schemas[c.schema_id].encoding)
-            for c in summary.channels.values()
-        }
-        samples_n = sum(1 for _ in reader.iter_messages(topics=["/finger_1/sample"]))
-    assert recorded == {t: (c["encoding"], c["schemaName"], c["schemaEncoding"]) for t, c in seen.items()}
-    assert samples_n > 20
-    drawn = read_series(path)
-    assert sorted(drawn) == [1, 3]
-    assert drawn[1].samples_n == samples_n
 
 
 def test_the_layout_shows_what_is_there() -> None:

@@ -18,6 +18,7 @@ from mcap.reader import make_reader
 from edge.cells import cell_polygons
 from hostlink.bridge.foxglove import FoxgloveOutlet
 from hostlink.bridge.page_camera import PageAddress, PageCamera, Picture, parse_page
+from hostlink.commands.plot import read_series
 from hostlink.errors import UsageError
 from hostlink.web import Listen, PageServer, pack_packet, parse_listen, unpack_packet
 from tests.hostlink.bridge.hand import Hand
@@ -194,21 +195,35 @@ def test_the_page_is_watched_only_while_somebody_watches_the_camera(hand: Hand, 
     until(lambda: page.wants[-1] is None, "nobody watches the page")
 
 
-def test_a_recording_holds_the_camera(hand: Hand, page: Page, tmp_path: Path) -> None:
+def test_a_recording_has_the_same_topics_and_schemas(hand: Hand, page: Page, tmp_path: Path) -> None:
     path = tmp_path / "hand.mcap"
-    hand.bridge(FoxgloveOutlet(Listen("127.0.0.1", 0), path, [page.address]))
-    until(lambda: page.server.sent_n > 5, "pictures")
+    outlet = FoxgloveOutlet(Listen("127.0.0.1", 0), path, [page.address])
+    hand.bridge(outlet)
+    until(lambda: page.server.sent_n > 5, "pictures, though nobody watches")
+    seen: dict[str, dict[str, Any]] = {}
+
+    async def visit(viewer: Viewer) -> None:
+        for topic in (*TOPICS, "/finger_3/sample", "/diagnostics"):
+            await viewer.subscribe(topic)
+        await viewer.until(lambda: len(viewer.messages) == 5 and len(viewer.channels) == 7, "all topics")
+        seen.update(viewer.channels)
+
+    watch(outlet.url, visit)
     hand.close()
     with path.open("rb") as file:
         summary = make_reader(file).get_summary()
     assert summary is not None
     assert summary.statistics is not None
-    counts = summary.statistics.channel_message_counts
-    schemas = {c.topic: summary.schemas[c.schema_id].name for c in summary.channels.values() if counts[c.id]}
-    assert [schemas[topic] for topic in TOPICS] == [
-        "foxglove.CompressedImage",
-        *2 * ["foxglove.ImageAnnotations"],
-    ]
+    channels, schemas = summary.channels.values(), summary.schemas
+    recorded = {
+        c.topic: (c.message_encoding, schemas[c.schema_id].name, schemas[c.schema_id].encoding)
+        for c in channels
+    }
+    assert recorded == {t: (c["encoding"], c["schemaName"], c["schemaEncoding"]) for t, c in seen.items()}
+    counts = {c.topic: summary.statistics.channel_message_counts[c.id] for c in channels}
+    assert min(counts[topic] for topic in TOPICS) > 5
+    drawn = read_series(path)
+    assert {3: counts["/finger_3/sample"]} == {n: one.samples_n for n, one in drawn.items()}
 
 
 def reports(caplog: pytest.LogCaptureFixture) -> list[logging.LogRecord]:
