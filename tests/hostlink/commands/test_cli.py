@@ -105,6 +105,8 @@ def contents(folder: Path) -> dict[str, bytes]:
         ("busload --classic --dbitrate 500000", "--dbitrate does not go with --classic"),
         ("info serial:/dev/nosuch", "/dev/nosuch"),
         ("tare can:can0 --finger 200", "200"),
+        ("tare can:can0 --finger 1.5", "'1.5' is not a whole number; give a whole number from 1 to 127"),
+        ("busload --rate x", "'x' is not a number; give "),
         ("set can:can0 colour 5", "no object 'colour'; what can be set: "),
         ("set can:can0 rate_hz -5", "rate_hz = -5 Hz: give 0 to 1000 Hz"),
         ("set can:can0 rate_hz nan", "rate_hz = nan Hz: give 0 to 1000 Hz"),

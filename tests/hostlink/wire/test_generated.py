@@ -18,17 +18,8 @@ from cantools.database.namedsignalvalue import NamedSignalValue
 from cantools.typechecking import DecodeResultType
 
 import hostlink
-from hostlink.wire import (
-    OBJECTS,
-    CanIds,
-    State,
-    Status,
-    pack_detail,
-    pack_emergency,
-    pack_parts,
-    pack_state,
-    unpack_state,
-)
+from hostlink import wire
+from hostlink.wire import CanIds, State, Status
 from hostlink.wire.detail import PINS_PER_SEGMENT
 from hostlink.wire.fields import LAYOUT, PARTS, field_named
 from hostlink.wire.generate import generate
@@ -119,12 +110,12 @@ def test_readers_of_a_hands_dbc_decode_every_fingers_frames(
 
     for i in range(samples_n):
         state, node = random_state(rng, i), 3 + i % 2
-        frame = pack_state(state, i)
-        expected = by_bit(unpack_state(frame)) | {"counter": i & 0xFF, "version": frame[3]}
+        frame = wire.pack_state(state, i)
+        expected = by_bit(wire.unpack_state(frame)) | {"counter": i & 0xFF, "version": frame[3]}
         decoded = decode_fd(ids.state(node), frame)
         assert expected.keys() <= decoded.keys()
         check(decoded, expected)
-        frames = pack_parts(state, i) if i % 5 == 0 else ()  # of 9 to 12 parts each
+        frames = wire.pack_parts(state, i) if i % 5 == 0 else ()  # of 9 to 12 parts each
         expected |= {"counter": i % 15, "version": frame[3] & 0xF, "part_n": len(frames)}
         expected |= {"sample_low": state.sample & 31, "sample_high": (state.sample & 0xFFFF) >> 5}
         for tpdo, part in frames:
@@ -160,7 +151,7 @@ def test_a_hands_dbc_is_for_people(tmp_path: Path) -> None:
                 assert signal.maximum is not None
                 assert (signal.unit or "") == UNITS.get(signal.name, signal.unit or "")
         emergency = loaded.get_message_by_name("thumb_Emergency")
-        decoded = values_of(emergency.decode(pack_emergency(0x5001, 0x81, 1, int(Status.CAMERA_FAULT))))
+        decoded = values_of(emergency.decode(wire.pack_emergency(0x5001, 0x81, 1, int(Status.CAMERA_FAULT))))
         seen = {name for name, value in decoded.items() if value == "yes"}
         assert seen == {"error_generic", "error_manufacturer", "status_camera_fault"}
         assert (decoded["emcy"], decoded["fault"]) == ("camera_lost", "camera_lost")
@@ -169,7 +160,7 @@ def test_a_hands_dbc_is_for_people(tmp_path: Path) -> None:
 def test_cantools_decodes_detail_segments() -> None:
     decode, rng = by_cantools(FOLDER / "dbc" / "voronoi_touch_fd.dbc"), Random(3)
     rows = [(rng.uniform(-100, 100), rng.uniform(-100, 100), rng.uniform(-1, 1)) for _ in range(331)]
-    for k, segment in enumerate(pack_detail(9, rows, 0)):
+    for k, segment in enumerate(wire.pack_detail(9, rows, 0)):
         decoded = decode(CanIds().detail(1), segment)
         assert (decoded["segment"], decoded["pin_n"], decoded["sample"]) == (k, 331, 9)
         for i, row in enumerate(rows[k * PINS_PER_SEGMENT : (k + 1) * PINS_PER_SEGMENT]):
@@ -257,21 +248,21 @@ def number_of(value: object) -> float:
 
 def test_c_decodes_state_frames_bit_identically(c_decoder: Path) -> None:
     rng = Random(4)
-    frames = [pack_state(random_state(rng, i), i) for i in range(SAMPLES)]
+    frames = [wire.pack_state(random_state(rng, i), i) for i in range(SAMPLES)]
     for frame, row in zip(frames, run_c(c_decoder, [(0, f) for f in frames]), strict=True):
-        for name, value in flat(unpack_state(frame)).items():
+        for name, value in flat(wire.unpack_state(frame)).items():
             agrees(name, *row[name], number_of(value), 8 * field_named(name).size)
 
 
 def test_c_decodes_classic_parts_bit_identically(c_decoder: Path) -> None:
     rng = Random(5)
     states = [random_state(rng, i) for i in range(SAMPLES // 5)]
-    sent = [(s, tpdo, part) for i, s in enumerate(states) for tpdo, part in pack_parts(s, i)]
+    sent = [(s, tpdo, part) for i, s in enumerate(states) for tpdo, part in wire.pack_parts(s, i)]
     assert len(sent) > SAMPLES
     rows = run_c(c_decoder, [(tpdo, part) for _, tpdo, part in sent])
     pages = {(p.tpdo, p.page): p for p in PARTS}
     for (state, tpdo, _), row in zip(sent, rows, strict=True):
-        values = flat(unpack_state(pack_state(state, 0)))
+        values = flat(wire.unpack_state(wire.pack_state(state, 0)))
         part = pages[tpdo, row["page"][0] if "page" in row else None]
         for name in part.fields:
             if name in values:
@@ -289,7 +280,7 @@ def test_c_refuses_frames_of_versions_before(c_decoder: Path, version: int) -> N
 
 def test_canopen_reads_the_eds() -> None:
     dictionary = canopen.import_od(str(FOLDER / "eds" / "voronoi_touch.eds"), node_id=5)
-    for o in OBJECTS:
+    for o in wire.OBJECTS:
         entry = dictionary[o.index]
         variable = entry if isinstance(entry, canopen.objectdictionary.ODVariable) else entry[o.sub]
         assert (variable.index, variable.subindex) == (o.index, o.sub)
@@ -299,4 +290,4 @@ def test_canopen_reads_the_eds() -> None:
             assert variable.default == o.default + (5 if o.node_id else 0), o.name
         if o.low is not None and o.type != "real32":
             assert (variable.min, variable.max) == (o.low, o.high), o.name
-    assert len(dictionary) == len({o.index for o in OBJECTS})
+    assert len(dictionary) == len({o.index for o in wire.OBJECTS})

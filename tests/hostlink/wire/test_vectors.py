@@ -6,23 +6,10 @@ from typing import Any
 
 import pytest
 
+from hostlink import wire
 from hostlink.decoder import CanDecoder, Heartbeat, Sample, SerialDecoder
 from hostlink.errors import VersionMismatch
-from hostlink.wire import (
-    VERSION,
-    CanIds,
-    Contact,
-    DetailAssembler,
-    Message,
-    State,
-    Status,
-    encode_frame,
-    pack_detail,
-    pack_parts,
-    pack_state,
-    unpack_segment,
-    unpack_state,
-)
+from hostlink.wire import VERSION, CanIds, Contact, Message, State, Status
 from hostlink.wire.e2e import protected_p5
 from hostlink.wire.fields import OLDER
 from tests.support.states import same
@@ -89,14 +76,14 @@ def test_classic_parts_of_a_version_that_is_gone_are_damaged_ones() -> None:
 @pytest.mark.parametrize("row", GOLDEN["samples"], ids=lambda row: row["name"])
 def test_encode(row: dict[str, Any]) -> None:
     state, counter = state_of(row["state"]), row["counter"]
-    assert pack_state(state, counter).hex() == row["frame"]
-    assert [[tpdo, part.hex()] for tpdo, part in pack_parts(state, counter)] == row["parts"]
-    assert encode_frame(Message.STATE, pack_state(state, counter)).hex() == row["serial"]
+    assert wire.pack_state(state, counter).hex() == row["frame"]
+    assert [[tpdo, part.hex()] for tpdo, part in wire.pack_parts(state, counter)] == row["parts"]
+    assert wire.encode_frame(Message.STATE, wire.pack_state(state, counter)).hex() == row["serial"]
 
 
 @pytest.mark.parametrize("row", SAMPLES)
 def test_decode(row: dict[str, Any]) -> None:
-    once = unpack_state(bytes.fromhex(row["frame"]))
+    once = wire.unpack_state(bytes.fromhex(row["frame"]))
     classic, serial = CanDecoder(), SerialDecoder()
     events = [e for t, p in row["parts"] for e in classic.receive(CanIds().tpdo(t, 1), bytes.fromhex(p))]
     events += serial.receive(bytes.fromhex(row["serial"]))
@@ -108,7 +95,7 @@ def test_decode(row: dict[str, Any]) -> None:
 def test_a_full_sample_reads_as_it_was_written(golden: dict[str, Any]) -> None:
     """Its values are multiples of the steps: nothing may be lost but a float's last bit."""
     row = next(r for r in golden["samples"] if r["name"] == "full")
-    sent, got = state_of(row["state"]), unpack_state(bytes.fromhex(row["frame"]))
+    sent, got = state_of(row["state"]), wire.unpack_state(bytes.fromhex(row["frame"]))
     for name in row["state"]:
         if name == "status":
             assert got.status == sent.status
@@ -122,10 +109,10 @@ def test_a_full_sample_reads_as_it_was_written(golden: dict[str, Any]) -> None:
 def test_every_message_of_the_version_before_is_decoded_and_a_damaged_one_is_noise() -> None:
     older = OLDER[OLD["version"]]
     assert f"0x{older.hash:08X}" == OLD["schema"]
-    assemblers = DetailAssembler()
-    assert [assemblers.add(unpack_segment(bytes.fromhex(s))) for s in OLD["detail"]["segments"]][-1]
+    assemblers = wire.DetailAssembler()
+    assert [assemblers.add(wire.unpack_segment(bytes.fromhex(s))) for s in OLD["detail"]["segments"]][-1]
     heartbeat = protected_p5(bytes((older.version, 5)), 1, older.data_id + Message.HEARTBEAT & 0xFFFF)
-    (event,) = SerialDecoder().receive(encode_frame(Message.HEARTBEAT, heartbeat))
+    (event,) = SerialDecoder().receive(wire.encode_frame(Message.HEARTBEAT, heartbeat))
     assert isinstance(event, Heartbeat)
     decoder = CanDecoder()
     for counter in range(50):  # the CRC is right, `check` is not: no version, however often
@@ -139,10 +126,10 @@ def test_every_message_of_the_version_before_is_decoded_and_a_damaged_one_is_noi
 def test_detail() -> None:
     golden = GOLDEN["detail"]
     rows = [tuple(float(v) for v in row) for row in golden["rows"]]
-    segments = pack_detail(golden["sample"], rows, golden["counter"])  # type: ignore[arg-type]
+    segments = wire.pack_detail(golden["sample"], rows, golden["counter"])  # type: ignore[arg-type]
     assert [s.hex() for s in segments] == golden["segments"]
-    assembler = DetailAssembler()
-    detail = [assembler.add(unpack_segment(s)) for s in segments][-1]
+    assembler = wire.DetailAssembler()
+    detail = [assembler.add(wire.unpack_segment(s)) for s in segments][-1]
     assert detail is not None
     for a, b in zip(rows, detail.rows, strict=True):
         assert b == pytest.approx(a, nan_ok=True)
