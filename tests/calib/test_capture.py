@@ -71,49 +71,37 @@ def test_read_capture_pairs_frames_with_rows(tmp_path: Path) -> None:
         list(read_capture(tmp_path / "none.mcap"))
 
 
-@pytest.mark.parametrize("after", [0, 2, 3, 4, 5, 7, 8])
-def test_resumed_capture_equals_one_that_ran_through(tmp_path: Path, after: int) -> None:
+@pytest.mark.parametrize(
+    ("breaks", "kept", "frames"),
+    [
+        *(([after], 1.0, (after - 2, after)) for after in (0, 2, 3, 4, 5, 7, 8)),
+        ([7], 0.6, (0, 6)),
+        ([3, 2], 1.0, (5, 5)),
+    ],
+)
+def test_resumed_capture_equals_one_that_ran_through(
+    tmp_path: Path, breaks: list[int], kept: float, frames: tuple[int, int]
+) -> None:
+    """After so many frames before each break; of the file a share was written, like after a kill."""
     through, broken = tmp_path / "through.mcap", tmp_path / "broken.mcap"
     capture(simulated, PLAN, through)
-    with pytest.raises(RigError, match="cable"):
-        capture(breaking_after(after), PLAN, broken)
-    assert not broken.with_suffix(".csv").exists()
+    for n, after in enumerate(breaks):
+        with pytest.raises(RigError, match="cable"):
+            capture(breaking_after(after), PLAN, broken, resume=n > 0)
+        assert not broken.with_suffix(".csv").exists()
+    data = broken.read_bytes()
+    broken.write_bytes(data[: int(len(data) * kept)])
     complete = progress_of(broken, PLAN).frames
-    assert complete <= after
-    assert after - complete < 3
+    assert frames[0] <= complete <= frames[1]
     assert capture(simulated, PLAN, broken, resume=True) == 9 - complete
-    assert len(parts(broken)) == 2
+    names = ["broken.mcap", "broken.2.mcap", "broken.3.mcap"]
+    assert [part.name for part in parts(broken)] == names[: 1 + len(breaks)]
     whole, joined = list(read_capture(through)), list(read_capture(broken))
     assert len(joined) == 9
     for (a, row_a), (b, row_b) in zip(whole, joined, strict=True):
         np.testing.assert_array_equal(a.image, b.image)
-        assert {k: v for k, v in row_a.items() if k != "recording"} == {
-            k: v for k, v in row_b.items() if k != "recording"
-        }
-
-
-def test_resume_after_two_breaks_and_after_the_end(tmp_path: Path) -> None:
-    path = tmp_path / "short.mcap"
-    with pytest.raises(RigError):
-        capture(breaking_after(3), PLAN, path)
-    with pytest.raises(RigError):
-        capture(breaking_after(2), PLAN, path, resume=True)
-    assert capture(simulated, PLAN, path, resume=True) == 4
-    assert [p.name for p in parts(path)] == ["short.mcap", "short.2.mcap", "short.3.mcap"]
-    assert capture(simulated, PLAN, path, resume=True) == 0
-    assert len(rows_of(path)) == 9
-
-
-def test_a_truncated_recording_is_resumed_from_its_last_complete_step(tmp_path: Path) -> None:
-    path = tmp_path / "short.mcap"
-    with pytest.raises(RigError):
-        capture(breaking_after(7), PLAN, path)
-    data = path.read_bytes()
-    path.write_bytes(data[: int(len(data) * 0.6)])  # like after a kill
-    before = progress_of(path, PLAN).frames
-    assert before < 7
-    assert capture(simulated, PLAN, path, resume=True) == 9 - before
-    assert len(rows_of(path)) == 9
+        assert row_a | {"recording": ""} == row_b | {"recording": ""}
+    assert capture(simulated, PLAN, broken, resume=True) == 0
 
 
 def test_nothing_is_overwritten_and_no_other_protocol_s_recording_is_continued(tmp_path: Path) -> None:

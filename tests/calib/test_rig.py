@@ -2,8 +2,10 @@
 
 import time
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -216,39 +218,36 @@ def test_stage_axes_have_origin_sign_and_travel_that_is_checked_before_sending(s
     stage.close()
 
 
-def test_alarms_and_errors_are_reported_with_their_texts(stage_at: StageAt) -> None:
-    _, config = stage_at(travel=(-5.0, 5.0))
-    stage = GcodeStage(config)
-    with pytest.raises(RigError, match=r"G5\.1.*error:20.*unsupported"):
-        stage.command("G5.1")
-    with pytest.raises(RigError, match=r"ALARM:2.*travel"):
-        stage.go(X=6.0)
-    with pytest.raises(RigError, match=r"error:9.*home"):
-        stage.go(X=1.0)
-    stage.close()
+@pytest.mark.parametrize(
+    ("keys", "board", "line", "message"),
+    [
+        ({}, {}, "G5.1", r"G5\.1.*error:20.*unsupported"),
+        ({"travel": (-5.0, 5.0)}, {}, "G1 X6", r"ALARM:2.*travel"),
+        ({}, {"locked": True}, "G1 X1", r"error:9.*home"),
+        ({}, {"homing_fails": True}, "", r"ALARM:9.*no limit switch"),
+        ({"answer_s": 0.3}, {"mute": "G1"}, "G1 X1", r"no answer.*G1"),
+        ({}, {"reset_on": "G1"}, "G1 X1", "restarted"),
+    ],
+)
+def test_what_a_board_reports_is_an_error(
+    stage_at: StageAt, keys: dict[str, Any], board: dict[str, Any], line: str, message: str
+) -> None:
+    fake, config = stage_at(**keys)
+    fake.homing_fails = "homing_fails" in board
+
+    def send() -> None:
+        with closing(GcodeStage(config)) as stage:
+            vars(fake).update(board)
+            stage.command(line)
+
+    with pytest.raises(RigError, match=message):
+        send()
+
+
+def test_another_dialect_is_no_greeting(stage_at: StageAt) -> None:
     _, config = stage_at("marlin")
-    wrong = StageFile(stage=StageTable(port=config.stage.port, boot_s=0.3))
     with pytest.raises(RigError, match="no grbl greeting"):
-        GcodeStage(wrong)
-
-
-def test_failed_homing_silence_and_a_restart_are_errors(stage_at: StageAt) -> None:
-    fake, config = stage_at()
-    fake.homing_fails = True
-    with pytest.raises(RigError, match=r"ALARM:9.*no limit switch"):
-        GcodeStage(config)
-    fake, config = stage_at(answer_s=0.3)
-    stage = GcodeStage(config)
-    fake.mute = "G1"
-    with pytest.raises(RigError, match=r"no answer.*G1"):
-        stage.go(X=1.0)
-    stage.close()
-    fake, config = stage_at()
-    stage = GcodeStage(config)
-    fake.reset_on = "G1"
-    with pytest.raises(RigError, match="restarted"):
-        stage.go(X=1.0)
-    stage.close()
+        GcodeStage(StageFile(stage=StageTable(port=config.stage.port, boot_s=0.3)))
 
 
 def test_every_new_place_is_reached_over_a_clear_tip_and_pressed_before_sheared(stage_at: StageAt) -> None:

@@ -336,8 +336,7 @@ def test_random_requests_and_messages_get_an_answer_and_leave_no_trace(
     seeds = [
         f"GET / HTTP/1.1\r\nHost: {here}\r\nOrigin: http://{here}\r\nConnection: close\r\n\r\n",
         f"POST /kit.js HTTP/1.1\r\nHost: {here}\r\nContent-Length: 5\r\nConnection: close\r\n\r\nhello",
-        f"GET /live HTTP/1.1\r\nHost: {here}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
-        "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n",
+        upgrade_request(served.server.port).decode(),
     ]
     bits = [*(bytes([byte]) for byte in b"[]:%\x00\xff "), b"\r\n", b"/../", b"chunked", b"9" * 20, b"/" * 50]
     messages = [*NONSENSE, '{"want": ["image"]}', '{"do": "tare"}', '{"got": 1}']

@@ -140,6 +140,7 @@ def contents(folder: Path) -> dict[str, bytes]:
         ("plot none.log", "no such file"),
         ("plot hand.log -o a.gif", "the name must end in .png or .pdf or .svg"),
         ("plot hand.log -o nowhere/a.png", "there is no folder nowhere"),
+        ("plot hand.log -o empty.png", "empty.png: exists already; give another name, or --overwrite"),
         ("plot hand.log --finger 9", "no finger 9; it holds 1, 2"),
         ("plot a.csv", "FD flags are lost"),
         ("plot junk.mcap", "junk.mcap: not an MCAP file"),

@@ -1,8 +1,8 @@
 """The generated files are fresh, and other tools decode with them what our decoder decodes."""
 
+import ctypes
 import json
-import struct
-import subprocess
+import re
 from collections.abc import Callable
 from pathlib import Path
 from random import Random
@@ -13,7 +13,6 @@ import canopen
 import cantools
 import pytest
 from canmatrix.ArbitrationId import ArbitrationId
-from cantools.database.can import Signal
 from cantools.database.namedsignalvalue import NamedSignalValue
 from cantools.typechecking import DecodeResultType
 
@@ -21,9 +20,8 @@ import hostlink
 from hostlink import wire
 from hostlink.wire import CanIds, State, Status
 from hostlink.wire.detail import PINS_PER_SEGMENT
-from hostlink.wire.fields import LAYOUT, PARTS, field_named
+from hostlink.wire.fields import DATA_ID_CLASSIC, LAYOUT, PARTS, field_named
 from hostlink.wire.generate import generate
-from hostlink.wire.generate.dbc import classic_signals, state_signals
 from hostlink.wire.objects import TYPES
 from tests.support.c_programs import C, compiled
 from tests.support.commands import run_host
@@ -168,114 +166,101 @@ def test_cantools_decodes_detail_segments() -> None:
             assert got == pytest.approx(row, abs=0.01001)
 
 
-def _c_program(raws: dict[str, list[Signal]]) -> str:
-    """Reads records (byte: message number, byte: length, data) and prints every signal: raw, float bits."""
-    cases = []
-    for number, (message, signals) in enumerate(raws.items()):
-        prefix = "vt_fd" if message == "state" else "vt_classic"
-        check = (
-            "vt_check_state(data, size)"
-            if message == "state"
-            else "vt_check_p11(data, size, "
-            f"(uint16_t)((int)VT_DATA_ID_PART | vt_part_index({number}u, data)))"
-        )
-        prints = "".join(
-            f"        f = (float){prefix}_{message}_{s.name}_decode(m.{s.name}); memcpy(&u, &f, 4);\n"
-            f'        printf("{s.name} %ld %08lx ", (long)m.{s.name}, (unsigned long)u);\n'
-            for s in signals
-        )
-        cases.append(
-            f"    case {number}: {{\n        struct {prefix}_{message}_t m;\n"
-            f"        memset(&m, 0, sizeof m);\n"
-            f"        if ({prefix}_{message}_unpack(&m, data, size) != 0 || !({check})) return 2;\n{prints}"
-            "        break; }\n"
-        )
-    return (
-        '#include <stdio.h>\n#include <string.h>\n#include "vt_fd.h"\n#include "vt_classic.h"\n'
-        '#include "vt_e2e.h"\n\nint main(void)\n{\n    uint8_t head[2], data[64];\n    uint32_t u;\n'
-        "    float f;\n    while (fread(head, 1, 2, stdin) == 2) {\n        const size_t size = head[1];\n"
-        "        if (fread(data, 1, size, stdin) != size) return 1;\n        switch (head[0]) {\n"
-        + "".join(cases)
-        + '    default: return 3;\n    }\n    printf("\\n");\n    }\n    return 0;\n}\n'
-    )
+class Codec:
+    """The shipped codecs in C, called from here."""
+
+    def __init__(self, folder: Path) -> None:
+        program = compiled(folder / "codec.so", [*C.glob("*.c")], "-Wconversion", "-shared", "-fPIC")
+        self._library = ctypes.CDLL(str(program))
+        self._library.vt_check_state.restype = self._library.vt_check_p11.restype = ctypes.c_bool
+        self._messages = {0: self._message("vt_fd", "state")}
+        self._messages |= {tpdo: self._message("vt_classic", f"part{tpdo}") for tpdo in range(1, 5)}
+
+    def _message(self, header: str, message: str) -> tuple[Any, Any, dict[str, Any]]:
+        """Its struct as the header has it, its function that unpacks, and those that make floats."""
+        text = (C / f"{header}.h").read_text(encoding="utf-8")
+        body = text.split(f"struct {header}_{message}_t {{", 1)[1].split("};", 1)[0]
+        kinds = {
+            name: getattr(ctypes, f"c_{kind}") for kind, name in re.findall(r"(u?int\d+)_t (\w+);", body)
+        }
+        floats = {name: self._library[f"{header}_{message}_{name}_decode"] for name in kinds}
+        for name, kind in kinds.items():
+            floats[name].argtypes, floats[name].restype = (kind,), ctypes.c_float
+        struct = type(message, (ctypes.Structure,), {"_fields_": list(kinds.items())})
+        return struct, self._library[f"{header}_{message}_unpack"], floats
+
+    def decode(self, tpdo: int, data: bytes) -> dict[str, tuple[int, float]]:
+        """Each signal, raw and as a float. tpdo: of a part; 0: a state frame. Raises ValueError: refused"""
+        struct, unpack, floats = self._messages[tpdo]
+        decoded, size = struct(), ctypes.c_size_t(len(data))
+        if tpdo == 0:
+            holds = self._library.vt_check_state(data, size)
+        else:
+            data_id = DATA_ID_CLASSIC | self._library.vt_part_index(tpdo, data)
+            holds = self._library.vt_check_p11(data, size, ctypes.c_uint16(data_id))
+        if unpack(ctypes.byref(decoded), data, size) or not holds:
+            raise ValueError("refused")
+        raws = {name: getattr(decoded, name) for name in floats}
+        return {name: (raw, floats[name](raw)) for name, raw in raws.items()}
 
 
 @pytest.fixture(scope="module")
-def c_decoder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The shipped codecs, and a program that prints what they decode."""
-    folder = tmp_path_factory.mktemp("c")
-    signals = {"state": state_signals(), **{f"part{i}": classic_signals(i) for i in range(1, 5)}}
-    (folder / "main.c").write_text(_c_program(signals))
-    for source in C.glob("*.c"):
-        compiled(folder / f"{source.stem}.o", [source], "-Wconversion", "-c")
-    return compiled(folder / "decode", [folder / "main.c", *folder.glob("*.o")])
-
-
-def run_c(program: Path, records: list[tuple[int, bytes]]) -> list[dict[str, tuple[int, str]]]:
-    stream = b"".join(bytes((number, len(data))) + data for number, data in records)
-    result = subprocess.run([str(program)], input=stream, capture_output=True, check=True)
-    rows = []
-    for line in result.stdout.decode().splitlines():
-        words = line.split()
-        rows.append({words[i]: (int(words[i + 1]), words[i + 2]) for i in range(0, len(words), 3)})
-    return rows
+def codec(tmp_path_factory: pytest.TempPathFactory) -> Codec:
+    return Codec(tmp_path_factory.mktemp("c"))
 
 
 def single(value: float) -> float:
     """Rounded to a C float."""
-    return float(struct.unpack("<f", struct.pack("<f", value))[0])
+    return ctypes.c_float(value).value
 
 
-def c_float(raw: int, scale: float) -> str:
-    """Bits of the C codec's `(float)raw * scale_f`: one rounding, of an exact product in double."""
-    return struct.pack(">f", single(raw) * single(scale)).hex()
-
-
-def agrees(name: str, raw: int, bits: str, value: float, width: int) -> None:
+def agrees(name: str, raw: int, as_float: float, value: float, width: int) -> None:
     """C's raw value is that of the Python value, and its float is that value as a float."""
     f = field_named(name)
     if value != value:
         assert raw == f.raw_nan(width), name
         return
     assert (raw * f.scale if f.scale else raw) == value, name
-    assert bits == c_float(raw, f.scale or 1), name
-    assert struct.unpack(">f", bytes.fromhex(bits))[0] == pytest.approx(value, rel=2.5e-7), name
+    assert as_float == single(single(raw) * single(f.scale or 1)), (
+        f"{name}: one rounding, of an exact product"
+    )
+    assert as_float == pytest.approx(value, rel=2.5e-7), name
 
 
 def number_of(value: object) -> float:
     return float("nan") if value == "invalid" else value  # type: ignore[return-value]
 
 
-def test_c_decodes_state_frames_bit_identically(c_decoder: Path) -> None:
+def test_c_decodes_state_frames_bit_identically(codec: Codec) -> None:
     rng = Random(4)
-    frames = [wire.pack_state(random_state(rng, i), i) for i in range(SAMPLES)]
-    for frame, row in zip(frames, run_c(c_decoder, [(0, f) for f in frames]), strict=True):
+    for i in range(SAMPLES):
+        frame = wire.pack_state(random_state(rng, i), i)
+        row = codec.decode(0, frame)
         for name, value in flat(wire.unpack_state(frame)).items():
             agrees(name, *row[name], number_of(value), 8 * field_named(name).size)
 
 
-def test_c_decodes_classic_parts_bit_identically(c_decoder: Path) -> None:
+def test_c_decodes_classic_parts_bit_identically(codec: Codec) -> None:
     rng = Random(5)
-    states = [random_state(rng, i) for i in range(SAMPLES // 5)]
-    sent = [(s, tpdo, part) for i, s in enumerate(states) for tpdo, part in wire.pack_parts(s, i)]
-    assert len(sent) > SAMPLES
-    rows = run_c(c_decoder, [(tpdo, part) for _, tpdo, part in sent])
     pages = {(p.tpdo, p.page): p for p in PARTS}
-    for (state, tpdo, _), row in zip(sent, rows, strict=True):
+    for i in range(SAMPLES // 5):
+        state = random_state(rng, i)
         values = flat(wire.unpack_state(wire.pack_state(state, 0)))
-        part = pages[tpdo, row["page"][0] if "page" in row else None]
-        for name in part.fields:
-            if name in values:
-                agrees(name, *row[name], number_of(values[name]), field_named(name).bits)
+        for tpdo, data in wire.pack_parts(state, i):
+            row = codec.decode(tpdo, data)
+            part = pages[tpdo, row["page"][0] if "page" in row else None]
+            for name in part.fields:
+                if name in values:
+                    agrees(name, *row[name], number_of(values[name]), field_named(name).bits)
 
 
 @pytest.mark.parametrize("version", [1, 2])
-def test_c_refuses_frames_of_versions_before(c_decoder: Path, version: int) -> None:
+def test_c_refuses_frames_of_versions_before(codec: Codec, version: int) -> None:
     golden = json.loads(FILE.with_name(f"frames_v{version}.json").read_text(encoding="utf-8"))
     for row in golden["samples"]:
-        for number, data in [(0, row["frame"]), *row["parts"]]:
-            with pytest.raises(subprocess.CalledProcessError):
-                run_c(c_decoder, [(number, bytes.fromhex(data))])
+        for tpdo, data in [(0, row["frame"]), *row["parts"]]:
+            with pytest.raises(ValueError, match="refused"):
+                codec.decode(tpdo, bytes.fromhex(data))
 
 
 def test_canopen_reads_the_eds() -> None:
