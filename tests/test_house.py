@@ -18,10 +18,18 @@ STDLIB = frozenset(sys.stdlib_module_names)
 
 #: Modules of hostlink that the edge uses too: the bus, clocks, command lines, files, Foxglove's topics.
 SHARED_WITH_EDGE = (
-    "hostlink.can_bus", "hostlink.cli_exit", "hostlink.cli_types", "hostlink.clock", "hostlink.command_group",
-    "hostlink.input_file", "hostlink.interrupt", "hostlink.link_guard", "hostlink.mcap_chunk",
-    "hostlink.output_file", "hostlink.topics",
-)  # fmt: skip
+    "hostlink.can_bus",
+    "hostlink.cli_exit",
+    "hostlink.cli_types",
+    "hostlink.clock",
+    "hostlink.command_group",
+    "hostlink.input_file",
+    "hostlink.interrupt",
+    "hostlink.link_guard",
+    "hostlink.mcap_chunk",
+    "hostlink.output_file",
+    "hostlink.topics",
+)
 #: Which of the project's own packages a package may import.
 MAY_IMPORT = {
     "hostlink/wire": ("hostlink.wire",),

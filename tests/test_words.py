@@ -44,10 +44,26 @@ ALLOWED = {
 }
 #: Of these words and phrases not even a sentence may be left.
 NOT_IN_SENTENCES = (
-    "aside", "mends?", "mended", "doubt", "doubtful", "mourns?", "vitals", "starved?", "told apart",
-    "(is|are|was|were) told", "no news", "nobody (will|can) (hear|know)", "bears? witness", "is no answer",
-    "let(s|ting)? go of", "has no say", "throw(s|n)? away", "taken? off", "wait(s|ing)? for each other",
-)  # fmt: skip
+    "aside",
+    "mends?",
+    "mended",
+    "doubt",
+    "doubtful",
+    "mourns?",
+    "vitals",
+    "starved?",
+    "told apart",
+    "(is|are|was|were) told",
+    "no news",
+    "nobody (will|can) (hear|know)",
+    "bears? witness",
+    "is no answer",
+    "let(s|ting)? go of",
+    "has no say",
+    "throw(s|n)? away",
+    "taken? off",
+    "wait(s|ing)? for each other",
+)
 
 
 def files(*patterns: str) -> list[Path]:
