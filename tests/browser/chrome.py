@@ -1,6 +1,6 @@
 """Headless Chromium for tests, by the DevTools protocol over a pair of pipes; no driver, no port.
 
-    with Chrome() as chrome:
+    with closing(Chrome()) as chrome:
         page = chrome.open("http://127.0.0.1:8765/", size=(1280, 800))
         page.until("document.body.dataset.state === 'live'")
         page.press("t"); page.evaluate("...")
@@ -18,8 +18,7 @@ import shutil
 import subprocess
 import tempfile
 import threading
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from tests.support.waiting import SOON_S
 
@@ -145,14 +144,6 @@ class Chrome:
         os.close(self._write)
         self._profile.cleanup()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
 
 class Page:
     """One tab.
@@ -185,11 +176,8 @@ class Page:
 
     def evaluate(self, script: str, timeout_s: float = SOON_S) -> Any:
         """Value of an expression in the page; a promise is waited for."""
-        answer = self.call(
-            "Runtime.evaluate",
-            {"expression": script, "awaitPromise": True, "returnByValue": True},
-            timeout_s,
-        )
+        given = {"expression": script, "awaitPromise": True, "returnByValue": True}
+        answer = self.call("Runtime.evaluate", given, timeout_s)
         assert "exceptionDetails" not in answer, answer["exceptionDetails"]
         return answer["result"].get("value")
 

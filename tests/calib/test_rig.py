@@ -84,21 +84,6 @@ def rig_on(config: StageFile) -> GcodeRig:
     return GcodeRig(GcodeStage(config), FakeCamera(step_ns=1 << 61, n=3), quiet)
 
 
-def test_simulated_rig_shows_the_pose_it_was_moved_to() -> None:
-    rig = open_rig("sim")
-    rig.mount(Tool("sphere", 3.0))
-    rig.move(Pose(x_mm=2.0, depth_mm=1.5))
-    truth = rig.frame().truth
-    assert truth is not None
-    assert truth["places_mm"] == [[2.0, 0.0]]
-    assert truth["contacts"][0]["tool"]["kind"] == "sphere"
-    rig.move(CLEAR)
-    truth = rig.frame().truth
-    assert truth is not None
-    assert truth["places_mm"] == []
-    rig.close()
-
-
 def test_simulation_file_sets_tip_camera_and_look(tmp_path: Path) -> None:
     path = tmp_path / "tip.toml"
     path.write_text(
@@ -250,40 +235,29 @@ def test_another_dialect_is_no_greeting(stage_at: StageAt) -> None:
         GcodeStage(StageFile(stage=StageTable(port=config.stage.port, boot_s=0.3)))
 
 
-def test_every_new_place_is_reached_over_a_clear_tip_and_pressed_before_sheared(stage_at: StageAt) -> None:
+def test_the_tool_lifts_off_where_the_history_of_friction_would_count(stage_at: StageAt) -> None:
+    """Every new place is reached over a clear tip; it is pressed before it is sheared."""
     fake, config = stage_at()
     rig = rig_on(config)
     rig.mount(Tool("flat"))
     rig.move(Pose(depth_mm=2.0, shear_x_mm=1.0))
     assert fake.moves[-2:] == [{"X": 0.0, "Y": 0.0, "Z": -2.0}, {"X": 1.0, "Y": 0.0, "Z": -2.0}]
-    fake.moves.clear()
-    rig.move(Pose(depth_mm=2.0, shear_y_mm=1.0))  # another direction: lifts off in between
-    assert max(move["Z"] for move in fake.moves) == 5.0
-    assert fake.moves[-2] == {"X": 0.0, "Y": 0.0, "Z": -2.0}
-    fake.moves.clear()
-    rig.close()
-    assert fake.moves[-1]["Z"] == 5.0
-
-
-def test_deeper_and_further_poses_need_no_lifting(stage_at: StageAt) -> None:
-    fake, config = stage_at()
-    rig = rig_on(config)
-    rig.mount(Tool("flat"))
-    rig.move(Pose(depth_mm=1.0))
-    fake.moves.clear()
-    for pose in (
-        Pose(depth_mm=1.1),
-        Pose(depth_mm=3.0),
-        Pose(depth_mm=3.0, shear_x_mm=0.1),
-        Pose(depth_mm=3.0, shear_x_mm=0.2),
+    for depth_mm, shear_x_mm, shear_y_mm, lifts in (
+        (2.0, 0.0, 1.0, True),  # another direction
+        (1.0, 0.0, 0.0, True),
+        (1.1, 0.0, 0.0, False),
+        (3.0, 0.0, 0.0, False),
+        (3.0, 0.1, 0.0, False),
+        (3.0, 0.2, 0.0, False),
+        (2.0, 0.0, 0.0, True),  # back
     ):
-        rig.move(pose)
-    assert [move["Z"] for move in fake.moves] == [-1.1, -3.0, -3.0, -3.0]
-    fake.moves.clear()
-    rig.move(Pose(depth_mm=2.0))  # back: would depend on the history of friction
-    assert max(move["Z"] for move in fake.moves) == 5.0
+        fake.moves.clear()
+        rig.move(Pose(depth_mm=depth_mm, shear_x_mm=shear_x_mm, shear_y_mm=shear_y_mm))
+        assert fake.moves[-1] == {"X": shear_x_mm, "Y": shear_y_mm, "Z": -depth_mm}
+        assert (max(move["Z"] for move in fake.moves) == 5.0) == lifts
     assert rig.frame().sequence == 1
     rig.close()
+    assert fake.moves[-1]["Z"] == 5.0
 
 
 def test_a_ball_comes_down_along_the_dome_s_normal() -> None:

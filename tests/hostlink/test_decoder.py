@@ -1,11 +1,10 @@
 """The decoder: whole, bytewise, with garbage; bad media; other versions; statistics."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from math import isnan
 from pathlib import Path
 from random import Random
-from typing import Any
 
 import pytest
 from hypothesis import given
@@ -32,7 +31,7 @@ from hostlink.wire.e2e import protect_p11, protected_p5
 from hostlink.wire.fields import DATA_ID, DATA_ID_CLASSIC, PARTS, STATE_SIZE, VERSION
 from tests.support.processes import python
 from tests.support.seeds import SEED
-from tests.support.states import random_state, same
+from tests.support.states import mismatches, random_state, same
 
 IDS = CanIds()
 FRAMES = 30_000
@@ -133,6 +132,7 @@ def test_can_events() -> None:
     assert same(sample.state, as_seen(state))
     parts = [e for t, p in wire.pack_parts(state, 0) for e in decoder.receive(IDS.tpdo(t, 6), p)]
     assert [type(e) for e in parts] == [Sample]
+    assert isnan(parts[0].host_time_s), "it is not known when it arrived"
     details = [e for s in DETAIL for e in decoder.receive(IDS.detail(5), s)]
     assert isinstance(details[0], DetailFrame)
     assert details[0].detail.rows == ((1.0, -2.0, 0.5),) * 30
@@ -414,23 +414,14 @@ def sent_at(decoder: CanDecoder, i: int, host_s: float, device_s: float, status:
     return event
 
 
-def test_samples_carry_their_time_on_the_clock_of_their_arrival() -> None:
-    decoder = CanDecoder()
-    for i in range(300):
-        sample = sent_at(decoder, i, 1000 + i / 240, 77 + i / 240)
-        assert abs(sample.host_time_s - (1000 + i / 240)) <= sample.host_error_s
-    assert sample.host_error_s < 0.0011
-    (unknown,) = decoder.receive(0x182, pack_state(State(sample=1), 1))
-    assert isinstance(unknown, Sample)
-    assert isnan(unknown.host_time_s)
-
-
 @pytest.mark.parametrize("how", ["boot-up", "status bit", "emergency"])
 def test_announced_step_begins_the_clock_anew(how: str) -> None:
     """A step too small to be detected: 1 ms."""
     decoder = CanDecoder()
     for i in range(300):
-        sent_at(decoder, i, 1000 + i / 240, 77 + i / 240)
+        sample = sent_at(decoder, i, 1000 + i / 240, 77 + i / 240)
+        assert abs(sample.host_time_s - (1000 + i / 240)) <= sample.host_error_s
+    assert sample.host_error_s < 0.0011
     if how == "boot-up":
         decoder.receive(0x701, b"\0")
     elif how == "emergency":
@@ -443,18 +434,6 @@ def test_announced_step_begins_the_clock_anew(how: str) -> None:
 
 def foreign_state(counter: int, version: int, data_id: int, size: int = STATE_SIZE) -> bytes:
     return protected_p5(bytes((version,)) + Random(counter).randbytes(size)[4:], counter, data_id)
-
-
-def mismatches(
-    decoder: CanDecoder | SerialDecoder, calls: Sequence[tuple[Any, ...]]
-) -> list[VersionMismatch]:
-    raised = []
-    for call in calls:
-        try:
-            decoder.receive(*call)
-        except VersionMismatch as error:
-            raised.append(error)
-    return raised
 
 
 @pytest.mark.parametrize(("version", "size"), [(VERSION + 1, 64), (VERSION, 64), (VERSION + 3, 48), (0, 64)])

@@ -1,6 +1,5 @@
 """Objects asked of a node whose answers are late or lost, while others ask on the same bus."""
 
-import socket
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -27,7 +26,7 @@ from hostlink.hand_file import HandFile
 from hostlink.objects import ObjectClient, SdoObjects, SerialObjects
 from hostlink.wire import Abort, CanIds, Message, ObjectReply, unpack_message
 from hostlink.wire.serial import decode_frame
-from tests.support.fingers import Application, make_node, need_multicast, state
+from tests.support.fingers import Application, free_port, make_node, need_multicast, state
 from tests.support.waiting import SOON_S
 
 NODE, INDEX = 5, 0x2030
@@ -301,10 +300,7 @@ def test_two_connections_to_one_finger_read_and_tare_correctly(
 ) -> None:
     if kind == "udp":
         need_multicast()
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-            probe.bind(("", 0))
-            port = probe.getsockname()[1]
-    bus = f"virtual:{request.node.name}?" if kind == "virtual" else f"udp:239.0.0.5?port={port}&"
+    bus = f"virtual:{request.node.name}?" if kind == "virtual" else f"udp:239.0.0.5?port={free_port()}&"
     node, application = make_node(f"{bus}node={NODE}")
     application.touched = True
     with (

@@ -3,7 +3,8 @@
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import closing, contextmanager
 from typing import Any, Self
 
 import pytest
@@ -15,6 +16,12 @@ from edge.link.sinks import CanSink, SerialSink, open_sink
 from hostlink import RestFrameOutcome, RestFrameState
 from hostlink.wire import FaultCode, State
 from tests.support.waiting import SOON_S
+
+
+def free_port(kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("", 0))
+        return int(probe.getsockname()[1])
 
 
 def need_multicast() -> None:
@@ -97,6 +104,14 @@ def make_node(address: str) -> tuple[Node, Application]:
     assert isinstance(sink, CanSink | SerialSink)
     application = Application(f"VT-{address[-1]}")
     return Node(sink, application, SettingsFile()), application
+
+
+@contextmanager
+def node_at(address: str) -> Iterator[tuple[Node, Application]]:
+    """A finger's node until the block ends."""
+    node, application = make_node(address)
+    with closing(node):
+        yield node, application
 
 
 class Fingers:

@@ -262,30 +262,24 @@ RATE = json.dumps(
 )
 
 
-class Visit:
-    """How a client is received: HTTP's status, 0 if it was let in; what it has to read."""
+def received(
+    url: str, say: str = "", protocol: str = "foxglove.sdk.v1", **headers: str
+) -> tuple[int, dict[str, Any]]:
+    """How a client is received: HTTP's status, 0 if it was let in; the greeting."""
 
-    def __init__(self, url: str, say: str = "", protocol: str = "foxglove.sdk.v1", **headers: str) -> None:
-        self.status, self.message = 0, ""
-        self.capabilities: list[str] = []
+    async def main() -> tuple[int, dict[str, Any]]:
+        async with aiohttp.ClientSession(headers=headers) as session:
+            try:
+                async with session.ws_connect(url, protocols=[protocol]) as socket:
+                    greeting: dict[str, Any] = await socket.receive_json(timeout=WAIT_S)
+                    await socket.send_str(say)
+                    while say and "parameterValues" not in str(message := await socket.receive(WAIT_S)):
+                        assert message.type != aiohttp.WSMsgType.CLOSED
+                    return 0, greeting
+            except aiohttp.WSServerHandshakeError as error:
+                return error.status, {}
 
-        async def main() -> None:
-            async with aiohttp.ClientSession(headers=headers) as session:
-                try:
-                    async with session.ws_connect(url, protocols=[protocol]) as socket:
-                        greeting = json.loads((await socket.receive(WAIT_S)).data)
-                        self.capabilities, self.message = (
-                            greeting.get("capabilities", []),
-                            greeting.get("message", ""),
-                        )
-                        if say:
-                            await socket.send_str(say)
-                            while "parameterValues" not in str(message := await socket.receive(WAIT_S)):
-                                assert message.type != aiohttp.WSMsgType.CLOSED
-                except aiohttp.WSServerHandshakeError as error:
-                    self.status = error.status
-
-        asyncio.run(main())
+    return asyncio.run(main())
 
 
 FOREIGN = [
@@ -303,11 +297,11 @@ FOREIGN = [
 @pytest.mark.parametrize(("why", "headers"), FOREIGN)
 def test_foreign_pages_look_at_most(hand: Hand, why: str, headers: dict[str, str]) -> None:
     outlet = bridged(hand)
-    seen = Visit(outlet.url, **headers)
-    assert (seen.status, seen.capabilities) == (0, []), why
+    status, greeting = received(outlet.url, **headers)
+    assert (status, greeting["capabilities"]) == (0, []), why
     outlet.close()
     commanding = FoxgloveOutlet(Listen("127.0.0.1", 0), control=("http://localhost:8080",))
-    assert Visit(commanding.url, RATE, **headers).status == 403, why
+    assert received(commanding.url, RATE, **headers)[0] == 403, why
     commanding.close()
     assert hand.connection.finger(1).get("rate_hz") == 0.0
 
@@ -316,7 +310,7 @@ def test_foreign_pages_look_at_most(hand: Hand, why: str, headers: dict[str, str
 def test_programs_and_pages_that_were_named_may_set(hand: Hand, headers: dict[str, str]) -> None:
     outlet = bridged(hand, control=("http://localhost:8080",))
     until(lambda: 1 in hand.connection.fingers and "finger_1" in outlet._fingers, "the finger is known")
-    assert Visit(outlet.url, RATE, **headers).status == 0
+    assert received(outlet.url, RATE, **headers)[0] == 0
     assert hand.connection.finger(1).get("rate_hz") == 50.0
 
 
@@ -325,8 +319,9 @@ def test_a_viewer_of_the_older_protocol_reads_which_release_it_needs(
 ) -> None:
     outlet = FoxgloveOutlet(Listen("127.0.0.1", 0))
     for _ in range(5):
-        assert "update it (Lichtblick 1.26" in Visit(outlet.url, protocol="foxglove.websocket.v1").message
-    assert Visit(outlet.url, protocol="chat").status == 400
+        _, greeting = received(outlet.url, protocol="foxglove.websocket.v1")
+        assert "update it (Lichtblick 1.26" in greeting["message"]
+    assert received(outlet.url, protocol="chat")[0] == 400
     outlet.close()
     assert len(caplog.records) == 1, "one line, however often it tries"
     assert "Lichtblick 1.26" in caplog.text
@@ -350,7 +345,7 @@ def test_requests_that_are_none_end_and_the_next_viewer_is_served(caplog: pytest
             client.shutdown(socket.SHUT_WR)
             answer = client.recv(1000)
             assert not answer or answer.startswith(b"HTTP/1.1 4"), request
-    assert Visit(outlet.url).status == 0
+    assert received(outlet.url)[0] == 0
     outlet.close()
     assert len(caplog.records) <= 1
 

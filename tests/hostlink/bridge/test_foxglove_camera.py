@@ -1,12 +1,12 @@
 """A finger's camera in Foxglove: what the viewer gets is what the finger's page has."""
 
 import logging
-import threading
 import time
 from collections.abc import Iterable, Iterator
+from contextlib import closing, contextmanager
 from itertools import chain, repeat
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import cv2
 import numpy as np
@@ -25,7 +25,7 @@ from tests.hostlink.bridge.hand import Hand
 from tests.hostlink.bridge.test_foxglove import Viewer, state, watch
 from tests.support.commands import run_host as run
 from tests.support.viewing import Live
-from tests.support.waiting import SOON_S, until
+from tests.support.waiting import until
 
 TOPICS = tuple(f"/finger_3/{name}" for name in ("camera/image", "pins/overlay", "cells/overlay"))
 HEADER = {"capture_us": 5_000_000, "size_px": [1280, 800], "image_px": [640, 400]}
@@ -75,31 +75,13 @@ def hand(request: pytest.FixtureRequest) -> Iterator[Hand]:
     made.close()
 
 
-class Pictures:
+@contextmanager
+def pictures_of(address: PageAddress) -> Iterator[list[Picture]]:
     """Pictures of a page, as they come."""
-
-    def __init__(self, address: PageAddress, *wants: str) -> None:
-        self.all: list[Picture] = []
-        self._came = threading.Condition()
-        self.camera = PageCamera(address, self._take)
-        self.camera.want(frozenset(wants))
-
-    def _take(self, picture: Picture) -> None:
-        with self._came:
-            self.all.append(picture)
-            self._came.notify()
-
-    def more(self) -> Picture:
-        with self._came:
-            n = len(self.all)
-            assert self._came.wait_for(lambda: len(self.all) > n, SOON_S), "no picture came"
-        return self.all[-1]
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.camera.close()
+    pictures: list[Picture] = []
+    with closing(PageCamera(address, pictures.append)) as camera:
+        camera.want(frozenset({"image"}))
+        yield pictures
 
 
 def test_image_pins_and_cells_are_the_finger_s(hand: Hand, data_dir: Path) -> None:
@@ -233,12 +215,13 @@ def reports(caplog: pytest.LogCaptureFixture) -> list[logging.LogRecord]:
 
 def test_a_page_that_goes_comes_back(caplog: pytest.LogCaptureFixture) -> None:
     page = Page()
-    with Pictures(page.address, "image") as pictures:
-        pictures.more()
+    with pictures_of(page.address) as pictures:
+        until(lambda: pictures, "a picture")
         page.server.close()
         until(lambda: reports(caplog), "a warning")
+        pictures.clear()
         page = Page(page.server.port)
-        pictures.more()
+        until(lambda: pictures, "a picture again")
     page.server.close()
     records = reports(caplog)
     assert {record.levelno for record in records} == {logging.WARNING}
@@ -266,10 +249,10 @@ def test_a_page_without_pictures_is_reported_once(
         return await visit(self)
 
     monkeypatch.setattr(PageCamera, "_visit", counted)
-    with Pictures(address, "image") as pictures:
+    with pictures_of(address) as pictures:
         until(lambda: len(visits) > 2, "several visits")
     page.server.close()
-    assert pictures.all == []
+    assert pictures == []
     (report,) = reports(caplog)
     assert why in report.message
 

@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from math import nan, pi, sqrt
+from socket import SOCK_STREAM
 from typing import Any
 from xml.etree import ElementTree
 
@@ -26,10 +27,11 @@ from hostlink.hand_file import HandFile, Mount
 from hostlink.wire import Contact, RestFrameState, State, pack_state, unpack_state
 from hostlink.wire.fields import FIELDS
 from tests.hostlink.bridge.hand import Hand
-from tests.hostlink.bridge.ros_peer import Peer, free_port, open_router, unpack
+from tests.hostlink.bridge.ros_peer import Peer, open_router, unpack
 from tests.hostlink.bridge.test_foxglove import state as touched
 from tests.hostlink.bridge.test_foxglove_camera import ARRAYS, Page
 from tests.support.commands import run_host as run
+from tests.support.fingers import free_port
 from tests.support.waiting import SOON_S, until
 
 OF_FINGER = ("wrench", "contacts", "markers", "pins", "sample")
@@ -44,7 +46,7 @@ class Scene:
     """A router, a hand with its bridge, and a peer."""
 
     def __init__(self, name: str, sent: Callable[[int, int], State] = state, **options: Any) -> None:
-        self.port = free_port()
+        self.port = free_port(SOCK_STREAM)
         self.router = open_router(self.port)
         self.hand = Hand(f"ros-{name}", (1, 3), sent, options.get("hand"))
         self.outlet = RosOutlet("jazzy", f"tcp/127.0.0.1:{self.port}", 7, **options)
@@ -355,7 +357,7 @@ def test_a_router_may_leave_and_come_back(scene: Scene) -> None:
 
 
 def test_it_waits_for_a_router(caplog: pytest.LogCaptureFixture) -> None:
-    port, made = free_port(), []
+    port, made = free_port(SOCK_STREAM), []
     thread = threading.Thread(target=lambda: made.append(RosOutlet("jazzy", f"tcp/127.0.0.1:{port}")))
     thread.start()
     until(lambda: "waiting for it" in caplog.text, "it says so")
@@ -392,7 +394,7 @@ def test_requests_without_end_take_no_threads(scene: Scene, monkeypatch: pytest.
 
 
 def test_it_waits_for_a_router_as_long_as_it_runs() -> None:
-    router = f"tcp/127.0.0.1:{free_port()}"
+    router = f"tcp/127.0.0.1:{free_port(SOCK_STREAM)}"
     done = run("bridge", "virtual:none", "--ros", "jazzy", "--router", router, "--seconds", "0.2")
     assert done.code == 1
     assert f"error: --router {router}: no router was there for 0.2 s" in done.err

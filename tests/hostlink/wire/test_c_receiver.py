@@ -4,7 +4,6 @@ import os
 import select
 import shutil
 import subprocess
-import tty
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from math import isnan
@@ -24,7 +23,8 @@ from hostlink.wire.parts import Assembler, unpack_part
 from hostlink.wire.serial import BODY_MAX, decode_frame
 from tests.support import processes
 from tests.support.c_programs import C, compiled
-from tests.support.fingers import make_node
+from tests.support.fingers import Application, make_node
+from tests.support.ptys import Ptys
 from tests.support.states import random_state, same
 from tests.support.waiting import SOON_S
 
@@ -282,74 +282,57 @@ def answers(controller: Controller, receive: Callable[[], str | None]) -> int:
     raise AssertionError("the tare never was over")
 
 
-@pytest.fixture
-def serial_pair() -> Iterator[tuple[int, str]]:
-    master, slave = os.openpty()
-    tty.setraw(slave)
-    yield master, os.ttyname(slave)
-    os.close(master)
-    os.close(slave)
+@pytest.fixture(params=["serial", "fd", "classic", "lost"])
+def tip(
+    request: pytest.FixtureRequest, tmp_path: Path, program: Path, serial_program: Path
+) -> Iterator[tuple[Application, Callable[[], int]]]:
+    """A finger's application, and a tare by a controller on its link.
 
+    lost: two answers to the write are lost, and the tip is touched when it is sent again.
+    """
+    kind, name = request.param, f"c-{request.node.name}"
+    to_lose = [bytes((0x60, 0x10, 0x20, 0))] * (2 if kind == "lost" else 0)
+    pty, bus = Ptys(tmp_path), can.Bus(name, interface="virtual")
+    line = os.open(pty.paths[1], os.O_RDWR | os.O_NOCTTY)
+    own = (
+        f"serial:{pty.paths[0]}" if kind == "serial" else f"virtual:{name}?node=1&fd={int(kind != 'classic')}"
+    )
+    node, application = make_node(own)
 
-@pytest.mark.parametrize(("outcome", "busy_n"), OUTCOMES)
-def test_tare_over_a_serial_line(
-    serial_program: Path, serial_pair: tuple[int, str], outcome: RestFrameOutcome, busy_n: int
-) -> None:
-    master, path = serial_pair
-    node, application = make_node(f"serial:{path}")
-    application.outcome, application.busy_for_n = outcome, busy_n
-
-    def write(_: str, data: bytes) -> None:
-        os.write(master, data)
-
-    controller = Controller(serial_program, write)
+    def forward(link: str, data: bytes) -> None:
+        if link == "serial":
+            os.write(line, data)
+        else:
+            bus.send(can.Message(arbitration_id=0x601, data=data, is_extended_id=False))
 
     def receive() -> str | None:
-        ready, _, _ = select.select([master], [], [], 0.05)
-        return f"serial {os.read(master, 4096).hex()}" if ready else None
+        if kind == "serial":
+            ready, _, _ = select.select([line], [], [], 0.05)
+            return f"serial {os.read(line, 4096).hex()}" if ready else None
+        message = bus.recv(0.05)
+        if message is not None and message.data[:4] in to_lose:
+            application.touched = bool(to_lose.pop())
+            return None
+        return None if message is None else f"can {message.arbitration_id:x} {message.data.hex()}"
 
-    assert answers(controller, receive) == outcome.state
-    assert application.tares == [False]
-    application.touched = True
-    assert answers(controller, receive) == RestFrameState.REFUSED, "refused at once"
-    assert application.tares == [False]
+    controller = Controller(serial_program if kind == "serial" else program, forward)
+    yield application, lambda: answers(controller, receive)
+    assert not to_lose
     controller.close()
     node.close()
+    os.close(line)
+    pty.close()
+    bus.shutdown()
 
 
-@pytest.mark.parametrize(("fd", "lost_n"), [("1", 0), ("0", 0), ("1", 2)], ids=["fd", "classic", "lost"])
 @pytest.mark.parametrize(("outcome", "busy_n"), OUTCOMES)
-def test_tare_over_a_bus(
-    program: Path,
-    request: pytest.FixtureRequest,
-    fd: str,
-    lost_n: int,
-    outcome: RestFrameOutcome,
-    busy_n: int,
+def test_tare_on_every_link(
+    tip: tuple[Application, Callable[[], int]], outcome: RestFrameOutcome, busy_n: int
 ) -> None:
-    """`lost_n` answers to the write are lost, and the tip is touched when it is sent again."""
-    name = f"c-{request.node.name}"
-    node, application = make_node(f"virtual:{name}?node=1&fd={fd}")
+    application, tare = tip
     application.outcome, application.busy_for_n = outcome, busy_n
-    with can.Bus(name, interface="virtual") as bus:
-        controller = Controller(
-            program,
-            lambda _, data: bus.send(can.Message(arbitration_id=0x601, data=data, is_extended_id=False)),
-        )
-
-        to_lose = [bytes((0x60, 0x10, 0x20, 0))] * lost_n
-
-        def receive() -> str | None:
-            message = bus.recv(0.05)
-            if message is not None and message.data[:4] in to_lose:
-                application.touched = bool(to_lose.pop())
-                return None
-            return None if message is None else f"can {message.arbitration_id:x} {message.data.hex()}"
-
-        assert answers(controller, receive) == outcome.state
-        assert application.tares == [False]
-        assert not to_lose
-        application.touched = True
-        assert answers(controller, receive) == RestFrameState.REFUSED, "refused at once"
-        controller.close()
-    node.close()
+    assert tare() == outcome.state
+    assert application.tares == [False]
+    application.touched = True
+    assert tare() == RestFrameState.REFUSED, "refused at once"
+    assert application.tares == [False]

@@ -122,14 +122,11 @@ def test_readers_of_a_hands_dbc_decode_every_fingers_frames(
 
 def test_a_hands_dbc_is_for_people(tmp_path: Path) -> None:
     """Names fit DBC's 32 characters; values have units, limits, comments; messages have cycle times."""
-    (tmp_path / "hand.toml").write_text(
-        '[[finger]]\nname = "thumb"\nnode = 3\n[[finger]]\nname = "a_long_finger_name_xx"\nnode = 4\n'
-    )
+    text = '[[finger]]\nname = "thumb"\nnode = 3\n[[finger]]\nname = "a_long_finger_name_xx"\nnode = 4\n'
+    (tmp_path / "hand.toml").write_text(text)
     refusal = run_host("dbc", "--hand", tmp_path / "hand.toml").refusal
     assert "finger 2: name = 'a_long_finger_name_xx': give a name of at most 20" in refusal
-    (tmp_path / "hand.toml").write_text(
-        '[[finger]]\nname = "thumb"\nnode = 3\n[[finger]]\nname = "a_long_finger_name_x"\nnode = 4\n'
-    )
+    (tmp_path / "hand.toml").write_text(text.replace("xx", "x"))
     for kind in ([], ["--classic"]):
         done = run_host("dbc", "--hand", tmp_path / "hand.toml", "--rate", "100", *kind)
         loaded = cantools.database.load_string(done.out, "dbc")
