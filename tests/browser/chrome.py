@@ -1,7 +1,7 @@
 """Headless Chromium for tests, by the DevTools protocol over a pair of pipes; no driver, no port.
 
     with closing(Chrome()) as chrome:
-        page = chrome.open("http://127.0.0.1:8765/", size=(1280, 800))
+        page = chrome.open("http://127.0.0.1:8765/")
         page.until("document.body.dataset.state === 'live'")
         page.press("t"); page.evaluate("...")
         page.requests, page.sockets, page.errors
@@ -82,14 +82,14 @@ class Chrome:
         self._reader.start()
         self.call("Browser.getVersion", timeout_s=START_S)
 
-    def open(self, url: str, size: tuple[int, int] = (1280, 800), phone: bool = False) -> "Page":
+    def open(self, url: str, phone: bool = False) -> "Page":
         """A new page, loading `url`."""
         target = self.call("Target.createTarget", {"url": "about:blank"})["targetId"]
         session = self.call("Target.attachToTarget", {"targetId": target, "flatten": True})["sessionId"]
         page = self._pages[session] = Page(self, session, target)
         for domain in ("Page", "Runtime", "Network", "Log"):
             page.call(f"{domain}.enable")
-        metrics = PHONE if phone else {"width": size[0], "height": size[1], "deviceScaleFactor": 1}
+        metrics = PHONE if phone else {"width": 1280, "height": 800, "deviceScaleFactor": 1}
         page.call("Emulation.setDeviceMetricsOverride", {"mobile": False, **metrics})
         page.call("Emulation.setTouchEmulationEnabled", {"enabled": phone})
         page.call("Page.navigate", {"url": url})

@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import approx_fprime
 
 from calib.process_fit import FittedProcess, fit_process
-from calib.process_likelihood import Likelihood, Symmetry
+from calib.process_likelihood import Likelihood, Symmetry, fit_settings
 from edge.calibration.inputs import FRAME_INPUTS, evaluate_terms, term_columns
 from edge.types import Complex
 from tests.support.synthetic import make
@@ -168,3 +168,12 @@ def test_rotated_and_mirrored_data_are_equally_likely(symmetry: Symmetry) -> Non
         mirrored_x[3] = x[3].conj()
         mirrored_y[3] *= 1.0 if symmetry is Symmetry.EVEN else -1.0
         assert value(mirrored_x, mirrored_y) == pytest.approx(value(x, y), rel=1e-9)
+
+
+def test_irrelevant_inputs_lose_their_weight() -> None:
+    x, _ = _data(80)
+    y = x[:, 0] + 0.5 * x[:, 2] * x[:, 0].conj()
+    settings = fit_settings(x, SPINS, np.ones(4), y, Symmetry.TURNING, asymmetric=False)
+    reported, silent = settings.weight[[0, 2]], settings.weight[[1, 3]]
+    assert silent.max() < 0.2 * reported.min()
+    assert settings.noise < 0.01

@@ -138,19 +138,6 @@ def test_a_wrong_file_is_one_line_with_the_key(
     assert all(word in message for word in [str(path), *parts])
 
 
-@pytest.mark.parametrize(
-    ("spec", "message"),
-    [
-        *((spec, r"sim.*gcode.*manual") for spec in ("simulator", "gcode:", "robot:1", "")),
-        ("sim:digitac", "sim:digitac: sensor digitac cannot be simulated: its file has no"),
-        ("gcode:/dev/nope", "^stage /dev/nope: No such file or directory; give the stage's serial port$"),
-    ],
-)
-def test_an_unknown_rig_is_answered_with_the_known_ones(spec: str, message: str) -> None:
-    with pytest.raises(RigError, match=message):
-        open_rig(spec)
-
-
 def test_frames_before_the_skin_has_settled_are_discarded() -> None:
     now = 10_000_000
     camera = SettledCamera(FakeCamera(Clock.DRIVER), settle_s=0.005, now_ns=lambda: now)

@@ -130,9 +130,9 @@ def test_can_events() -> None:
     assert isinstance(sample, Sample)
     assert (sample.node, sample.arrival_s, sample.lost_n) == (5, 1.5, 0)
     assert same(sample.state, as_seen(state))
-    parts = [e for t, p in wire.pack_parts(state, 0) for e in decoder.receive(IDS.tpdo(t, 6), p)]
-    assert [type(e) for e in parts] == [Sample]
-    assert isnan(parts[0].host_time_s), "it is not known when it arrived"
+    (part,) = (e for t, p in wire.pack_parts(state, 0) for e in decoder.receive(IDS.tpdo(t, 6), p))
+    assert isinstance(part, Sample)
+    assert isnan(part.host_time_s), "it is not known when it arrived"
     details = [e for s in DETAIL for e in decoder.receive(IDS.detail(5), s)]
     assert isinstance(details[0], DetailFrame)
     assert details[0].detail.rows == ((1.0, -2.0, 0.5),) * 30

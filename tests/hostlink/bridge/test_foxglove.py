@@ -272,7 +272,8 @@ def received(
             try:
                 async with session.ws_connect(url, protocols=[protocol]) as socket:
                     greeting: dict[str, Any] = await socket.receive_json(timeout=WAIT_S)
-                    await socket.send_str(say)
+                    if say:
+                        await socket.send_str(say)
                     while say and "parameterValues" not in str(message := await socket.receive(WAIT_S)):
                         assert message.type != aiohttp.WSMsgType.CLOSED
                     return 0, greeting

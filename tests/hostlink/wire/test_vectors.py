@@ -34,10 +34,6 @@ def state_of(row: dict[str, Any]) -> State:
     return State(**values, contacts=contacts)
 
 
-def test_the_file_belongs_to_this_version() -> None:
-    assert GOLDEN["version"] == VERSION
-
-
 def test_frames_of_a_version_that_is_gone_are_refused_in_one_line() -> None:
     rows = BEFORE["samples"]
     can_id = CanIds().state(3)
