@@ -55,14 +55,6 @@ def test_recording_and_table_hold_every_frame_with_its_pose(tmp_path: Path) -> N
     assert len(frames[-1].truth["pins_img"]) == 37
 
 
-def test_a_capture_without_its_table_or_its_recording_is_one_line(tmp_path: Path) -> None:
-    (path := tmp_path / "short.mcap").touch()
-    with pytest.raises(CaptureError, match="--resume"):
-        list(read_capture(path))
-    with pytest.raises(CaptureError, match=r"none\.mcap: no such recording"):
-        list(read_capture(tmp_path / "none.mcap"))
-
-
 @pytest.mark.parametrize(
     ("breaks", "kept", "frames"),
     [
@@ -174,7 +166,7 @@ def test_a_damaged_table_is_one_line(tmp_path: Path, content: bytes, message: st
     assert str(caught.value).isprintable()
 
 
-def test_rows_that_were_sorted_otherwise_keep_their_frames(tmp_path: Path) -> None:
+def test_frames_have_their_rows_however_these_are_sorted(tmp_path: Path) -> None:
     path = tmp_path / "short.mcap"
     capture(simulated, PLAN, path)
     pairs = list(read_capture(path))
@@ -189,3 +181,7 @@ def test_rows_that_were_sorted_otherwise_keep_their_frames(tmp_path: Path) -> No
     path.with_suffix(".csv").write_text("\n".join([head, *lines, lines[-1].replace(",8,", ",999,", 1)]))
     with pytest.raises(CaptureError, match=r"frame 999 is not in short\.mcap; leave out its row"):
         list(read_capture(path))
+    path.with_suffix(".csv").unlink()
+    for missing, message in ((path, "--resume"), (tmp_path / "none.mcap", r"none\.mcap: no such recording")):
+        with pytest.raises(CaptureError, match=message):
+            list(read_capture(missing))

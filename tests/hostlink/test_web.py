@@ -62,17 +62,13 @@ class Served:
         raw.settimeout(SOON_S)
         return raw
 
-    def ask(self, request: str) -> bytes:
-        """The complete answer to a request."""
-        with self.connect() as raw:
-            raw.sendall(request.replace("\n", "\r\n").encode("latin-1"))
-            return read_all(raw)
-
     def get(self, **headers: str) -> int:
         """The status that a request for the page gets."""
         lines = {"Host": f"127.0.0.1:{self.server.port}", "Connection": "close", **headers}
-        text = "".join(f"{name}: {value}\n" for name, value in lines.items())
-        return int(self.ask(f"GET / HTTP/1.1\n{text}\n").split(b" ", 2)[1])
+        text = "".join(f"{name}: {value}\r\n" for name, value in lines.items())
+        with self.connect() as raw:
+            raw.sendall(f"GET / HTTP/1.1\r\n{text}\r\n".encode("latin-1"))
+            return int(read_all(raw).split(b" ", 2)[1])
 
 
 @contextlib.contextmanager
