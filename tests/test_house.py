@@ -1,6 +1,7 @@
 """Allowed imports between packages, and modules that a process must not load."""
 
 import ast
+import re
 import sys
 import tomllib
 from functools import cache
@@ -171,6 +172,14 @@ def loaded_by(statement: str) -> set[str]:
 def test_the_edge_loads_no_heavy_libraries() -> None:
     loaded = loaded_by("import edge.frame")
     assert not loaded & {"matplotlib", "skimage", "depthai", "aiohttp", "mcap", "pandas"}
+
+
+def test_the_finger_needs_no_scipy() -> None:
+    """A board does not install it: it would be a third of the disk, of the memory and of the start."""
+    named = [
+        f for f in (ROOT / "edge").rglob("*.py") if re.search(r"^\s*(from|import) scipy", f.read_text(), re.M)
+    ]
+    assert named == []
 
 
 @pytest.mark.parametrize(
