@@ -201,7 +201,7 @@ def test_stage_axes_have_origin_sign_and_travel_that_is_checked_before_sending(s
         ({}, {"reset_on": "G1"}, "G1 X1", "restarted"),
     ],
 )
-def test_what_a_board_reports_is_an_error(
+def test_errors_of_a_board_are_reported_with_their_texts(
     stage_at: StageAt, keys: dict[str, Any], board: dict[str, Any], line: str, message: str
 ) -> None:
     fake, config = stage_at(**keys)
