@@ -228,6 +228,16 @@ def test_requests_and_replies_round_trip(
         wire.unpack_message(Message.REQUEST, payload)
 
 
+@pytest.mark.generative
+@given(st.binary(max_size=40))
+def test_any_body_parses_or_is_refused(body: bytes) -> None:
+    for unpack in (wire.ObjectRequest.unpack, wire.ObjectReply.unpack, wire.unpack_emergency):
+        try:
+            unpack(body)
+        except CorruptFrame:
+            continue
+
+
 def test_identifiers() -> None:
     ids = CanIds()
     assert ids.state(5) == 0x185
