@@ -28,7 +28,7 @@ from edge.sources import read_image
 from edge.tracking import Tracker
 from edge.tracking.search import Identifier
 from edge.tracking.tip import TrackedTip
-from edge.types import Array, Mask, PinPattern, Pins, Rest, Tracks
+from edge.types import Array, Mask, PinPattern, Rest, Tracks
 from tests.bench.output import show, write_json, writes_results
 from tests.bench.recordings import REAL, TIP_331, poses_of_stills
 from tests.support import layouts
@@ -126,11 +126,6 @@ def off_the_pose(jumps: list[Jump], folder: Path) -> Array:
     return off
 
 
-def _pins(xy: Array) -> Pins:
-    n = len(xy)
-    return Pins(xy, np.full(n, 0.05), np.full(n, 5.0), np.full(n, 150.0))
-
-
 def simulated_rest(n_pins: int) -> tuple[Camera, Rest]:
     """A tip of the simulator at rest, with exact positions: identity alone is measured, not detection."""
     camera = Camera(tip=Tip(n_pins=n_pins))
@@ -139,7 +134,7 @@ def simulated_rest(n_pins: int) -> tuple[Camera, Rest]:
     np.fill_diagonal(gap, np.inf)
     pitch = float(np.median(gap.min(1)))
     pattern = PinPattern(5.0, pitch, xy.mean(0), camera.radius_px + 5, 10.0, 150.0, 1.0, camera.size_px)
-    return camera, Rest(_pins(xy), pattern)
+    return camera, Rest(layouts.pins_at(xy, 5.0, 150.0), pattern)
 
 
 def random_contact(rng: np.random.Generator) -> ToolPose:
@@ -215,7 +210,7 @@ def simulated(n_pins: int, frames: int, seed: int) -> Iterator[Outcome]:
             blob, owner = spoil(xy, hazard, camera.radius_px + 10, rng)
             tracker = Tracker(rest)
             began = time.process_time()
-            tracks = tracker.identify(_pins(blob))
+            tracks = tracker.identify(layouts.pins_at(blob, 5.0, 150.0))
             spent = (time.process_time() - began) * 1e3 / frames
             swapped, false, missed = evaluate(tracks, blob, owner)
             wrong = swapped > 0.1 * tracks.n_seen
