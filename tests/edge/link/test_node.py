@@ -41,6 +41,7 @@ from hostlink.wire import (
 from hostlink.wire.address import parse_address
 from hostlink.wire.process_data import FRAME_DATA, SAMPLE_DATA
 from tests.support.fingers import Application
+from tests.support.media import Wire
 from tests.support.waiting import SOON_S, until
 
 NODE = 5
@@ -310,15 +311,12 @@ def test_faults_and_their_clearing(bench: Bench) -> None:
     assert bench.read("error_n") == 0
 
 
-class Troubled:
+class Troubled(Wire):
     """A bus with a driver that raises anything, once, in one of its calls."""
 
-    bus_off = False
-
     def __init__(self, where: str, error: BaseException, instant: bool) -> None:
-        self._where, self._error, self.instant = where, error, instant
-        self.armed = False
-        self.items: list[CanFrame] = []
+        super().__init__(instant)
+        self._where, self._error, self.armed = where, error, False
 
     def _call(self, where: str) -> None:
         if self.armed and where == self._where:
@@ -331,7 +329,7 @@ class Troubled:
 
     def write(self, item: CanFrame) -> None:
         self._call("write")
-        self.items.append(item)
+        super().write(item)
 
     def read(self, timeout_s: float) -> None:
         self._call("read")
@@ -341,14 +339,7 @@ class Troubled:
         self._call("close")
 
 
-UNFORESEEN = [
-    IndexError("list index"),
-    termios.error(5, "gone"),
-    MemoryError(),
-    AssertionError(),
-    KeyError(0),
-    SystemExit(1),
-]
+UNFORESEEN = [IndexError(), termios.error(5), MemoryError(), AssertionError(), KeyError(), SystemExit(1)]
 
 
 @pytest.mark.parametrize("instant", [True, False])
@@ -457,20 +448,15 @@ class Line:
 
         self.sink.on_frame = both
 
-    def ask(self, request: ObjectRequest, counter: int) -> ObjectReply:
-        before = self.replies()
-        self.sink.post_frame(Message.REQUEST, request.pack(), counter)
-        until(lambda: len(self.replies()) > len(before), "a reply")
-        got, body = self.replies()[-1]
-        assert got == counter
-        return ObjectReply.unpack(body)
-
-    def replies(self) -> list[tuple[int, bytes]]:
-        return [(counter, body) for kind, counter, body in self.received if kind is Message.REPLY]
-
-    def request(self, op: Op, name: str, offset: int = 0, total: int = 0, data: bytes = b"") -> ObjectRequest:
-        row = object_named(name)
-        return ObjectRequest(op, row.index, row.sub, offset, total, data)
+    def ask(self, op: Op, name: str, offset: int = 0, total: int = 0, data: bytes = b"") -> ObjectReply:
+        row, self.received = object_named(name), []
+        self.sink.post_frame(
+            Message.REQUEST, ObjectRequest(op, row.index, row.sub, offset, total, data).pack(), 7
+        )
+        until(lambda: Message.REPLY in {kind for kind, _, _ in self.received}, "a reply")
+        (reply,) = [(counter, body) for kind, counter, body in self.received if kind is Message.REPLY]
+        assert reply[0] == 7
+        return ObjectReply.unpack(reply[1])
 
 
 @pytest.fixture
@@ -486,12 +472,12 @@ def test_serial_refusals_carry_their_code(bench: Bench, line: Line) -> None:
         line.node.objects.read(0, 0)
     line.sink.post(line.sink.frame(Message.REQUEST, b"\1", 0))  # too short: the next one is handled
     for request, code in (
-        (line.request(Op.WRITE, "calibration", 50, 100, b"x"), Abort.TOGGLE),
-        (line.request(Op.WRITE, "divider", 0, 9, bytes(20)), Abort.LENGTH),
-        (line.request(Op.WRITE, "tare", 0, 1, b"\1"), Abort.NOT_NOW),
+        (("calibration", 50, 100, b"x"), Abort.TOGGLE),
+        (("divider", 0, 9, bytes(20)), Abort.LENGTH),
+        (("tare", 0, 1, b"\1"), Abort.NOT_NOW),
     ):
-        assert line.ask(request, 1).abort == code
-    assert line.ask(line.request(Op.READ, "settings_stored"), 1).data == b"\0"  # there is no folder
+        assert line.ask(Op.WRITE, *request).abort == code
+    assert line.ask(Op.READ, "settings_stored").data == b"\0"  # there is no folder
     assert bench.read("settings_stored") is True
 
 

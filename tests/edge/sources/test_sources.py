@@ -158,20 +158,6 @@ def test_folder_in_natural_order(tmp_path: Path) -> None:
     assert len(list(source)) == 12
 
 
-def test_colour_and_depth(tmp_path: Path) -> None:
-    (tmp_path / "f").mkdir()
-    colour = np.zeros((48, 64, 3), np.uint8)
-    colour[:] = (0, 0, 255)  # red, as OpenCV orders it
-    cv2.imwrite(str(tmp_path / "f/1.png"), colour)
-    cv2.imwrite(str(tmp_path / "f/2.png"), np.full((48, 64), 4095, np.uint16))
-    first, second = FolderSource(tmp_path / "f")
-    assert first.image.shape == (48, 64)
-    assert np.all(first.image == 76)
-    assert second.image.dtype == np.uint16
-    assert second.bits == 16
-    assert np.all(second.image == 4095)
-
-
 @pytest.mark.parametrize(
     ("name", "content"),
     [

@@ -20,7 +20,6 @@ from tests.bench import identity, videos
 from tests.bench.recordings import poses_of_stills
 from tests.support.layouts import PITCH_PX, concentric, hexagonal, pins_at, rest_of, square
 
-
 #: Rings rotated by one pin each fit themselves, all but the innermost: the most regular wrong match.
 LAYOUTS = {
     "rings331": concentric(10), "rings127": concentric(6), "hexagonal127": hexagonal(6),
