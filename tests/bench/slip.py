@@ -13,7 +13,7 @@ slides.
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import click
@@ -36,11 +36,8 @@ WAY_STEPS = 20  # solutions of the contact to the motion at which a contact of t
 FALSE_BELOW, GLIDES = 0.25, 0.98  # share of the area that slides
 PROBABLE = 0.5
 DEMAND = frozenset({Feature.SLIP})
-TOOLS = (
-    Tool("flat"),
-    Tool("sphere", radius_mm=10.0),
-    Tool("sphere", radius_mm=4.0),
-)
+KINDS = {"untouched": False, "touched": True}
+TOOLS = (Tool("flat"), Tool("sphere", radius_mm=10.0), Tool("sphere", radius_mm=4.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,19 +161,8 @@ def _between(way: Array, ways: Array, places: Array) -> Iterator[Array]:
         yield (1 - share) * places[k] + share * places[k + 1]
 
 
-@dataclass(frozen=True, slots=True)
-class Watched:
-    """Alarms of one recording."""
-
-    name: str
-    untouched_s: float
-    untouched_n: int
-    touched_s: float
-    touched_n: int
-
-
-def watch(path: Path) -> Watched:
-    """Play a recording; its rest frame is where it stays most of the time."""
+def watch(path: Path) -> dict[str, object]:
+    """Alarms of a recording; its rest frame is where it stays most of the time."""
     rate_hz = cv2.VideoCapture(str(path)).get(cv2.CAP_PROP_FPS)
     images = read(path)
     pipeline = Pipeline(untouched(images), demand=DEMAND)
@@ -191,7 +177,8 @@ def watch(path: Path) -> Watched:
         frames[features.in_contact] += 1
         alarms[features.in_contact] += probable and not before
         before = probable
-    return Watched(path.stem, frames[False] / rate_hz, alarms[False], frames[True] / rate_hz, alarms[True])
+    counts = {f"{name}_s": frames[touched] / rate_hz for name, touched in KINDS.items()}
+    return {"name": path.stem} | counts | {f"{name}_n": alarms[touched] for name, touched in KINDS.items()}
 
 
 def summary(announced: Sequence[Announced]) -> dict[str, float]:
@@ -226,7 +213,7 @@ def command(number: int, out: Path) -> None:
         rows[kind] = summary([a for a in announced if a.tool == kind])
     show([{"tool": kind, **figures} for kind, figures in rows.items()])
     found = sorted(REAL.glob("video/*.avi")) + sorted(REAL.glob("gelsight_mini/*.avi"))
-    watched = [asdict(watch(path)) for path in found]
+    watched = [watch(path) for path in found]
     if watched:
         show(watched)
     report = {"seed": SEED, "simulated": rows, "recordings": watched}

@@ -25,9 +25,11 @@ import threading
 import time
 from bisect import bisect_left
 from collections import Counter, defaultdict
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import click
 import cv2
@@ -66,7 +68,7 @@ from tests.support.fault_injection import (
     FaultySource,
     faulty_medium,
     schedule,
-)
+)  # fmt: skip
 
 CALIBRATION = ROOT / "tests" / "data" / "rings331_ball.json"
 SCENE = "sim:tour?width=320&height=320&paced=0"
@@ -136,19 +138,17 @@ class Row:
 
     def cells(self, kind: str) -> dict[str, object]:
         """A row of the table; medians, and the worst."""
-        known = bool(EXPECTED[kind])
+        announced, cleared = (self.announced, self.cleared) if EXPECTED[kind] else ("-", "-")
+
+        def ms(of: Callable[[Any], float], values: list[float]) -> int | None:
+            return round(float(of(values))) if values else None
+
         return {
-            "fault": kind,
-            "injected": self.injected,
-            "announced": self.announced if known else "-",
-            "cleared": self.cleared if known else "-",
-            "not visible": self.unseen or None,
-            "announce ms": round(float(np.median(self.announce_ms))) if self.announce_ms else None,
-            "worst": round(max(self.announce_ms)) if self.announce_ms else None,
-            "less machine": round(max(self.announce_net_ms)) if self.announce_net_ms else None,
-            "clear ms": round(float(np.median(self.clear_ms))) if self.clear_ms else None,
-            "worst to clear": round(max(self.clear_ms)) if self.clear_ms else None,
-        }
+            "fault": kind, "injected": self.injected, "announced": announced, "cleared": cleared,
+            "not visible": self.unseen or None, "announce ms": ms(np.median, self.announce_ms),
+            "worst": ms(max, self.announce_ms), "less machine": ms(max, self.announce_net_ms),
+            "clear ms": ms(np.median, self.clear_ms), "worst to clear": ms(max, self.clear_ms),
+        }  # fmt: skip
 
 
 @dataclass

@@ -1,8 +1,6 @@
 """The stages together: what is computed, what is refused, how a rest frame is taken."""
 
-from contextlib import closing
 from dataclasses import replace
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -169,14 +167,9 @@ def test_fits_of_several_contacts_can_be_left_out(data_dir: Path, several: bool)
     assert any(contact.fitted is not None for contacts in pairs for contact in contacts) is several
 
 
-def grey_frames(path: Path, n: int = 10_000) -> list[Image]:
-    with closing(open_source(str(path))) as source:
-        return [frame.image for frame in islice(source, n)]
-
-
 @pytest.mark.real
 def test_dark_dots_are_held_through_a_press_and_contact_shows_it(real_dir: Path) -> None:
-    images = grey_frames(real_dir / "gelsight_mini" / "press.avi")
+    images = [frame.image for frame in open_source(str(real_dir / "gelsight_mini" / "press.avi"))]
     rest = take_rest(images[:TARE])
     assert rest.pattern.dark
     assert 70 <= len(rest) <= 74

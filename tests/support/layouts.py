@@ -1,6 +1,7 @@
 """Point sets that are hard on a tessellation, and tips made of them."""
 
 from collections.abc import Callable
+from dataclasses import fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,6 +78,11 @@ def rest_of(xy: Points) -> Rest:
     """An untouched tip with pins at `xy`."""
     radius = float(np.hypot(*(xy - xy.mean(axis=0)).T).max())
     return Rest(pins_at(xy), PinPattern(4.0, PITCH_PX, xy.mean(axis=0), radius, 20.0, 100.0, 2.0, (640, 480)))
+
+
+def only(rest: Rest, rows: NDArray[np.generic]) -> Rest:
+    """The same tip with these of its pins, by number or mask."""
+    return Rest(Pins(*(getattr(rest.pins, f.name)[rows] for f in fields(Pins))), rest.pattern)
 
 
 def tracks_of(xy: Points) -> Tracks:

@@ -22,15 +22,8 @@ pytestmark = [pytest.mark.kernels, pytest.mark.compiled]
 
 ALL = FeaturePlan(frozenset(Feature))
 OPTIONAL = (
-    "shear_px",
-    "modes_px",
-    "volume_px2",
-    "surface",
-    "contacts",
-    "torsion_rad",
-    "slip_px",
-    "vibration_px",
-)
+    "shear_px", "modes_px", "volume_px2", "surface", "contacts", "torsion_rad", "slip_px", "vibration_px",
+)  # fmt: skip
 
 
 def extractor(rest: Rest) -> Any:  # a test knows which features are there

@@ -52,24 +52,21 @@ def images(frames: list[Frame], k: int) -> list[Image]:
     return [np.clip(np.rint(image), 0, 255).astype(np.uint8) for image in noisy]
 
 
-@pytest.mark.parametrize("k", [10, 25])
-def test_a_steady_touch_is_no_rest_frame(frames: list[Frame], calibration: Calibration, k: int) -> None:
-    reference = take_rest(images(frames, 0))
-    knowns: tuple[dict[str, Any], ...] = ({"calibration": calibration}, {"reference": reference})
+@pytest.mark.parametrize(("k", "untouched"), [(10, 3), (25, 7)])
+def test_an_untouched_tip_is_a_rest_frame_and_a_steady_touch_is_none(
+    frames: list[Frame], calibration: Calibration, k: int, untouched: int
+) -> None:
+    knowns: tuple[dict[str, Any], ...] = (
+        {"calibration": calibration}, {"reference": take_rest(images(frames, 0))},
+    )  # fmt: skip
     for known in knowns:
+        assert take_rest_frame(images(frames, untouched), **known).reason is RestFrameReason.NONE
         with pytest.raises(TareRefused, match="something touches the tip") as refused:
             take_rest_frame(images(frames, k), **known)
         assert refused.value.reason is RestFrameReason.TOUCHED
         forced = take_rest_frame(images(frames, k), force=True, **known)
         assert forced.reason is RestFrameReason.TOUCHED
         assert "touches" in forced.message
-
-
-def test_an_untouched_tip_is_a_rest_frame(frames: list[Frame], calibration: Calibration) -> None:
-    reference = take_rest(images(frames, 0))
-    for k in (3, 7):
-        assert take_rest_frame(images(frames, k), calibration=calibration).reason is RestFrameReason.NONE
-        assert take_rest_frame(images(frames, k), reference=reference).reason is RestFrameReason.NONE
 
 
 def test_pins_unlike_the_calibrations_are_found_all_the_same(

@@ -282,33 +282,19 @@ def test_published_videos_play_to_their_end(real_dir: Path, name: str, n: int, r
 
 
 class Scripted(ThreadedSource):
-    """Gives a frame when the test releases it."""
+    """Gives frames when the test asks for them."""
 
     def __init__(self) -> None:
         super().__init__("scripted")
-        self.go = threading.Semaphore(0)
-        self.done = threading.Semaphore(0)
-        self.n = 0
-        self.size_px = (4, 4)
+        self.n, self.size_px = 0, (4, 4)
 
     def _work(self) -> None:
-        while not self._closing.is_set():
-            self.go.acquire()
-            if self._closing.is_set():
-                return
-            self._offer(Frame(np.full((4, 4), 200, np.uint8), self.n, self.n))
-            self.n += 1
-            self.done.release()
+        self._closing.wait()
 
     def give(self, n: int) -> None:
         for _ in range(n):
-            self.go.release()
-            self.done.acquire()
-
-    def close(self) -> None:
-        self._closing.set()
-        self.go.release()
-        super().close()
+            self._offer(Frame(np.full((4, 4), 200, np.uint8), self.n, self.n))
+            self.n += 1
 
 
 @pytest.fixture

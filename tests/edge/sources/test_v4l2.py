@@ -453,13 +453,3 @@ def test_no_permission(machine: tuple[Path, Path], monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("edge.sources.v4l2.os.access", lambda path, mode: False)
     with pytest.raises(SourceError, match="join the group video"):
         find_device("0", *machine)
-
-
-@pytest.mark.hardware
-def test_a_camera_of_this_machine() -> None:
-    if not list_cameras():
-        pytest.skip("no V4L2 camera on this machine")
-    source = V4l2Source("0", Options())
-    frames = [source.read(2.0) for _ in range(30)]
-    source.close()
-    assert all(frame is not None and frame.image.shape[::-1] == source.size_px for frame in frames)

@@ -12,9 +12,11 @@ from edge.geometry.lattice import Lattice
 from edge.pins import detect, take_rest
 from edge.sources import read_image
 from edge.tracking import Tracker
-from edge.tracking.hypothesis import Hypothesis
+from edge.tracking.hypothesis import Hypothesis, certain_match
+from edge.tracking.motion_model import MotionModel
 from edge.tracking.params import TrackingParams
 from edge.tracking.search import Identifier
+from edge.tracking.tip import TrackedTip
 from edge.types import Array, Tracks
 from tests.bench import identity, videos
 from tests.bench.recordings import poses_of_stills
@@ -148,6 +150,21 @@ def test_a_lattice_that_may_have_slipped_by_a_step_has_low_confidence() -> None:
     for shift in (0.0, -PITCH_PX / 2, -PITCH_PX):
         tracks = Tracker(rest_of(xy)).identify(pins_at(part + np.array([shift, 0.0])))
         assert tracks.confidence < Tracks.LOW_CONFIDENCE
+
+
+def test_of_two_blobs_in_one_place_one_is_certain_at_most() -> None:
+    xy = hexagonal(7)
+    n = len(xy)
+    model = MotionModel(TrackedTip.of(rest_of(xy)))
+    now = xy + np.array([2.0, -1.0]) + np.random.default_rng(3).normal(0, 0.05, xy.shape)
+    near = np.hypot(*(now - now[n // 2]).T) < 3 * PITCH_PX
+    now[near] = now[n // 2] + 0.45 * (now[near] - now[n // 2])
+    found, certain = certain_match(Hypothesis(model, now, np.arange(n, dtype=np.int32), np.ones(n, bool)))
+    pairs = model.tip.lattice.pairs
+    gap = np.hypot(*(now[pairs[:, 0]] - now[pairs[:, 1]]).T)
+    too_near = gap < model.tip.lattice.distance_min_px
+    assert np.any(too_near & found.known[pairs].all(1))
+    assert not np.any(too_near & certain[pairs].all(1))
 
 
 @pytest.mark.parametrize("blobs", [0, 3, 30, 331])
@@ -314,12 +331,15 @@ def test_published_stills_from_rest_alone(real_dir: Path) -> None:
     """Each frame is one jump; no pin that is in the picture is given to another place."""
     folder = real_dir / "tactip331_binary"
     rest = take_rest([read_image(folder / "rest.png")])
-    around = identity.neighbours(rest.xy_img)
+    around, counts = identity.neighbours(rest.xy_img), []
     for name in list(poses_of_stills(folder))[::25]:
         blobs = detect(read_image(folder / "frames" / name), rest.pattern)
+        counts.append(len(blobs))
         tracks = Tracker(rest).identify(blobs)
         assert tracks.confidence > 0.9
         assert identity.consistent(tracks.xy_img - rest.xy_img, around).sum() >= len(blobs) - 4
+    assert np.median(counts) == max(counts) == len(rest) == 331
+    assert min(counts) >= 325  # some frames push pins out of the picture
 
 
 @pytest.mark.real
