@@ -321,13 +321,9 @@ def _mean(errors: Sequence[Errors], name: str) -> float:
 
 
 @click.command(name="contacts", help="Contacts on a second, independent simulator, against their bounds.")
-@click.option(
-    "--scenes", "n_scenes", default=8, show_default=True, help="Of each kind.", type=click.IntRange(1)
-)
+@click.option("--scenes", "n_scenes", default=8, show_default=True, type=click.IntRange(1), help="A kind.")
 @click.option("--bars", "n_bars", default=16, show_default=True, type=click.IntRange(1))
-@click.option(
-    "--untouched", "n_untouched", default=100, show_default=True, help="Frames.", type=click.IntRange(1)
-)
+@click.option("--untouched", "n_untouched", default=100, show_default=True, type=click.IntRange(1))
 @click.option("--seed", default=1, show_default=True)
 @writes_results
 def command(n_scenes: int, n_bars: int, n_untouched: int, seed: int, out: Path) -> None:

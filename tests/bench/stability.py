@@ -16,15 +16,8 @@ from edge.cells import Tessellator, cell_polygons
 from edge.cells.mesh import Mesh
 from edge.types import Cells
 from tests.bench.output import markdown, show, writes_results
-from tests.support import exact
-from tests.support.cell_checks import (
-    Points,
-    bounded_polygon_area,
-    points_of,
-    polygon_area,
-    random_walks,
-    worst_relative,
-)
+from tests.support import cell_checks, exact
+from tests.support.cell_checks import Points, points_of, random_walks, worst_relative
 from tests.support.layouts import HARD_SETS, TIPS, bounded, moved, pressed, rest_of, tracks_of
 
 SCALES = (1e-9, 1e-6, 1e-3, 1.0, 1e3, 1e6, 1e9)
@@ -113,11 +106,11 @@ def tips() -> Iterator[Row]:
             cells = cells_of(rest, xy)
             error = worst_error(cells.area_px2, points_of(cells))
             yield Row(f"{name} tip, {state}", "area against rational arithmetic", error, 1e-13)
-            polygon = float(bounded_polygon_area(cells))
+            polygon = float(cell_checks.bounded_polygon_area(cells))
             error = abs(float(cells.area_px2.sum()) - polygon) / polygon
             yield Row(f"{name} tip, {state}", "sum of areas against the bounded polygon", error, 1e-12)
         cells = cells_of(rest, now)
-        drawn = np.array([polygon_area(p) for p in cell_polygons(cells)])
+        drawn = np.array([cell_checks.polygon_area(p) for p in cell_polygons(cells)])
         error = worst_relative(drawn, cells.area_px2)
         yield Row(f"{name} tip, pressed", "drawn polygons against areas", error, 1e-9)
         order = np.random.default_rng(0).permutation(len(rest))

@@ -4,13 +4,14 @@ import gc
 import json
 import logging
 import os
+import pty
 import re
 import resource
 import shlex
 import signal
 import subprocess
 import sys
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import replace
 from importlib.metadata import version
 from itertools import count
@@ -22,6 +23,7 @@ import numpy as np
 import pytest
 
 from calib.sim import Camera, Simulator, Tip, ToolPose
+from edge.cli.progress import counting, waiting
 from edge.recording.reader import read_messages
 from edge.recording.writer import Recorder
 from edge.runtime.loop import Loop
@@ -484,3 +486,32 @@ def test_the_version_is_printed() -> None:
     done = edge("--version")
     assert done.returncode == 0
     assert done.stdout == f"python -m edge {version('voronoi-touch')}\n"
+
+
+def on_a_terminal(command: list[str]) -> str:
+    """What a command writes to a terminal as its stderr."""
+    master, slave = pty.openpty()
+    with subprocess.Popen(
+        command, stdout=subprocess.DEVNULL, stderr=slave, env={**os.environ, "TERM": "xterm"}
+    ):
+        os.close(slave)
+        seen = b""
+        with suppress(OSError):  # Linux raises it when the last user of the terminal has closed it
+            while data := os.read(master, 65536):
+                seen += data
+    os.close(master)
+    return seen.decode(errors="replace")
+
+
+@pytest.mark.parametrize("quiet", [False, True])
+def test_a_replay_counts_its_frames(data_dir: Path, quiet: bool) -> None:
+    command = [sys.executable, "-m", "edge", "replay", str(data_dir / "nothing.mcap"), "--sink", "memory:"]
+    seen = on_a_terminal([*command, "--speed", "1", *(["--quiet"] if quiet else [])])
+    assert ("opening" in seen) is not quiet
+    assert ("replay" in seen and "/16" in seen) is not quiet
+
+
+def test_without_a_terminal_nothing_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    with waiting("long work", True), counting("frames", 3, True) as counted:
+        counted(1)
+    assert capsys.readouterr() == ("", "")

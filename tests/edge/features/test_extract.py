@@ -1,6 +1,5 @@
 """The extractor: contact detector, demand, lost pins, and the whole of it against the paper's method."""
 
-import csv
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ from edge.features import FeatureExtractor, FeaturePlan
 from edge.pins import detect, take_rest
 from edge.tracking import Tracker
 from edge.types import Array, Cells, Feature, Features, Rest, Tracks
+from tests.bench.recordings import poses_of_stills
 from tests.bench.reference import Reference
 from tests.support.fields import CENTRE, areas, clamp, frame, push, tip
 from tests.support.images import read_grey
@@ -238,10 +238,8 @@ def test_real_flat_contacts_are_one_contact_each(real_dir: Path) -> None:
     tracker, tessellator = Tracker(rest), Tessellator(rest)
     still = Tracks.of(rest.xy_img, rest.pins.sigma_px, np.ones(len(rest), dtype=np.bool_))
     made: Any = FeatureExtractor(rest, tessellator.cells(still).rest_area_px2)
-    with (folder / "targets.csv").open() as file:
-        names = [row["sensor_image"] for row in csv.DictReader(file)][::24]
-    for name in names:
-        image = read_grey(next(folder.rglob(name)))
+    for name in list(poses_of_stills(folder))[::24]:
+        image = read_grey(folder / "frames" / name)
         tracks = tracker.identify(detect(image, rest.pattern))
         got = made.extract(tracks, tessellator.cells(tracks), ALL)
         assert len(got.contacts) == 1, name

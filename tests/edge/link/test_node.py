@@ -19,25 +19,8 @@ from edge.link.node import Node
 from edge.link.object_server import Aborted
 from edge.link.settings import NodeSettings, SettingsFile
 from edge.link.sinks import CanFdSink, SerialSink, open_sink
-from hostlink.wire import (
-    OBJECTS,
-    Abort,
-    CanIds,
-    DetailAssembler,
-    FaultCode,
-    Message,
-    ObjectReply,
-    ObjectRequest,
-    Op,
-    State,
-    Status,
-    object_named,
-    pack_value,
-    unpack_emergency,
-    unpack_segment,
-    unpack_state,
-    unpack_value,
-)
+from hostlink import wire
+from hostlink.wire import Abort, FaultCode, Message, Op, State, Status, object_named
 from hostlink.wire.address import parse_address
 from hostlink.wire.process_data import FRAME_DATA, SAMPLE_DATA
 from tests.support.fingers import Application
@@ -96,11 +79,11 @@ class Bench:
 
     def read(self, name: str) -> object:
         row = object_named(name)
-        return unpack_value(row, self.remote.sdo.upload(row.index, row.sub))
+        return wire.unpack_value(row, self.remote.sdo.upload(row.index, row.sub))
 
     def write(self, name: str, value: float | bytes) -> None:
         row = object_named(name)
-        data = value if isinstance(value, bytes) else pack_value(row, value)
+        data = value if isinstance(value, bytes) else wire.pack_value(row, value)
         self.remote.sdo.download(row.index, row.sub, data)
 
     def messages(self, can_id: int, n: int) -> list[bytes]:
@@ -121,7 +104,7 @@ class Bench:
         return sent
 
     def samples(self, n: int) -> list[int]:
-        return [unpack_state(data).sample for data in self.messages(0x180 + NODE, n)]
+        return [wire.unpack_state(data).sample for data in self.messages(0x180 + NODE, n)]
 
     def nmt(self, command: int) -> None:
         self.network.send_message(0, bytes((command, NODE)))
@@ -160,7 +143,7 @@ def test_remote_node_reads_identity(bench: Bench) -> None:
 
 def test_every_readable_object_answers(bench: Bench) -> None:
     silent = set()
-    for row in OBJECTS:
+    for row in wire.OBJECTS:
         if row.access == "wo":
             continue
         try:
@@ -298,7 +281,7 @@ def test_faults_and_their_clearing(bench: Bench) -> None:
     bench.node.report(FaultCode.OVERLOAD, True)  # reported again: no second emergency
     bench.node.report(FaultCode.OVERLOAD, False)
     bench.node.report(FaultCode.OVER_TEMPERATURE, False)
-    overload, hot, cooler, fine = (unpack_emergency(d) for d in bench.messages(0x80 + NODE, 4))
+    overload, hot, cooler, fine = (wire.unpack_emergency(d) for d in bench.messages(0x80 + NODE, 4))
     assert overload == (0x9002, 0x01, FaultCode.OVERLOAD, Status.OVERLOAD)
     assert hot == (0x4201, 0x09, FaultCode.OVER_TEMPERATURE, Status.OVERLOAD | Status.OVER_TEMPERATURE)
     assert cooler == (0, 0x09, FaultCode.OVERLOAD, Status.OVER_TEMPERATURE)
@@ -365,7 +348,7 @@ def test_whatever_a_driver_raises_is_a_lost_link_and_no_thread_ends(
     assert not bus.armed
     assert sink.guard.unforeseen_n == 1
     assert all(thread.is_alive() for thread in sink._threads)
-    first = next(unpack_state(frame.data) for frame in bus.items if frame.can_id == 0x180 + NODE)
+    first = next(wire.unpack_state(frame.data) for frame in bus.items if frame.can_id == 0x180 + NODE)
     assert first.status == Status.LINK_FAULT
     node.close()
     assert not any(thread.is_alive() for thread in sink._threads)
@@ -409,16 +392,16 @@ def test_detail_is_off_until_asked_for(bench: Bench) -> None:
     bench.write("detail_divider", 2)
     assert bench.node.send_detail(1, rows)
     assert not bench.node.send_detail(2, rows)
-    assembler, detail = DetailAssembler(), None
+    assembler, detail = wire.DetailAssembler(), None
     while detail is None:
-        detail = assembler.add(unpack_segment(bench.messages(0x480 + NODE, 1)[0]))
+        detail = assembler.add(wire.unpack_segment(bench.messages(0x480 + NODE, 1)[0]))
     assert detail.sample == 1
     assert [r[0] for r in detail.rows] == pytest.approx([r[0] for r in rows], abs=0.01)
     until(lambda: bench.node.counters.detail_sent == 1, "counted")
 
 
 def test_moved_identifiers(request: pytest.FixtureRequest) -> None:
-    ids = CanIds(sdo_request=0x680, sdo_response=0x500, heartbeat=0x780 - 0x80)
+    ids = wire.CanIds(sdo_request=0x680, sdo_response=0x500, heartbeat=0x780 - 0x80)
     sink = open_sink(f"virtual:{request.node.name}", node=NODE, ids=ids)
     assert isinstance(sink, CanFdSink)
     with can.Bus(interface="virtual", channel=request.node.name) as bus:
@@ -448,15 +431,15 @@ class Line:
 
         self.sink.on_frame = both
 
-    def ask(self, op: Op, name: str, offset: int = 0, total: int = 0, data: bytes = b"") -> ObjectReply:
+    def ask(self, op: Op, name: str, offset: int = 0, total: int = 0, data: bytes = b"") -> wire.ObjectReply:
         row, self.received = object_named(name), []
         self.sink.post_frame(
-            Message.REQUEST, ObjectRequest(op, row.index, row.sub, offset, total, data).pack(), 7
+            Message.REQUEST, wire.ObjectRequest(op, row.index, row.sub, offset, total, data).pack(), 7
         )
         until(lambda: Message.REPLY in {kind for kind, _, _ in self.received}, "a reply")
         (reply,) = [(counter, body) for kind, counter, body in self.received if kind is Message.REPLY]
         assert reply[0] == 7
-        return ObjectReply.unpack(reply[1])
+        return wire.ObjectReply.unpack(reply[1])
 
 
 @pytest.fixture

@@ -234,14 +234,10 @@ class Pty:
     def samples(self, n: int) -> list[int]:
         """The next n samples that came in."""
         data = b""
-
-        def complete() -> bool:
-            nonlocal data
-            with suppress(BlockingIOError):
-                data += os.read(self.master, 4096)
-            return data.count(b"\0") >= n
-
-        until(complete, f"{n} frames")
+        os.set_blocking(self.master, True)
+        while data.count(b"\0") < n:
+            data += os.read(self.master, 4096)
+        os.set_blocking(self.master, False)
         frames = [decode_frame(block) for block in data.split(b"\0") if block]
         assert [frame[0] for frame in frames] == [Message.STATE] * n
         return [unpack_state(frame[1]).sample for frame in frames]

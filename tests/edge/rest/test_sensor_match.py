@@ -144,7 +144,7 @@ def _first_images(video: Path) -> list[Image]:
 
 
 @pytest.mark.real
-def test_real_sensors_are_recognised(real_dir: Path) -> None:
+def test_real_sensors_are_recognised_and_home_made_tips_are_none(real_dir: Path) -> None:
     binary = recognise(take_rest([read_image(real_dir / "tactip331_binary" / "rest.png")]), KNOWN)
     assert binary is not None
     assert binary.sensor.name == "tactip-331"
@@ -154,10 +154,6 @@ def test_real_sensors_are_recognised(real_dir: Path) -> None:
     assert found.sensor.name == "gelsight-mini"
     # The maker writes 0.0625 and, elsewhere, 0.0634 mm a pixel.
     assert mm_per_px(found.sensor, mini) == pytest.approx(0.063, abs=0.001)
-
-
-@pytest.mark.real
-def test_home_made_tips_are_no_known_sensor(real_dir: Path) -> None:
     for name in ("north", "west", "Movement4"):
         assert recognise(take_rest(_first_images(real_dir / "video" / f"{name}.avi")), KNOWN) is None
 
