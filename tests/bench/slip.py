@@ -23,13 +23,14 @@ import numpy as np
 from calib.sim import Camera, Simulator, Tip, Tool, ToolPose, deform
 from edge.frame import Pipeline
 from edge.pins import take_rest
-from edge.types import Array, Feature, Frame, Rest, Tracks
+from edge.types import Array, Feature, Frame, Rest
 from tests.bench.output import show, write_json, writes_results
 from tests.bench.recordings import REAL
 from tests.bench.videos import TARE_FRAMES, read, untouched
+from tests.support.layouts import tracks_of
 
 RATE_HZ = 60.0
-NOISE_PX = 0.05
+NOISE_PX = 0.05  # as tracks_of has it
 SEED = 1  # parameters were set on 0
 PRESS_N, HOLD_N = 12, 30  # frames
 WAY_STEPS = 20  # solutions of the contact to the motion at which a contact of this depth usually slides
@@ -147,10 +148,8 @@ class Bench:
         return Announced(drag.tool, slid_s, load, false_n, quiet_n / RATE_HZ)
 
     def _probability(self, pipeline: Pipeline, xy: Array, rng: np.random.Generator) -> float:
-        n = len(xy)
-        noisy = xy + rng.normal(0.0, NOISE_PX, (n, 2))
-        tracks = Tracks.of(noisy, np.full(n, NOISE_PX), np.ones(n, dtype=np.bool_))
-        return pipeline.features(tracks).slip_probability or 0.0
+        noisy = xy + rng.normal(0.0, NOISE_PX, xy.shape)
+        return pipeline.features(tracks_of(noisy)).slip_probability or 0.0
 
 
 def _between(way: Array, ways: Array, places: Array) -> Iterator[Array]:

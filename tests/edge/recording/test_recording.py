@@ -24,6 +24,7 @@ from edge.types import Cells, Clock, Features, Frame, Reading, Result, Tracks
 from hostlink.topics import status_text
 from hostlink.wire import State, Status
 from tests.support.fields import contact_region
+from tests.support.layouts import tracks_of
 from tests.support.refusals import one_line
 from tests.support.waiting import SOON_S
 
@@ -104,13 +105,9 @@ N = 7
 def results() -> tuple[Tracks, Cells, Features, Reading]:
     rng = np.random.default_rng(3)
     xy = rng.uniform(0, 60, (N, 2))
-    seen = np.ones(N, bool)
-    seen[2] = False
-    lost = xy.copy()
-    lost[2] = np.nan
-    sigma = np.where(seen, 0.05, np.nan)
-    tracks = Tracks.of(lost, sigma, seen, 0.99)
-    area = np.where(seen, rng.uniform(200, 300, N), np.nan)
+    gone = np.where(np.arange(N) == 2, np.nan, 0.0)
+    tracks = tracks_of(xy + gone[:, None])
+    area = rng.uniform(200, 300, N) + gone
     cells = Cells(area, np.full(N, 250.0), xy, np.zeros((1, 3), np.int32), np.zeros((4, 2)))
     contact = contact_region((30.0, 20.0), 0.4, 120.0)
     features = Features(
