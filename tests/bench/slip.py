@@ -37,7 +37,6 @@ WAY_STEPS = 20  # solutions of the contact to the motion at which a contact of t
 FALSE_BELOW, GLIDES = 0.25, 0.98  # share of the area that slides
 PROBABLE = 0.5
 DEMAND = frozenset({Feature.SLIP})
-KINDS = {"untouched": False, "touched": True}
 TOOLS = (Tool("flat"), Tool("sphere", radius_mm=10.0), Tool("sphere", radius_mm=4.0))
 
 
@@ -176,8 +175,10 @@ def watch(path: Path) -> dict[str, object]:
         frames[features.in_contact] += 1
         alarms[features.in_contact] += probable and not before
         before = probable
-    counts = {f"{name}_s": frames[touched] / rate_hz for name, touched in KINDS.items()}
-    return {"name": path.stem} | counts | {f"{name}_n": alarms[touched] for name, touched in KINDS.items()}
+    return {
+        "name": path.stem, "untouched_s": frames[False] / rate_hz, "untouched_n": alarms[False],
+        "touched_s": frames[True] / rate_hz, "touched_n": alarms[True],
+    }  # fmt: skip
 
 
 def summary(announced: Sequence[Announced]) -> dict[str, float]:

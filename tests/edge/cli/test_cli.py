@@ -132,7 +132,7 @@ def test_memory_does_not_grow_with_the_samples(
         for frame in open_source(str(data_dir / "nothing.mcap")):
             recorder.frame(
                 replace(frame, truth=None)
-            )  # hundreds of blocks, of as many frames as are read ahead
+            )  # else hundreds of blocks, of as many as are read ahead
     line = line.format(tmp=tmp_path, size="width=160&height=160")
     assert command(*line.split(), "--sink", "virtual:memory", "-q").code == 0
     assert least[late_n] - least[early_n] < 0.5 * (late_n - early_n)

@@ -38,11 +38,7 @@ def frames_of(
     rng = np.random.default_rng(7)
     return [
         Frame(
-            image=(
-                rng.integers(0, 256, (size[1], size[0]), np.uint8)
-                if bits == 8
-                else rng.integers(0, 1 << bits, (size[1], size[0]), np.uint16)
-            ),
+            image=rng.integers(0, 1 << bits, (size[1], size[0]), np.uint8 if bits == 8 else np.uint16),
             capture_ns=123_456_789_012_345 + i * STEP_NS + i % 3,
             sequence=(1 << 33) + i + (5 if i >= 4 else 0),  # more than MCAP's own counter holds, and a gap
             clock=clock,
@@ -130,15 +126,11 @@ def results() -> tuple[Tracks, Cells, Features, Reading]:
 def cloud_to_array(cloud: Any) -> np.ndarray[Any, Any]:
     """Structured array of a decoded foxglove.PointCloud: one row a pin, one field a column."""
     kinds = {1: "u1", 6: "<i4", 7: "<f4", 8: "<f8"}
-    dtype = np.dtype(
-        {
-            "names": [field.name for field in cloud.fields],
-            "formats": [kinds[field.type] for field in cloud.fields],
-            "offsets": [field.offset for field in cloud.fields],
-            "itemsize": cloud.point_stride,
-        }
-    )
-    return np.frombuffer(cloud.data, dtype)
+    named = {
+        "names": [f.name for f in cloud.fields], "formats": [kinds[f.type] for f in cloud.fields],
+        "offsets": [f.offset for f in cloud.fields], "itemsize": cloud.point_stride,
+    }  # fmt: skip
+    return np.frombuffer(cloud.data, np.dtype(named))
 
 
 def decode_by_the_library(path: Path) -> None:
@@ -392,9 +384,8 @@ def test_messages_out_of_order_are_played_in_order_of_time(
     path, log_ns = tmp_path / "a.mcap", [4000, 1000, 3000, 2000, 5000]
     with path.open("wb") as file, Writer(file, chunk_size=chunk_size) as writer:
         for ns in log_ns:
-            image = proto("RawImage")(
-                width=2, height=1, step=2, encoding="mono8", data=bytes([ns // 1000, 9])
-            )
+            data = bytes([ns // 1000, 9])
+            image = proto("RawImage")(width=2, height=1, step=2, encoding="mono8", data=data)
             writer.write_message("/image", image, log_time=ns, publish_time=ns)
     if not indexed:
         path.write_bytes(path.read_bytes()[:-40])
