@@ -308,6 +308,7 @@ def mistaken(data_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
         ("replay text.png", "text.png"),
         ("replay empty", "empty"),
         ("replay {press} --speed fast", "'fast' is not a speed; give a factor from 0.01 to 100, or max"),
+        ("replay {press} --speed 0", "'0' is not a speed"),
         ("replay {press} --speed nan", "'nan' is not a speed"),
         ("replay {press} --speed max --loop", "--loop: has no end at --speed max"),
         ("replay {press} --record a.avi", "a.avi: the name must end in .mcap"),
