@@ -126,7 +126,7 @@ def results() -> tuple[Tracks, Cells, Features, Reading]:
 def cloud_to_array(cloud: Any) -> np.ndarray[Any, Any]:
     """Structured array of a decoded foxglove.PointCloud: one row a pin, one field a column."""
     kinds = {1: "u1", 6: "<i4", 7: "<f4", 8: "<f8"}
-    named = {
+    named: Any = {
         "names": [f.name for f in cloud.fields], "formats": [kinds[f.type] for f in cloud.fields],
         "offsets": [f.offset for f in cloud.fields], "itemsize": cloud.point_stride,
     }  # fmt: skip
