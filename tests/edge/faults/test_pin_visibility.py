@@ -7,7 +7,6 @@ from edge.faults.pin_visibility import BASELINE_N, SETTLED_N, PinVisibility
 from edge.params import ASTRAY_REL
 from edge.types import Array, Mask, Tracks
 from tests.support.fields import tip
-from tests.support.layouts import tracks_of
 
 REST = tip(331)
 N = len(REST)
@@ -16,7 +15,8 @@ PITCH = REST.pattern.pitch_px
 
 
 def frame(lost: Mask, motion_px: Array | float = 0.0) -> Tracks:
-    return tracks_of(np.where(lost[:, None], np.nan, XY + motion_px))
+    xy = np.where(lost[:, None], np.nan, XY + motion_px)
+    return Tracks.of(xy, np.where(lost, np.nan, REST.pins.sigma_px), ~lost)
 
 
 def block(rng: np.random.Generator, area: float, share: float) -> Mask:
