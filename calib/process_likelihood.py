@@ -51,7 +51,6 @@ class LikelihoodParams:
     rows_first: int = 200  # for each of the starts
     rows: int = 480  # for the best of them; more change the settings by less than their own uncertainty
     steps: int = 40  # of both: more change no error by 1 %
-    gain: float = 3e-5  # of a step, as a share of the logarithm: the search ends below it
     prior: float = 2e-4  # weight of squared logarithms of the settings against their start: keeps them finite
     bound: float = 12.0  # of those logarithms
     jitter: float = 1e-9  # of the output's variance: the least noise
@@ -251,7 +250,7 @@ def fit_settings(
         bounds = [(-PARAMS.bound, PARAMS.bound)] * len(first)
         found = minimize(
             penalised, first, jac=True, method="L-BFGS-B", bounds=bounds,
-            options={"maxiter": PARAMS.steps, "maxcor": 20, "ftol": PARAMS.gain},
+            options={"maxiter": PARAMS.steps, "maxcor": 20},
         )  # fmt: skip
         return float(found.fun), found.x
 
