@@ -21,6 +21,7 @@ import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import count
 from typing import Any
@@ -31,6 +32,7 @@ from edge.link.params import PARAMS, LinkParams
 from edge.link.send_queue import SendQueue, Spaced
 from hostlink.link_guard import LinkGuard
 from hostlink.wire import FaultCode, State
+from hostlink.wire.open_errors import message_of
 
 log = logging.getLogger(__name__)
 
@@ -246,7 +248,7 @@ class LinkSink(ABC):
         except MediumFull:
             self._refuse(began_s)
             return False
-        except (Exception, SystemExit) as error:  # noqa: BLE001 - of a driver: whatever it is, the medium has failed
+        except (Exception, SystemExit) as error:  # noqa: BLE001 - whatever a driver raises, the medium has failed
             self._lose(medium, error)
             return False
         finally:
@@ -261,13 +263,13 @@ class LinkSink(ABC):
         return True
 
     def _lose(self, medium: Medium, error: BaseException) -> None:
-        if not isinstance(error, MediumError):
+        if not isinstance(error, (MediumError, *medium.broken)):
             self.guard.note(error)
         with self._changed:
             if self._medium is not medium:
                 return
             if not self._lost:
-                log.warning("%s: %s", self.name, error)
+                log.warning("%s: %s", self.name, message_of(error))
             self._medium, self._failed, self._lost = None, medium, True
             dropped_n = self._queue.clear()
             self._changed.notify_all()
@@ -335,7 +337,7 @@ class LinkSink(ABC):
 
     def _close_medium(self, medium: Medium | None) -> None:
         if medium is not None:
-            with self._writing, self._reading:
+            with self._writing, self._reading, suppress(*medium.broken):  # a dead bus fails to close
                 medium.close()
 
     # ---- fault watch ------------------------------------------------------------------------------

@@ -27,7 +27,6 @@ import numpy as np  # noqa: E402
 
 from edge.calibration import Calibration  # noqa: E402
 from edge.link.link_sink import SinkCounters  # noqa: E402
-from edge.link.medium import MediumError  # noqa: E402
 from edge.link.node import Node  # noqa: E402
 from edge.link.sinks import CanFdSink  # noqa: E402
 from edge.link.socketcan import SocketCanMedium  # noqa: E402
@@ -131,7 +130,7 @@ class Listener:
         self._thread.start()
 
     def _run(self) -> None:
-        with suppress(MediumError):  # the finger has closed its end
+        with suppress(*SocketCanMedium.broken):  # the finger has closed its end
             while not self._done.wait(LISTEN_S):
                 self._take()
             self._take()

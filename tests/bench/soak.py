@@ -38,10 +38,9 @@ from calib.sim.source import SceneSource
 from edge.calibration import Calibration
 from edge.faults.registry import FaultRegistry
 from edge.frame import Pipeline
-from edge.link.medium import opener
 from edge.link.node import Node
 from edge.link.settings import SettingsFile
-from edge.link.sinks import CanFdSink
+from edge.link.sinks import CanFdSink, opener
 from edge.rest.tare import tare
 from edge.runtime.board_monitor import BoardMonitor
 from edge.runtime.device import LoopDevice

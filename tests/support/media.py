@@ -2,13 +2,13 @@
 
 from typing import Any
 
+from edge.link.medium import Medium
+
 __all__ = ["Wire"]
 
 
-class Wire:
+class Wire(Medium):
     """A medium that accepts everything, and receives nothing."""
-
-    instant, bus_off = True, False
 
     def __init__(self, instant: bool = True) -> None:
         self.instant = instant

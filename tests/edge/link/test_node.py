@@ -14,12 +14,12 @@ import pytest
 from canopen.objectdictionary import ObjectDictionary
 
 from edge.errors import CalibrationError
-from edge.link.medium import CanFrame, Medium, MediumError, opener
+from edge.link.medium import CanFrame, Medium, MediumError
 from edge.link.nmt import NmtState
 from edge.link.node import Node
 from edge.link.object_server import Aborted
 from edge.link.settings import NodeSettings, SettingsFile
-from edge.link.sinks import CanFdSink, SerialSink, open_sink
+from edge.link.sinks import CanFdSink, SerialSink, open_sink, opener
 from hostlink.wire import (
     OBJECTS,
     Abort,
@@ -330,10 +330,8 @@ def test_faults_and_their_clearing(bench: Bench) -> None:
     assert bench.read("error_n") == 0
 
 
-class Troubled:
+class Troubled(Medium):
     """A bus with a driver that raises anything, once, in one of its calls."""
-
-    bus_off = False
 
     def __init__(self, where: str, error: BaseException, instant: bool) -> None:
         self._where, self._error, self.instant = where, error, instant
