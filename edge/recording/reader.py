@@ -18,8 +18,7 @@ from edge.recording.images import IMAGE_SCHEMAS, OtherSize, decode_image
 from edge.recording.mcap_file import RawMessage, damage, image_count, raw_messages, read_metadata
 from edge.recording.ros import bag_messages
 from edge.recording.topics import TOPICS, proto
-from edge.sources.files import PARAMS as FILES
-from edge.sources.files import FileSource, growing
+from edge.sources.files import FileSource
 from edge.sources.live import PARAMS as LIVE
 from edge.sources.live import rate_of
 from edge.sources.options import Options
@@ -112,7 +111,7 @@ class RecordingSource(FileSource):
     def _is_image(self, raw: RawMessage) -> bool:
         return raw.schema in IMAGE_SCHEMAS and self._topic in (None, raw.topic)
 
-    def _frames(self, faults: Counter[str], size_px: tuple[int, int] | None = None) -> Iterator[Frame]:
+    def _frames(self, faults: Counter[str]) -> Iterator[Frame]:
         about_ns = truth_ns = -1  # log times of the data beside an image
         about, truth = _About(0, 0), None
         n = 0
@@ -124,7 +123,7 @@ class RecordingSource(FileSource):
                 elif raw.topic == TOPICS["truth"].name:
                     truth, truth_ns = msgspec.json.decode(raw.data, type=_Truth).truth, raw.log_ns
                 elif self._is_image(raw):
-                    image = decode_image(raw, size_px)
+                    image = decode_image(raw, self.size_px)
                     self._topic = raw.topic
                     if about_ns != raw.log_ns:  # another tool's file
                         about = _About(raw.sequence or n, raw.log_ns)
@@ -139,14 +138,6 @@ class RecordingSource(FileSource):
             except broken as error:
                 faults["damaged message"] += 1
                 self._refused = self._refused or f"{raw.topic}: {error}"
-
-    def __iter__(self) -> Iterator[Frame]:
-        faults: Counter[str] = Counter()
-        self.faults = faults
-        for frame in growing(self._frames(faults, self.size_px), self.rate_hz or FILES.stills_hz):
-            if self._closed:
-                return
-            yield frame.within(self.region)
 
     @property
     def frames_n(self) -> int:

@@ -6,6 +6,7 @@ is counted in `faults`, and reading goes on.
 
 import os
 import re
+from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -104,13 +105,15 @@ def growing(frames: Iterable[Frame], rate_hz: float) -> Iterator[Frame]:
         yield replace(frame, capture_ns=last_ns)
 
 
-class FileSource:
+class FileSource(ABC):
     """What all recordings have in common. Each iteration starts from the beginning.
 
     faults  how often each kind of damage was met, in the last reading
     """
 
     live = False
+    size_px = (0, 0)
+    rate_hz = 0.0
 
     def __init__(self, kind: str, path: str | Path) -> None:
         self.path = Path(path)
@@ -128,6 +131,17 @@ class FileSource:
         largest = int(image.max())
         self._bits = self._bits or next(bits for bits in _DEPTHS if not largest >> bits)
         return 8 * image.itemsize if largest >> self._bits else self._bits
+
+    @abstractmethod
+    def _frames(self, faults: Counter[str]) -> Iterator[Frame]:
+        """The frames from the beginning, with their own times; damage is counted."""
+
+    def __iter__(self) -> Iterator[Frame]:
+        self.faults = Counter()
+        for frame in growing(self._frames(self.faults), self.rate_hz or PARAMS.stills_hz):
+            if self._closed:
+                return
+            yield frame.within(self.region)
 
     def close(self) -> None:
         self._closed = True
@@ -164,16 +178,13 @@ class FolderSource(FileSource):
     def frames_n(self) -> int:
         return len(self.paths)
 
-    def __iter__(self) -> Iterator[Frame]:
+    def _frames(self, faults: Counter[str]) -> Iterator[Frame]:
         """Raises SourceError on the way if an image has another size: one tip has one camera."""
-        self.faults = Counter()
         for n, path in enumerate(self.paths):
-            if self._closed:
-                return
             try:
                 image = _read_image(path)
             except ValueError:
-                self.faults["damaged frame"] += 1
+                faults["damaged frame"] += 1
                 continue
             if image.shape[::-1] != self.size_px:
                 raise SourceError(
@@ -181,8 +192,7 @@ class FolderSource(FileSource):
                     f"{self.size_px[0]}x{self.size_px[1]}; keep one size in a folder"
                 )
             capture_ns = round(n * 1e9 / self.rate_hz)
-            frame = Frame(image, capture_ns, n, Clock.RECORDED, self._bits_of(image))
-            yield frame.within(self.region)
+            yield Frame(image, capture_ns, n, Clock.RECORDED, self._bits_of(image))
 
 
 class VideoSource(FileSource):
@@ -236,12 +246,7 @@ class VideoSource(FileSource):
             capture.set(cv2.CAP_PROP_CONVERT_RGB, 0)
         return capture
 
-    def __iter__(self) -> Iterator[Frame]:
-        return growing(self._frames(), self.rate_hz)
-
-    def _frames(self) -> Iterator[Frame]:
-        faults: Counter[str] = Counter()
-        self.faults = faults
+    def _frames(self, faults: Counter[str]) -> Iterator[Frame]:
         capture = self._open()
         n = bad_n = 0
         try:
@@ -260,8 +265,7 @@ class VideoSource(FileSource):
                 own_ms = float(capture.get(cv2.CAP_PROP_POS_MSEC))
                 capture_ns = round(own_ms * 1e6 if self._own_times else n * 1e9 / self.rate_hz)
                 grey = to_grey(image)
-                frame = Frame(grey, capture_ns, n, Clock.RECORDED, self._bits_of(grey))
-                yield frame.within(self.region)
+                yield Frame(grey, capture_ns, n, Clock.RECORDED, self._bits_of(grey))
                 n += 1
         finally:
             capture.release()
