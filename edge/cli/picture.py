@@ -26,8 +26,8 @@ from edge.pins import take_rest
 from edge.pins.lens import rest_as_seen
 from edge.rest.symmetry import symmetry_of
 from edge.rest.tip_match import SHARED_MIN
-from edge.sources import region_of
 from edge.sources.live import PARAMS as LIVE
+from edge.sources.region import region_of
 from edge.types import Array, Frame, FrameSource, Image, Index, Lens, LiveSource, Mask, Polarity, Rest
 
 #: Of full scale: from here on a pixel may be clipped, as lenses, codecs and cameras leave a few levels.

@@ -12,7 +12,8 @@ from edge.cli.progress import counting, waiting
 from edge.cli.summary import Summary, damage_of, json_line, print_summary
 from edge.errors import InputError
 from edge.runtime.loop import Loop
-from edge.sources import Paced, open_source
+from edge.sources import open_source
+from edge.sources.paced import Paced
 from edge.types import LiveSource, RecordedSource, Result
 from hostlink.cli_exit import print_error
 from hostlink.cli_types import counted

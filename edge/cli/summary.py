@@ -6,7 +6,7 @@ import math
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from itertools import accumulate
 from typing import Any
 
@@ -14,29 +14,14 @@ import click
 
 from edge.link.sinks import Sink
 from edge.runtime.statistics import LoopStatistics
-from edge.sources import Paced
+from edge.sources.paced import Paced
 from edge.types import FrameSource, RecordedSource, Result
 from hostlink.web import plain
 from hostlink.wire import State
 
 #: Keys of the JSON, and their text for people; the last word is the unit.
 LABELS = {
-    "frames_n": "images processed",
-    "lost_by_camera_n": "images lost before they reached this process",
-    "dropped_n": "images replaced by a newer one",
-    "full_searches_n": "searches of the whole image",
-    "unidentified_n": "images without values: pins not identified",
-    "failed_n": "images that could not be processed",
-    "keepalives_n": "samples sent while no image came",
-    "sent_n": "samples sent, all sinks",
-    "pins_n": "pins of the rest frame",
-    "pins_seen_min_n": "pins seen, least",
-    "pins_seen_median_n": "pins seen, median",
-    "drift_px": "largest drift subtracted, px",
-    "rate_hz": "images a second",
-    "compute_us": "computing, median / 99 % / 99.9 %, us",
-    "latency_us": "capture to sample, median / 99 % / 99.9 %, us",
-    "faults": "faults, how often each",
+    **{field.name: field.metadata["label"] for field in fields(LoopStatistics)},
     "sinks": "sinks",
     "pins_held_min": "pins seen in the recording, least",
     "pins_held_median": "pins seen in the recording, median",

@@ -11,10 +11,10 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from functools import partial
 from pathlib import Path
-from types import TracebackType
-from typing import Literal, Self
+from typing import Literal
 
 from edge.cells import cell_polygons
 from edge.recording import messages
@@ -56,13 +56,9 @@ class _LogClock:
         self._last_ns = 0
         self._overlay_due_ns = 0
 
-    def _wall_ns(self) -> int:
-        """Wall time that does not step while the file is open."""
-        return self._wall_minus_monotonic_ns + time.monotonic_ns()
-
     def now_ns(self) -> int:
-        """Time for messages that belong to no frame."""
-        return self._wall_ns() if self._learns else self._last_ns
+        """Time for messages that belong to no frame: wall time that does not step while the file is open."""
+        return self._wall_minus_monotonic_ns + time.monotonic_ns() if self._learns else self._last_ns
 
     def of(self, frame: Frame) -> int:
         """Of a frame; it grows, though the camera's clock may begin anew."""
@@ -79,7 +75,7 @@ class _LogClock:
         return True
 
 
-class Recorder:
+class Recorder(AbstractContextManager["Recorder"]):
     """Writes one MCAP file.
 
     path         must not exist, unless `overwrite`
@@ -249,12 +245,7 @@ class Recorder:
             self._queue.close(give_up=True)
             self._thread.join(1.0)
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     def _put(self, frame: Frame, parts: Sequence[_Part], n_bytes: int = 0) -> bool:

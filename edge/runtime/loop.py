@@ -42,8 +42,6 @@ from edge.runtime.systemd import Notifier
 from edge.types import Clock, Frame, FrameSource, LiveSource, Result
 from hostlink.wire import State, Status
 
-__all__ = ["Loop", "LoopConfig", "ResultCallback"]
-
 log = logging.getLogger(__name__)
 T = TypeVar("T")
 

@@ -10,28 +10,34 @@ import numpy as np
 from edge.params import PARAMS
 from edge.types import Array
 
+_NONE = (0.0, 0.0, 0.0)  # quantiles while there are no frames
+
+
+def _labelled(label: str, default: Any = 0) -> Any:
+    """A field with what it says to people; the last word is the unit."""
+    return field(default=default, metadata={"label": label})
+
 
 @dataclass(slots=True)
 class LoopStatistics:
-    """Statistics since the loop started. `edge.cli.summary.LABELS` has a label for each."""
+    """Statistics since the loop started. Quantiles are of the last `latencies_n` frames."""
 
-    frames_n: int = 0  # images that were processed
-    lost_by_camera_n: int = 0  # gaps in the camera's numbering: images that never reached this process
-    dropped_n: int = 0  # images that a newer one replaced before they were processed
-    full_searches_n: int = 0  # frames in which the pins were searched for in the whole image
-    unidentified_n: int = 0  # frames without values, because pins could not be identified
-    failed_n: int = 0  # frames that could not be processed at all
-    keepalives_n: int = 0  # samples without values, sent while no image came
-    sent_n: int = 0  # samples that left, summed over the sinks
-    pins_n: int = 0  # pins of the rest frame
-    pins_seen_min_n: int = 0  # pins seen in a frame, of the last `latencies_n` frames
-    pins_seen_median_n: int = 0
-    drift_px: float = 0.0  # largest slow drift that is subtracted now
-    rate_hz: float = 0.0  # frames a second
-    #: Image taken up to sample ready: median, 99 %, 99.9 % of the last `latencies_n` frames.
-    compute_us: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    latency_us: tuple[float, float, float] = (0.0, 0.0, 0.0)  # capture to sample sent, likewise
-    faults: dict[str, int] = field(default_factory=dict)  # how often each fault appeared
+    frames_n: int = _labelled("images processed")
+    lost_by_camera_n: int = _labelled("images lost before they reached this process")
+    dropped_n: int = _labelled("images replaced by a newer one")
+    full_searches_n: int = _labelled("searches of the whole image")
+    unidentified_n: int = _labelled("images without values: pins not identified")
+    failed_n: int = _labelled("images that could not be processed")
+    keepalives_n: int = _labelled("samples sent while no image came")
+    sent_n: int = _labelled("samples sent, all sinks")
+    pins_n: int = _labelled("pins of the rest frame")
+    pins_seen_min_n: int = _labelled("pins seen, least")
+    pins_seen_median_n: int = _labelled("pins seen, median")
+    drift_px: float = _labelled("largest drift subtracted, px", 0.0)
+    rate_hz: float = _labelled("images a second", 0.0)
+    compute_us: tuple[float, float, float] = _labelled("computing, median / 99 % / 99.9 %, us", _NONE)
+    latency_us: tuple[float, float, float] = _labelled("capture to sample, median / 99 % / 99.9 %, us", _NONE)
+    faults: dict[str, int] = field(default_factory=dict, metadata={"label": "faults, how often each"})
 
 
 class StatisticsCollector:
@@ -72,8 +78,8 @@ class StatisticsCollector:
 
 
 def _quantiles(values: Array) -> tuple[float, float, float]:
-    """Median, 99 %, 99.9 %; zeros while there are none."""
+    """Median, 99 %, 99.9 %."""
     if not values.size:
-        return (0.0, 0.0, 0.0)
+        return _NONE
     a, b, c = np.quantile(values, (0.5, 0.99, 0.999))
     return (float(a), float(b), float(c))

@@ -103,32 +103,15 @@ def _local_shear(canvas: Canvas, view: View, tracks: Tracks, features: Features)
 
 
 def _arrow(canvas: Canvas, tail: Array, head: Array, width_px: float, palette: Palette) -> None:
-    """A filled arrow with a halo, canvas px; none where it is too short to have a direction.
-
-    OpenCV's own has a head that scales with its length.
-    """
-    along = head - tail
-    length = float(np.hypot(*along))
+    """An arrow with a halo, canvas px; none where it is too short to have a direction."""
+    length = float(np.hypot(*(head - tail)))
     if length < width_px:
         return
-    u = along / length
-    v = np.array([-u[1], u[0]])
-    barb = min(4.0 * width_px, 0.6 * length)
-    neck = head - barb * u
-    outline = np.array(
-        [
-            tail + v * width_px / 2,
-            neck + v * width_px / 2,
-            neck + v * barb * 0.45,
-            head,
-            neck - v * barb * 0.45,
-            neck - v * width_px / 2,
-            tail - v * width_px / 2,
-        ]
-    )
-    shape = [_fixed(outline)]
-    cv2.polylines(canvas, shape, True, palette.halo, max(2, round(width_px)), cv2.LINE_AA, _SHIFT)
-    cv2.fillPoly(canvas, shape, palette.shear, cv2.LINE_AA, _SHIFT)
+    barb = min(4.0 * width_px / length, 0.6)  # as long in each arrow
+    begin, end = _fixed(np.stack([tail, head])).tolist()
+    width = max(1, round(width_px))
+    for colour, thickness in ((palette.halo, 3 * width), (palette.shear, width)):
+        cv2.arrowedLine(canvas, begin, end, colour, thickness, cv2.LINE_AA, _SHIFT, barb)
 
 
 def _global_shear(canvas: Canvas, view: View, tracks: Tracks, features: Features) -> None:

@@ -80,9 +80,7 @@ class WorkerClient:
             loop.result_callbacks.remove(self.view.on_result)
             loop.tick_callbacks.remove(self.view.on_tick)
         recording = loop.session.recorder is self.recording
-        if recording:
-            loop.session.recorder = None
-        self._put("stopped")
+        self._stop_recording()
         self._close_channel()
         if self.process is not None:
             _end(self.process)
@@ -157,12 +155,19 @@ class WorkerClient:
     # ---- the thread that receives ---------------------------------------------------------------------
 
     def _receive_loop(self, control: Connection) -> None:
+        def record(wanted: bool) -> None:
+            self._loop.post(self._start_recording if wanted else self._stop_recording)
+
+        def answer(force: bool) -> None:
+            with suppress(OSError):  # the worker has ended
+                control.send(self._tare(force))
+
         def tare(force: bool) -> None:  # takes seconds, and other messages come meanwhile
-            threading.Thread(target=lambda: _answer(control, self._tare(force)), daemon=True).start()
+            threading.Thread(target=answer, args=(force,), daemon=True).start()
 
         table: dict[str, Callable[..., None]] = {
             "want": self._on_wants,
-            "record": self._on_record,
+            "record": record,
             "recorded": self.recording.on_report,
             "tare": tare,
         }
@@ -171,9 +176,6 @@ class WorkerClient:
                 table[name](*arguments)
         if not self._closing:
             self._on_worker_exit()
-
-    def _on_record(self, wanted: bool) -> None:
-        self._loop.post(self._start_recording if wanted else self._stop_recording)
 
     def _on_wants(self, wants: frozenset[str] | None) -> None:
         """Have only those features computed that are shown.
@@ -221,11 +223,6 @@ def _messages(control: Connection) -> Iterator[Any]:
     with suppress(EOFError, OSError):
         while True:
             yield control.recv()
-
-
-def _answer(control: Connection, refused: str) -> None:
-    with suppress(OSError):  # the worker has ended
-        control.send(refused)
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:

@@ -8,7 +8,6 @@ from math import nan
 from edge.runtime.loop import Loop
 from edge.types import Features, Frame, Rest, Result
 from edge.view.scene import CHARTED
-from edge.worker.messages import Show
 from edge.worker.params import PARAMS
 from hostlink.web.limits import WebLimits
 from hostlink.wire import FAULTS, State
@@ -32,7 +31,8 @@ class ViewFeed:
         self._latest: tuple[Result, State] | None = None
         self._rows: deque[tuple[float, ...]] = deque()
         self._due_s = self._sent_s = 0.0
-        self._shown: tuple[Frame | None, Result | None, Rest | None] = (None, None, None)
+        self._shown: tuple[Frame | None, tuple[Result, State] | None, Rest | None]
+        self.forget_shown()
 
     def on_result(self, result: Result, state: State) -> None:
         """Note a result; a result callback of the loop."""
@@ -50,21 +50,20 @@ class ViewFeed:
         if not self.watched or now_s < self._due_s:
             return
         loop = self._loop
-        frame, (result, state) = loop.frame, self._latest or (None, None)
+        frame, latest = loop.frame, self._latest
         rest = loop.measurement.pipeline.rest if loop.measurement.pipeline else None
-        frame_shown, result_shown, rest_shown = self._shown
-        is_idle = frame is frame_shown and result is result_shown and not self._rows
+        frame_shown, latest_shown, rest_shown = self._shown
+        is_idle = frame is frame_shown and latest is latest_shown and not self._rows
         if is_idle and now_s < self._sent_s + PARAMS.report_s:
             return
-        is_new = result is not result_shown
-        show = Show(
+        sent = self._put(
+            "show",
             now_s,
             self._result_s,
             self._results_n,
             list(self._rows),
             None if frame is frame_shown else frame,
-            result if is_new else None,
-            state if is_new else None,
+            None if latest is latest_shown else latest,
             None if rest is rest_shown else rest,
             {
                 "faults": [[_MEANING[code], message] for code, message in loop.faults.active.items()],
@@ -78,8 +77,8 @@ class ViewFeed:
         period_s = 1.0 / WebLimits().rate_hz
         self._due_s = max(self._due_s, now_s - period_s) + period_s
         self._sent_s = now_s
-        if self._put("show", show):
-            self._shown = (frame, result, rest)
+        if sent:
+            self._shown = (frame, latest, rest)
             self._rows.clear()
 
     def set_watched(self, watched: bool) -> None:

@@ -45,7 +45,8 @@ from edge.rest.tare import tare
 from edge.runtime.board_monitor import BoardMonitor
 from edge.runtime.device import LoopDevice
 from edge.runtime.loop import Loop
-from edge.sources import Paced, open_source
+from edge.sources import open_source
+from edge.sources.paced import Paced
 from edge.types import Feature, Result
 from hostlink import connect
 from hostlink.client import Sample

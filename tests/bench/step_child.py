@@ -43,7 +43,8 @@ from edge.calibration import Calibration  # noqa: E402
 from edge.link.params import PARAMS as LINK  # noqa: E402
 from edge.link.sinks import CanFdSink  # noqa: E402
 from edge.link.socketcan import SocketCanMedium  # noqa: E402
-from edge.runtime.loop import Loop, LoopConfig  # noqa: E402
+from edge.runtime.loop import Loop  # noqa: E402
+from edge.runtime.measurement import LoopConfig  # noqa: E402
 from edge.sources.live import ThreadedSource  # noqa: E402
 from edge.types import Clock, Feature, Frame  # noqa: E402
 from tests.bench.marks import Marks  # noqa: E402

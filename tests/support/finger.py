@@ -6,7 +6,8 @@ from typing import Any
 from edge.calibration import Calibration
 from edge.faults.registry import FaultRegistry
 from edge.link.sinks import MemorySink
-from edge.runtime.loop import Loop, LoopConfig
+from edge.runtime.loop import Loop
+from edge.runtime.measurement import LoopConfig
 from edge.types import Clock, Frame, FrameSource, Image, Lens, Polarity, Region
 from hostlink.wire import FaultCode, State
 

@@ -14,7 +14,8 @@ from edge.errors import NoPins
 from edge.pins import take_rest
 from edge.rest.choice import aligned, choose_rest, rest_if_touched, rest_of_source
 from edge.rest.tip_match import in_order_of
-from edge.sources import open_source, read_image
+from edge.sources import open_source
+from edge.sources.files import read_image
 from edge.types import Image, RecordedSource, Rest
 
 TIP = Tip(n_pins=127, kind="hex")

@@ -16,7 +16,6 @@ from edge.cells import cell_polygons
 from edge.recording.reader import RecordingSource, read_messages
 from edge.types import Feature
 from edge.view.scene import CHART
-from edge.worker.messages import Show
 from edge.worker.page import LivePage
 from edge.worker.params import PARAMS
 from hostlink.web import PageServer, WebError, parse_listen
@@ -236,7 +235,7 @@ def test_charts_get_every_sample_once(monkeypatch: pytest.MonkeyPatch) -> None:
     for n in range(120):
         now_s += 1 / 60
         row = (now_s, float(n), *[0.0] * (len(CHART) - 2))
-        page.show(Show(now_s, now_s, n, [row], None, None, None, None, {"pins_n": 3}))
+        page.show(now_s, now_s, n, [row], None, None, None, {"pins_n": 3})
         if n % 5:
             continue
         made = page._make(frozenset())
