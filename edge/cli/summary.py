@@ -6,9 +6,9 @@ import math
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from itertools import accumulate
-from typing import Any
+from typing import Any, get_type_hints
 
 import click
 
@@ -19,9 +19,10 @@ from edge.types import FrameSource, RecordedSource, Result
 from hostlink.web import plain
 from hostlink.wire import State
 
+_COUNTED = get_type_hints(LoopStatistics, include_extras=True)
 #: Keys of the JSON, and their text for people; the last word is the unit.
 LABELS = {
-    **{field.name: field.metadata["label"] for field in fields(LoopStatistics)},
+    **{name: label for name, hint in _COUNTED.items() for label in hint.__metadata__},
     "sinks": "sinks",
     "pins_held_min": "pins seen in the recording, least",
     "pins_held_median": "pins seen in the recording, median",

@@ -136,17 +136,13 @@ class Node:
     def watch_link(self) -> None:
         """Report the link's current faults; called by the sink when they may have changed."""
         with self._watching:
-            if self.sink.faults != self._link_faults:
-                self._report_link_faults()
-
-    def _report_link_faults(self) -> None:
-        faults = self.sink.faults
-        for code in faults ^ self._link_faults:
-            self._device.report(code, code in faults, f"{self.name}: {_FAULTS[code].meaning}")
-        self._link_faults = faults
-        if not faults:  # emergencies sent meanwhile were lost: repeat them
-            for code in sorted(self._active):
-                self._send_emergency(code, True)
+            faults, before = self.sink.faults, self._link_faults
+            for code in faults ^ before:
+                self._device.report(code, code in faults, f"{self.name}: {_FAULTS[code].meaning}")
+            self._link_faults = faults
+            if before and not faults:  # emergencies sent meanwhile were lost: repeat them
+                for code in sorted(self._active):
+                    self._send_emergency(code, True)
 
     def _start(self) -> None:
         """Send the boot-up message, and be operational, with heartbeat."""

@@ -7,7 +7,6 @@ from typing import Protocol
 from edge.errors import SinkError
 from edge.link.link_sink import LinkSink, SinkCounters
 from edge.link.medium import CanFrame, Medium, MediumError
-from edge.link.params import PARAMS, LinkParams
 from edge.link.state_packer import StatePacker
 from hostlink.wire import (
     CanIds,
@@ -63,15 +62,11 @@ class MemorySink:
     def __init__(self, name: str = "memory:", keep: int = 100_000) -> None:
         self.name = name
         self.states: deque[State] = deque(maxlen=keep)
-        self._sent = 0
-
-    @property
-    def counters(self) -> SinkCounters:
-        return SinkCounters(sent=self._sent)
+        self.counters = SinkCounters()
 
     def send(self, state: State) -> bool:
         self.states.append(state)
-        self._sent += 1
+        self.counters.sent += 1
         return True
 
     def drain(self, timeout_s: float) -> bool:
@@ -84,23 +79,17 @@ class MemorySink:
 class CanSink(LinkSink):
     """A node on a CAN bus. Items and incoming messages are `CanFrame`.
 
-    node    CANopen node number, 1..127
-    ids     bases of the identifiers
-    params  the link's times and counts
+    node  CANopen node number, 1..127
+    ids   bases of the identifiers
     """
 
     def __init__(
-        self,
-        name: str,
-        open_medium: Callable[[], Medium],
-        node: int = NODE_DEFAULT,
-        ids: CanIds | None = None,
-        params: LinkParams = PARAMS,
+        self, name: str, open_it: Callable[[], Medium], node: int = NODE_DEFAULT, ids: CanIds | None = None
     ) -> None:
         self.node = node
         self.ids = ids or CanIds()
         self._state_id = self.ids.state(node)  # ValueError: no such node
-        super().__init__(name, open_medium, params)
+        super().__init__(name, open_it)
 
     bitrate, dbitrate = BITRATE, DBITRATE  # of the bus, where the address names them
 

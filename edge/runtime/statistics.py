@@ -3,41 +3,38 @@
 import time
 from collections import deque
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from edge.params import PARAMS
 from edge.types import Array
 
-_NONE = (0.0, 0.0, 0.0)  # quantiles while there are no frames
-
-
-def _labelled(label: str, default: Any = 0) -> Any:
-    """A field with what it says to people; the last word is the unit."""
-    return field(default=default, metadata={"label": label})
+Quantiles = tuple[float, float, float]  # median, 99 %, 99.9 %
 
 
 @dataclass(slots=True)
 class LoopStatistics:
-    """Statistics since the loop started. Quantiles are of the last `latencies_n` frames."""
+    """Statistics since the loop started, each with what it says to people; the last word is the unit.
+    Quantiles are of the last `latencies_n` frames.
+    """
 
-    frames_n: int = _labelled("images processed")
-    lost_by_camera_n: int = _labelled("images lost before they reached this process")
-    dropped_n: int = _labelled("images replaced by a newer one")
-    full_searches_n: int = _labelled("searches of the whole image")
-    unidentified_n: int = _labelled("images without values: pins not identified")
-    failed_n: int = _labelled("images that could not be processed")
-    keepalives_n: int = _labelled("samples sent while no image came")
-    sent_n: int = _labelled("samples sent, all sinks")
-    pins_n: int = _labelled("pins of the rest frame")
-    pins_seen_min_n: int = _labelled("pins seen, least")
-    pins_seen_median_n: int = _labelled("pins seen, median")
-    drift_px: float = _labelled("largest drift subtracted, px", 0.0)
-    rate_hz: float = _labelled("images a second", 0.0)
-    compute_us: tuple[float, float, float] = _labelled("computing, median / 99 % / 99.9 %, us", _NONE)
-    latency_us: tuple[float, float, float] = _labelled("capture to sample, median / 99 % / 99.9 %, us", _NONE)
-    faults: dict[str, int] = field(default_factory=dict, metadata={"label": "faults, how often each"})
+    frames_n: Annotated[int, "images processed"] = 0
+    lost_by_camera_n: Annotated[int, "images lost before they reached this process"] = 0
+    dropped_n: Annotated[int, "images replaced by a newer one"] = 0
+    full_searches_n: Annotated[int, "searches of the whole image"] = 0
+    unidentified_n: Annotated[int, "images without values: pins not identified"] = 0
+    failed_n: Annotated[int, "images that could not be processed"] = 0
+    keepalives_n: Annotated[int, "samples sent while no image came"] = 0
+    sent_n: Annotated[int, "samples sent, all sinks"] = 0
+    pins_n: Annotated[int, "pins of the rest frame"] = 0
+    pins_seen_min_n: Annotated[int, "pins seen, least"] = 0
+    pins_seen_median_n: Annotated[int, "pins seen, median"] = 0
+    drift_px: Annotated[float, "largest drift subtracted, px"] = 0.0
+    rate_hz: Annotated[float, "images a second"] = 0.0
+    compute_us: Annotated[Quantiles, "computing, median / 99 % / 99.9 %, us"] = (0.0, 0.0, 0.0)
+    latency_us: Annotated[Quantiles, "capture to sample, median / 99 % / 99.9 %, us"] = (0.0, 0.0, 0.0)
+    faults: Annotated[dict[str, int], "faults, how often each"] = field(default_factory=dict)
 
 
 class StatisticsCollector:
@@ -77,9 +74,9 @@ class StatisticsCollector:
         )
 
 
-def _quantiles(values: Array) -> tuple[float, float, float]:
-    """Median, 99 %, 99.9 %."""
+def _quantiles(values: Array) -> Quantiles:
+    """Zeros while there are none."""
     if not values.size:
-        return _NONE
+        return (0.0, 0.0, 0.0)
     a, b, c = np.quantile(values, (0.5, 0.99, 0.999))
     return (float(a), float(b), float(c))

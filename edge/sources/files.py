@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -32,14 +32,6 @@ _DEPTHS = (8, 10, 12, 14, 16)  # bits of a sensor's pixel
 _GIVE = f"give {', '.join(IMAGE_SUFFIXES)}"
 
 
-@dataclass(frozen=True, slots=True)
-class FileParams:
-    """Parameters by name."""
-
-    stills_hz: float = 30.0  # of stills, and of videos that do not state a rate: a live replay uses it
-
-
-PARAMS = FileParams()
 #: FFmpeg's names of grey that OpenCV gives as it is, of 8 and 16 bits; all else becomes colour of 8 bits.
 _GREY_FORMATS = [int.from_bytes(name, "little") for name in (b"Y800", b"Y1\0\x10")]
 
@@ -138,7 +130,7 @@ class FileSource(ABC):
 
     def __iter__(self) -> Iterator[Frame]:
         self.faults = Counter()
-        for frame in growing(self._frames(self.faults), self.rate_hz or PARAMS.stills_hz):
+        for frame in growing(self._frames(self.faults), self.rate_hz or LIVE.stills_hz):
             if self._closed:
                 return
             yield frame.within(self.region)
@@ -156,7 +148,7 @@ class FolderSource(FileSource):
 
     def __init__(self, path: str | Path, rate_hz: float = 0.0) -> None:
         super().__init__("images", path)
-        self.rate_hz = rate_hz or PARAMS.stills_hz
+        self.rate_hz = rate_hz or LIVE.stills_hz
         if self.path.is_dir():
             found = [p for p in self.path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES and p.is_file()]
             self.paths = sorted(found, key=_natural)
@@ -223,7 +215,7 @@ class VideoSource(FileSource):
             capture.release()
         if not ok:
             raise SourceError(f"{self.name}: no frame can be decoded; give a complete video")
-        stated_hz = stated_hz if 0 < stated_hz < RATE_MAX_HZ else PARAMS.stills_hz
+        stated_hz = stated_hz if 0 < stated_hz < RATE_MAX_HZ else LIVE.stills_hz
         measured_hz = rate_of(times_ms, 1e3) or stated_hz
         self._own_times = not rate_hz and max(times_ms) > times_ms[0]
         mean_hz = (len(times_ms) - 1) * 1e3 / max(1e-3, times_ms[-1] - times_ms[0])  # of a variable rate

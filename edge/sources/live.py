@@ -27,6 +27,9 @@ class LiveParams:
     rate_frames_n: int = 24  # intervals that a rate is measured from
     slow_rel: float = 0.8  # share of the asked rate below which the camera counts as slow
     size_px: tuple[int, int] = (640, 400)  # width and height of a camera that has to be told one
+    gain_iso: int = 200  # of an OAK module, if none is asked for
+    exposure_us: int = 2000  # of an OAK module, if none is asked for
+    stills_hz: float = 30.0  # of stills, and of videos that do not state a rate: a live replay uses it
 
 
 PARAMS = LiveParams()

@@ -88,8 +88,8 @@ def _ramp(palette: Palette) -> NDArray[np.uint8]:
     share = np.linspace(-1.0, 1.0, 2 * COLOUR_STEPS + 1)
     end = np.where(share[:, None] < 0, expanded, compressed)
     lab = np.asarray(paper + (end - paper) * np.abs(share)[:, None], np.float32)
-    bgr = np.asarray(cv2.cvtColor(lab[None], cv2.COLOR_Lab2BGR)[0])
-    return np.rint(255 * bgr).astype(np.uint8)
+    bgr: NDArray[np.uint8] = np.rint(255 * cv2.cvtColor(lab[None], cv2.COLOR_Lab2BGR)[0]).astype(np.uint8)
+    return bgr
 
 
 def cell_rgba(area_change: Array, palette: Palette = PAPER) -> list[tuple[float, float, float, float]]:
