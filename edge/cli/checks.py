@@ -25,9 +25,10 @@ from edge.runtime.board_monitor import HOT_DEGC, STORED_BYTES
 from edge.sensors import KnownSensor, known_sensors, missing_pins
 from edge.sources.camera import CameraSource
 from edge.sources.live import PARAMS as LIVE
+from edge.sources.live import ThreadedSource
 from edge.sources.options import Options, parse_spec
 from edge.sources.v4l2 import lasting_name
-from edge.types import Frame, FrameSource, LiveSource, Rest
+from edge.types import Frame, FrameSource, Rest
 from hostlink.wire.address import Address, AddressError, parse_address
 
 _COLOURS = {"ok": "green", "warn": "yellow", "fail": "red"}
@@ -71,7 +72,7 @@ def worst(lines: Sequence[Line]) -> str:
 def camera(source: FrameSource, frames: Sequence[Frame], config: Config) -> Iterator[Line]:
     """Found, rate."""
     if not frames:
-        why = (source.condition if isinstance(source, LiveSource) else "") or "no images"
+        why = (source.condition if isinstance(source, ThreadedSource) else "") or "no images"
         advice = "unplug it and plug it in again; other program?"
         yield Line("camera", "fail", f"{source.name}: {why}", advice)
         return

@@ -23,7 +23,8 @@ from edge.rest.symmetry import symmetry_of
 from edge.rest.tare import PARAMS as TARE
 from edge.sensors import KnownSensor, known_sensors, load_sensor, missing_pins
 from edge.sources import open_source
-from edge.types import Frame, RecordedSource, Rest
+from edge.sources.files import FileSource
+from edge.types import Frame, Rest
 from edge.view.panels import save_pins_overlay
 from hostlink.cli_exit import print_error
 from hostlink.output_file import check_output, writing
@@ -156,7 +157,7 @@ def _seen_of(
     with closing(open_source(address)) as source:
         if named is not None:
             look_as(source, named)
-        several = isinstance(source, RecordedSource) and not source.live and source.frames_n != 1
+        several = isinstance(source, FileSource) and source.frames_n != 1
         if how is not None or several:
             given = rest_of_source(source, how or "auto", calibration)
             frame, rest = given.frame, given.rest

@@ -24,7 +24,8 @@ from edge.errors import NoPins, SourceError
 from edge.frame import Pipeline
 from edge.rest.tare import TareParams, tare
 from edge.sources import open_source
-from edge.types import Feature, FrameSource, RecordedSource, Rest, Result
+from edge.sources.files import FileSource
+from edge.types import Feature, FrameSource, Rest, Result
 from edge.view.palette import PAPER, SAFE
 from edge.view.panels import View, picture
 from edge.view.video import CODECS, write_video
@@ -115,7 +116,7 @@ def render_recording(
         view = View.of(rest_frame.xy_img, pattern.pitch_px, height, mm_per_px, colours)
         pipeline = Pipeline(rest_frame, calibration, DRAWN)
         rate_hz = rate_hz or source.rate_hz or 30.0
-        total_n = source.frames_n if isinstance(source, RecordedSource) else 0
+        total_n = source.frames_n if isinstance(source, FileSource) else 0
         unidentified_n = 0
         with counting(out.name, total_n, progress) as count:
 

@@ -3,19 +3,19 @@
 import cmath
 import json
 import math
-from bisect import bisect_left
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
-from itertools import accumulate
+from statistics import median
 from typing import Any, get_type_hints
 
 import click
 
 from edge.link.sinks import Sink
 from edge.runtime.statistics import LoopStatistics
+from edge.sources.files import FileSource
 from edge.sources.paced import Paced
-from edge.types import FrameSource, RecordedSource, Result
+from edge.types import FrameSource, Result
 from hostlink.web import plain
 from hostlink.wire import State
 
@@ -40,7 +40,7 @@ LABELS = {
 def damage_of(source: FrameSource) -> str:
     """Message on the unreadable part of a recording; known once it has been read. Empty: none."""
     recorded = source.source if isinstance(source, Paced) else source
-    if not isinstance(recorded, RecordedSource):
+    if not isinstance(recorded, FileSource):
         return ""
     found = [what if n == 1 else f"{what} {n} times" for what, n in recorded.faults.items() if n]
     listed = ", ".join(found).replace("truncated", "cut off at its end")
@@ -89,9 +89,9 @@ class Summary:
             return {"pins_held_median": 0}
         table: dict[str, Any] = {
             "pins_held_min": min(self._held),
-            "pins_held_median": int(_median(self._held)),
+            "pins_held_median": int(median(self._held.elements())),
             "confidence_min": min(self._confidence),
-            "confidence_median": round(_median(self._confidence), 3),
+            "confidence_median": round(median(self._confidence.elements()), 3),
             "contacts_max": self._contacts_max,
         }
         if self._shear_n:
@@ -101,12 +101,6 @@ class Summary:
         if math.isfinite(self._displacement_mm):
             table["displacement_max_mm"] = round(self._displacement_mm, 3)
         return table
-
-
-def _median(counted: Counter[Any]) -> float:
-    values, numbers = zip(*sorted(counted.items()), strict=True)
-    ends, n = list(accumulate(numbers)), counted.total()
-    return float(values[bisect_left(ends, (n + 1) // 2)] + values[bisect_left(ends, n // 2 + 1)]) / 2
 
 
 def print_summary(

@@ -38,7 +38,7 @@ class Medium(ABC):
 
     instant = False  # whether a write always returns at once
     bus_off = False
-    #: What its driver raises of a medium that is gone: closed, unplugged, with a handle that became None.
+    #: Its driver raises these for a medium that is gone: closed, unplugged, with a handle that became None.
     broken: tuple[type[Exception], ...] = (OSError, ValueError, TypeError)
 
     @abstractmethod

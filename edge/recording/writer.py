@@ -16,14 +16,12 @@ from functools import partial
 from pathlib import Path
 from typing import Literal
 
-from edge.cells import cell_polygons
 from edge.recording import messages
 from edge.recording.images import image_message
 from edge.recording.mcap_writer import PARAMS, Compression, McapWriter
 from edge.recording.message_queue import MessageQueue
 from edge.recording.topics import TOPICS, FoxgloveMessages, Topic, contacts_topic, sample_topic
 from edge.types import Frame, Result
-from edge.view.palette import cell_rgba
 from hostlink.topics import (
     DIAGNOSIS_S,
     Diagnosis,
@@ -166,19 +164,12 @@ class Recorder(AbstractContextManager["Recorder"]):
         n_bytes = 4 * tracks.xy_img.nbytes
         due = self._clock.overlay_is_due(log_ns)
         if due:
-            parts.append(("pins_overlay", lambda: messages.annotations_of(log_ns, points=tracks.xy_img)))
+            parts.append(("pins_overlay", lambda: messages.pins_overlay(tracks, log_ns)))
         if cells is not None and features is not None:
             parts.append(("cells", lambda: messages.cells_cloud(cells, log_ns)))
             n_bytes += 3 * cells.xy_img.nbytes
             if due:
-                parts.append(
-                    (
-                        "cells_overlay",
-                        lambda: messages.annotations_of(
-                            log_ns, polygons=cell_polygons(cells), colours=cell_rgba(features.area_change)
-                        ),
-                    )
-                )
+                parts.append(("cells_overlay", lambda: messages.cells_overlay(cells, features, log_ns)))
             parts.append(("features", lambda: messages.to_json(messages.features_json(frame, features))))
         parts.append(("reading", lambda: messages.to_json(messages.reading_json(frame, result.reading))))
         self._put(frame, parts, n_bytes)

@@ -39,7 +39,8 @@ from edge.runtime.board_monitor import BoardMonitor
 from edge.runtime.measurement import LoopConfig, Measurement
 from edge.runtime.statistics import LoopStatistics, StatisticsCollector
 from edge.runtime.systemd import Notifier
-from edge.types import Clock, Frame, FrameSource, LiveSource, Result
+from edge.sources.live import ThreadedSource
+from edge.types import Clock, Frame, FrameSource, Result
 from hostlink.wire import State, Status
 
 log = logging.getLogger(__name__)
@@ -163,7 +164,7 @@ class Loop:
     def _frames(self) -> Iterator[Frame | None]:
         """The source's frames; from a live source also None, whenever none came for a while."""
         source = self.source
-        if not isinstance(source, LiveSource):
+        if not isinstance(source, ThreadedSource):
             yield from source
             return
         wait_s = RUNTIME.wait_s

@@ -124,6 +124,11 @@ class FileSource(ABC):
         self._bits = self._bits or next(bits for bits in _DEPTHS if not largest >> bits)
         return 8 * image.itemsize if largest >> self._bits else self._bits
 
+    @property
+    @abstractmethod
+    def frames_n(self) -> int:
+        """Images in it; 0: not known before it has been read."""
+
     @abstractmethod
     def _frames(self, faults: Counter[str]) -> Iterator[Frame]:
         """The frames from the beginning, with their own times; damage is counted."""
@@ -190,9 +195,8 @@ class FolderSource(FileSource):
 class VideoSource(FileSource):
     """A video file, through OpenCV's FFmpeg.
 
-    rate_hz   0: the file's own, measured from its first images if they do not come at the stated rate
-    frames_n  as the file states it, which is an estimate in some; 0: it does not
-    Raises    SourceError: does not exist, not a video, no frame in it
+    rate_hz  0: the file's own, measured from its first images if they do not come at the stated rate
+    Raises   SourceError: does not exist, not a video, no frame in it
     """
 
     def __init__(self, path: str | Path, rate_hz: float = 0.0) -> None:
@@ -200,7 +204,7 @@ class VideoSource(FileSource):
         capture = self._open()
         try:
             stated_n = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
-            self.frames_n = max(0, min(stated_n, self.path.stat().st_size))  # a frame takes a byte at least
+            self._stated_n = max(0, min(stated_n, self.path.stat().st_size))  # a frame takes a byte at least
             stated_hz = float(capture.get(cv2.CAP_PROP_FPS))
             check_size(
                 int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
@@ -222,6 +226,11 @@ class VideoSource(FileSource):
         as_stated = any(LIVE.slow_rel < hz / stated_hz < 1 / LIVE.slow_rel for hz in (measured_hz, mean_hz))
         self.rate_hz = rate_hz or (stated_hz if as_stated else measured_hz)
         self.size_px = (image.shape[1], image.shape[0])
+
+    @property
+    def frames_n(self) -> int:
+        """As the file states it, which is an estimate in some; 0: it does not."""
+        return self._stated_n
 
     def _open(self) -> Any:
         if not self.path.is_file():
