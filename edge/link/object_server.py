@@ -105,11 +105,8 @@ class ObjectServer:
         link: Callable[[], dict[str, int]],
         maps: bool = True,
     ) -> None:
-        self._device = device
-        self._settings = settings
-        self._node = node
-        self._ids = ids
-        self._on_change = on_change
+        self._device, self._settings, self._node = device, settings, node
+        self._ids, self._on_change = ids, on_change
         self._link, self._maps = link, maps
         self.newest: State | None = None
         self._description: Mapping[str, Value] = {}

@@ -21,8 +21,7 @@ class CanMedium(Medium):
     broken = (can.CanError, *Medium.broken)
 
     def __init__(self, bus: can.BusABC | OpenBus, instant: bool) -> None:
-        self.instant = instant
-        self._bus = bus
+        self.instant, self._bus = instant, bus
         self._timeout_s = 0.0 if instant else PARAMS.write_s
 
     def write(self, item: CanFrame) -> None:

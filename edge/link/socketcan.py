@@ -43,8 +43,7 @@ class SocketCanMedium(Medium):
     instant = True
 
     def __init__(self, bus: socket.socket, carrier: Path) -> None:
-        self._bus = bus
-        self._carrier = carrier
+        self._bus, self._carrier = bus, carrier
 
     def write(self, item: CanFrame) -> None:
         if self.bus_off:

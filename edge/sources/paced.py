@@ -40,9 +40,7 @@ class Paced(ThreadedSource):
         self.rate_hz = rate_hz or source.rate_hz * speed
         self._speed = speed
         self._own_times = not rate_hz
-        self._loop = loop
-        self._rest_n = rest_n
-        self._clock_ns = clock_ns
+        self._loop, self._rest_n, self._clock_ns = loop, rest_n, clock_ns
 
     def _due(self) -> Iterator[tuple[int, Frame]]:
         """(ns since the start, frame with its new sequence number)."""

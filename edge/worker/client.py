@@ -41,8 +41,7 @@ class WorkerClient:
     """
 
     def __init__(self, loop: Loop, config: WorkerConfig) -> None:
-        self._loop = loop
-        self._config = config
+        self._loop, self._config = loop, config
         self._listen = config.listen
         self.view = ViewFeed(loop, self._put)
         self.recording = RecordingFeed(self._put)

@@ -23,8 +23,7 @@ class ViewFeed:
     """
 
     def __init__(self, loop: Loop, put: Callable[..., bool]) -> None:
-        self._loop = loop
-        self._put = put
+        self._loop, self._put = loop, put
         self.watched = False
         self._results_n = 0
         self._result_s = time.monotonic()
