@@ -187,7 +187,7 @@ def start_worker(
     if listen is None and options.record_path is None:
         return
     from edge.worker.client import WorkerClient  # not in a finger that nobody watches
-    from edge.worker.messages import WorkerConfig
+    from edge.worker.params import WorkerConfig
 
     # A sink's address may name another number than the configuration does.
     numbers = [sink.number for sink in loop.sinks if isinstance(sink, Node)]

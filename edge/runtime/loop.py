@@ -221,7 +221,7 @@ class Loop:
         pins_n = nan if result is None else result.tracks.n_seen
         self._counters.add(compute_us, latency_us, pins_n)
         self._notifier.frame()
-        if self.session.recorder is not None:
+        if self.session.put is not None:
             self.session.take(frame, result, state)
         if result is not None and self.result_callbacks:
             _call_each(self.result_callbacks, result, state)

@@ -58,18 +58,17 @@ def _from_packages(name: str | None = None) -> EntryPoints:
 
 
 def _opener(spec: Spec) -> Opener:
-    opener: Opener
     if spec.scheme in _BUILT_IN:
         module, _, name = _BUILT_IN[spec.scheme].partition(":")
-        opener = getattr(import_module(module), name)
+        opener: Opener = getattr(import_module(module), name)
         return opener
     for point in _from_packages(name=spec.scheme):
         try:
             opener = point.load()
+            return opener
         except ImportError as error:
             hint = _FROM_EXTRA.get(spec.scheme, f"the package of {point.value}")
             raise SourceError(f"source {spec.text}: {error}; install {hint}") from error
-        return opener
     if spec.scheme in _FROM_EXTRA:
         raise SourceError(f"source {spec.text}: not installed here; install {_FROM_EXTRA[spec.scheme]}")
     known = ", ".join(f"{name}:" for name in sorted({*_BUILT_IN, *_from_packages().names}))

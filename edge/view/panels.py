@@ -156,10 +156,10 @@ def save_pins_overlay(
     path: str | Path,
     image: Image,
     pins: Pins,
-    clipped: Mask | None = None,
-    holes_img: Array | None = None,
-    rois: Sequence[Sequence[int]] = (),
-    text: Sequence[str] = (),
+    clipped: Mask,
+    holes_img: Array,
+    rois: Sequence[Sequence[int]],
+    text: Sequence[str],
 ) -> None:
     """The image, twice its size, with a circle of each pin's own radius and a cross at its centre.
 
@@ -170,11 +170,11 @@ def save_pins_overlay(
     scale = 2.0
     view = View((-0.5, -0.5), scale, (int(scale * image.shape[1]), int(scale * image.shape[0])))
     canvas = draw_camera(view, image, 8 if image.dtype == np.uint8 else 16)
-    red = [False] * len(pins) if clipped is None else clipped.tolist()
-    for (x, y), r, full in zip(view.fixed(pins.xy_img).tolist(), pins.radius_px.tolist(), red, strict=True):
+    marks = view.fixed(pins.xy_img).tolist(), pins.radius_px.tolist(), clipped.tolist()
+    for (x, y), r, full in zip(*marks, strict=True):
         cv2.circle(canvas, (x, y), round(r * scale * _ONE), _CROSS if full else _RING, 1, cv2.LINE_AA, _SHIFT)
         cv2.drawMarker(canvas, (round(x / _ONE), round(y / _ONE)), _CROSS, cv2.MARKER_CROSS, 5, 1)
-    for x, y in [] if holes_img is None else np.rint(view.canvas(holes_img)).astype(int).tolist():
+    for x, y in np.rint(view.canvas(holes_img)).astype(int).tolist():
         cv2.drawMarker(canvas, (x, y), _HOLE, cv2.MARKER_TILTED_CROSS, 14, 2)
     for left, top, wide, high in rois:
         low, far = view.canvas(np.array([[left, top], [left + wide, top + high]])).astype(int).tolist()

@@ -20,9 +20,8 @@ from typing import Any
 from edge.errors import InputError, RequestRefused
 from edge.runtime.loop import Loop
 from edge.types import Feature
-from edge.worker.feeds import RecordingFeed, ViewFeed
-from edge.worker.messages import WorkerConfig
-from edge.worker.params import PARAMS
+from edge.worker.feeds import ViewFeed
+from edge.worker.params import PARAMS, WorkerConfig
 from edge.worker.shared_memory import Outbox
 from hostlink.web import Listen
 from hostlink.wire import RestFrameState
@@ -36,7 +35,7 @@ SHOWN = frozenset({Feature.DISPLACEMENT, Feature.CONTACTS, Feature.SHEAR, Featur
 class WorkerClient:
     """Viewers and recorder of a loop.
 
-    recording  the loop's recorder, while there is one
+    recording  the loop's session
     process    None: not started
     """
 
@@ -44,7 +43,7 @@ class WorkerClient:
         self._loop, self._config = loop, config
         self._listen = config.listen
         self.view = ViewFeed(loop, self._put)
-        self.recording = RecordingFeed(self._put)
+        self.recording = loop.session
         self.process: subprocess.Popen[bytes] | None = None
         self._closing = False
         self._sending = threading.Lock()  # the channel may be replaced
@@ -78,7 +77,7 @@ class WorkerClient:
         with suppress(ValueError):  # it was never started
             loop.result_callbacks.remove(self.view.on_result)
             loop.tick_callbacks.remove(self.view.on_tick)
-        recording = loop.session.recorder is self.recording
+        recording = self.recording.put is not None
         self._stop_recording()
         self._close_channel()
         if self.process is not None:
@@ -105,12 +104,10 @@ class WorkerClient:
         calibration = self._loop.measurement.calibration
         if calibration is not None:
             self._put("attach", "calibration.json", PickleBuffer(calibration.encoded))
-        self.recording.begin()
-        self._loop.session.recorder = self.recording
+        self.recording.begin(self._put)
 
     def _stop_recording(self) -> None:
-        if self._loop.session.recorder is self.recording:
-            self._loop.session.recorder = None
+        self.recording.put = None
         self._put("stopped")
 
     # ---- the process ----------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""What the loop's thread sends to the worker: new results for viewers, and every turn for the recorder."""
+"""What the loop's thread sends to the worker for viewers: new results."""
 
 import time
 from collections import deque
@@ -100,37 +100,3 @@ def _row(at_s: float, state: State, features: Features | None) -> tuple[float, .
         shear_px = shear_px if features.shear_px is None else features.shear_px.tolist()
     sent = [getattr(state, name) for name in CHARTED]
     return (at_s, *sent, state.latency_us / 1e3, volume_px2, *shear_px)
-
-
-class RecordingFeed:
-    """Sends each turn of the loop to the recorder, and keeps its state.
-
-    put     sends a message to the worker; False: the memory is full
-    fault   why nothing is recorded any more
-    lost_n  turns that the worker was too slow for, and has not been told of
-    """
-
-    def __init__(self, put: Callable[..., bool]) -> None:
-        self._put = put
-        self.begin()
-
-    def begin(self) -> None:
-        self.lost_n = self._dropped_n = 0
-        self.fault: str | None = None
-
-    def take(self, frame: Frame, result: Result | None, state: State) -> None:
-        if self.lost_n and self._put("count_lost", self.lost_n):
-            self.lost_n = 0
-        self.lost_n += not self._put("take", frame, result, state)
-
-    def event(self, level: str, text: str) -> None:
-        """Record a line of the log; from any thread."""
-        self._put("event", level, text)
-
-    def on_report(self, dropped_n: int, fault: str | None) -> None:
-        self._dropped_n, self.fault = dropped_n, fault
-
-    @property
-    def dropped_n(self) -> int:
-        """Messages that the disk or the worker was too slow for."""
-        return self._dropped_n + self.lost_n

@@ -35,7 +35,7 @@ from edge.runtime.loop import Loop  # noqa: E402
 from edge.sources.paced import Paced  # noqa: E402
 from edge.types import Clock, Frame, Lens, Polarity, Region  # noqa: E402
 from edge.worker.client import WorkerClient  # noqa: E402
-from edge.worker.messages import WorkerConfig  # noqa: E402
+from edge.worker.params import WorkerConfig  # noqa: E402
 from hostlink.web import parse_listen  # noqa: E402
 from hostlink.wire import State, unpack_state  # noqa: E402
 from tests.bench.usage import cpu_s, memory_mb  # noqa: E402

@@ -19,7 +19,7 @@ from edge.runtime.loop import Loop
 from edge.sources.live import ThreadedSource
 from edge.types import Clock, Frame
 from edge.worker.client import WorkerClient
-from edge.worker.messages import WorkerConfig
+from edge.worker.params import WorkerConfig
 from hostlink.web import parse_listen
 from tests.support.waiting import SOON_S
 

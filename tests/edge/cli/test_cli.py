@@ -431,7 +431,7 @@ def test_a_recording_that_does_not_fit_on_the_disk_is_no_success(
 ) -> None:
     """As the worker reports it."""
     stays = property(lambda feed: fault, lambda feed, value: None)
-    monkeypatch.setattr("edge.worker.feeds.RecordingFeed.fault", stays, raising=False)
+    monkeypatch.setattr("edge.recording.session.RecordingSession.fault", stays, raising=False)
     replay = ("replay", data_dir / "press_shear.mcap", "--speed", "max", "-q")
     assert command(*replay, "--record", tmp_path / "a.mcap").code == (1 if fault else 0)
     assert (f"recording: {fault}" in caplog.text) == (fault is not None)

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -341,23 +341,13 @@ def test_a_failing_viewer_is_disconnected(finger: Finger) -> None:
     assert bad not in finger.loop.result_callbacks
 
 
-class Recorder:
-    fault: str | None = None
-    dropped_n = 0
-
-    def __getattr__(self, name: str) -> Callable[..., bool]:
-        return lambda *_, **__: True
-
-
 def test_a_failing_recorder_ends_only_the_recording(finger: Finger) -> None:
-    class Broken(Recorder):
-        def take(self, *_: object) -> None:
-            raise OSError("gone")
+    def broken(name: str, *_: object) -> bool:
+        raise OSError("gone")
 
-    broken: Any = Broken()
-    finger.loop.session.recorder = broken
+    finger.loop.session.begin(broken)
     assert measured(finger.see(finger.frames[20].image))
-    assert finger.loop.session.recorder is None
+    assert finger.loop.session.put is None
     assert finger.faults == {FaultCode.DISK_FULL}
 
 

@@ -39,7 +39,7 @@ def recorded(data_dir: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[
         )
         with Recorder(path, tip={"serial": "T-3"}, rate_hz=60) as recorder:
             recorder.finger = 3
-            loop.session.recorder = recorder
+            loop.session.begin(lambda name, *given: getattr(recorder, name)(*given) is not False)
             loop.run()
         sink.close()
         while (message := bus.recv(0.5)) is not None:

@@ -180,7 +180,7 @@ def test_without_the_token_a_viewer_may_only_watch(live: Live) -> None:
     tares_n = live.loop.measurement.tares_n
     watch(live, look)
     assert live.loop.measurement.tares_n == tares_n
-    assert live.loop.session.recorder is None
+    assert live.loop.session.put is None
 
 
 def test_a_packet_holds_what_the_loop_measured(live: Live) -> None:
@@ -333,7 +333,7 @@ def test_an_unwritable_folder_is_reported(live: Live) -> None:
     away.rename(folder)
     assert not answer["ok"]
     assert "give another folder" in answer["message"]
-    assert live.loop.session.recorder is None
+    assert live.loop.session.put is None
 
 
 async def visit(session: aiohttp.ClientSession, url: str, known: set[asyncio.Task[bool] | None]) -> bool:

@@ -23,8 +23,7 @@ from mcap.reader import make_reader
 from edge.recording.reader import RecordingSource, read_messages
 from edge.sources import open_source
 from edge.worker.client import WorkerClient
-from edge.worker.messages import WorkerConfig
-from edge.worker.params import WorkerParams
+from edge.worker.params import WorkerConfig, WorkerParams
 from edge.worker.shared_memory import Inbox, Outbox
 from hostlink.interrupt import ENDING
 from hostlink.wire import FaultCode
