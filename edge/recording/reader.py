@@ -5,7 +5,7 @@ Damage is counted in `faults`, and reading goes on; only a file without any imag
 """
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
 from typing import Annotated, Any
@@ -17,7 +17,7 @@ from edge.limits import RATE_MAX_HZ
 from edge.recording.images import IMAGE_SCHEMAS, OtherSize, decode_image
 from edge.recording.mcap_file import RawMessage, damage, image_count, raw_messages, read_metadata
 from edge.recording.ros import bag_messages
-from edge.recording.topics import TOPICS, proto
+from edge.recording.topics import TOPICS
 from edge.sources.files import FileSource
 from edge.sources.live import PARAMS as LIVE
 from edge.sources.live import rate_of
@@ -41,28 +41,6 @@ class _Truth(msgspec.Struct):
     """The truth of a frame, from a rig or simulator."""
 
     truth: dict[str, Any] | None = None
-
-
-def read_messages(path: str | Path, topics: Sequence[str] | None = None) -> Iterator[tuple[str, int, Any]]:
-    """(topic, log time ns, message) in order of time: JSON as dict, Foxglove as protobuf object.
-
-    A damaged message is skipped.
-    Raises SourceError: does not exist, not MCAP
-    """
-    broken = damage(msgspec.DecodeError, SourceError)  # SourceError: unknown schema
-    for raw in raw_messages(Path(path), Counter()):
-        if topics is not None and raw.topic not in topics:
-            continue
-        try:
-            if raw.encoding == "json":
-                message = msgspec.json.decode(raw.data)
-            elif raw.encoding == "protobuf" and raw.schema.startswith("foxglove."):
-                message = proto(raw.schema.removeprefix("foxglove.")).FromString(raw.data)
-            else:
-                continue
-        except broken:
-            continue
-        yield raw.topic, raw.log_ns, message
 
 
 class RecordingSource(FileSource):

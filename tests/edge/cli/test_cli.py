@@ -22,7 +22,6 @@ import numpy as np
 import pytest
 
 from calib.sim import Camera, Simulator, Tip, ToolPose
-from edge.recording.reader import read_messages
 from edge.recording.writer import Recorder
 from edge.runtime.loop import Loop
 from edge.runtime.statistics import LoopStatistics, StatisticsCollector
@@ -30,6 +29,7 @@ from edge.sensors import load_sensor
 from edge.sources import open_source
 from hostlink.wire import Status
 from tests.support.commands import run_edge as command
+from tests.support.messages import read_messages
 from tests.support.processes import edge, python
 from tests.support.waiting import SOON_S
 

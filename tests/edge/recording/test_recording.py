@@ -17,13 +17,14 @@ from mcap_protobuf.writer import Writer
 from edge.errors import SinkError, SourceError
 from edge.recording import messages
 from edge.recording.mcap_file import read_metadata
-from edge.recording.reader import RecordingSource, read_messages
+from edge.recording.reader import RecordingSource
 from edge.recording.topics import TOPICS, proto
 from edge.recording.writer import Recorder
 from edge.types import Cells, Clock, Features, Frame, Reading, Result, Tracks
 from hostlink.topics import status_text
 from hostlink.wire import State, Status
 from tests.support.fields import contact_region
+from tests.support.messages import read_messages
 from tests.support.refusals import one_line
 from tests.support.waiting import SOON_S
 

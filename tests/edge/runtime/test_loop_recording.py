@@ -11,7 +11,6 @@ from mcap.reader import make_reader
 
 from edge.calibration import Calibration
 from edge.link.sinks import open_sink
-from edge.recording.reader import read_messages
 from edge.recording.writer import Recorder
 from edge.runtime.loop import Loop
 from edge.sources import open_source
@@ -21,6 +20,7 @@ from hostlink.topics import Diagnosis, Level, values_of
 from hostlink.web import Listen
 from hostlink.wire import State
 from tests.hostlink.bridge.hand import Hand
+from tests.support.messages import read_messages
 from tests.support.waiting import SOON_S
 
 

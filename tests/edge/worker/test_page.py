@@ -13,7 +13,7 @@ import pytest
 from mcap.reader import make_reader
 
 from edge.cells import cell_polygons
-from edge.recording.reader import RecordingSource, read_messages
+from edge.recording.reader import RecordingSource
 from edge.types import Feature
 from edge.view.scene import CHART
 from edge.worker.page import LivePage
@@ -22,6 +22,7 @@ from hostlink.web import PageServer, WebError, parse_listen
 from hostlink.web.limits import WebLimits
 from hostlink.wire import FaultCode
 from tests.support.exact import circumcentre
+from tests.support.messages import read_messages
 from tests.support.processes import python
 from tests.support.refusals import one_line
 from tests.support.viewing import TOKEN, Live
