@@ -146,13 +146,13 @@ class FrameSource(Protocol):
     """
 
     name: str
-    size_px: tuple[int, int]  # width, height
-    rate_hz: float  # nominal; 0 where unknown
+    size_px: tuple[int, int] = (0, 0)  # width, height
+    rate_hz: float = 0.0  # nominal; 0 where unknown
     live: bool  # True: frames come at the camera's pace; False: as fast as they are read
-    polarity: Polarity  # of its pins, as far as its address says
-    lens: Lens | None  # whose distortion is removed from the pins' places; None: none
-    region: Region | None  # of its images, which alone the frames show; None: all
-    dropped_n: int  # frames that were discarded because the reader was slow
+    polarity: Polarity = Polarity.FOUND  # of its pins, as far as its address says
+    lens: Lens | None = None  # whose distortion is removed from the pins' places; None: none
+    region: Region | None = None  # of its images, which alone the frames show; None: all
+    dropped_n: int = 0  # frames that were discarded because the reader was slow
 
     def __iter__(self) -> Iterator[Frame]: ...
 

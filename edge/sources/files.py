@@ -24,7 +24,7 @@ from edge.sources.live import PARAMS as LIVE
 from edge.sources.live import rate_of
 from edge.sources.options import NoKeys, Options
 from edge.sources.pixels import decode_picture, to_grey
-from edge.types import Clock, Frame, Image, Lens, Polarity, Region
+from edge.types import Clock, Frame, FrameSource, Image
 from hostlink.input_file import read_bounded
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".webp")
@@ -97,23 +97,17 @@ def growing(frames: Iterable[Frame], rate_hz: float) -> Iterator[Frame]:
         yield replace(frame, capture_ns=last_ns)
 
 
-class FileSource(ABC):
+class FileSource(FrameSource, ABC):
     """What all recordings have in common. Each iteration starts from the beginning.
 
     faults  how often each kind of damage was met, in the last reading
     """
 
     live = False
-    size_px = (0, 0)
-    rate_hz = 0.0
 
     def __init__(self, kind: str, path: str | Path) -> None:
         self.path = Path(path)
         self.name = f"{kind} {self.path}"
-        self.dropped_n = 0
-        self.polarity = Polarity.FOUND
-        self.lens: Lens | None = None
-        self.region: Region | None = None
         self.faults: Counter[str] = Counter()
         self._bits = 0  # of a pixel, by the first image
         self._closed = False

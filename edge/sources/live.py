@@ -16,7 +16,7 @@ import numpy as np
 
 from edge.errors import SourceError
 from edge.params import PARAMS as RUNTIME
-from edge.types import Frame, Lens, Polarity, Region
+from edge.types import Frame, FrameSource
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +74,7 @@ class Watch:
         return self.condition
 
 
-class ThreadedSource(ABC):
+class ThreadedSource(FrameSource, ABC):
     """Base of live sources; a subclass gives `_work`, which runs in the thread and calls `_offer`."""
 
     live = True
@@ -82,12 +82,6 @@ class ThreadedSource(ABC):
 
     def __init__(self, name: str) -> None:
         self.name = name
-        self.size_px = (0, 0)
-        self.rate_hz = 0.0
-        self.polarity = Polarity.FOUND
-        self.lens: Lens | None = None
-        self.region: Region | None = None
-        self.dropped_n = 0
         self.received_n = 0
         self.faults: Counter[str] = Counter()
         self._slot: Frame | None = None
