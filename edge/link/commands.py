@@ -68,8 +68,7 @@ class SerialCommands:
         self._line, self._node = sink, node
         self._sent_n = Counter[Message]()
         self._answered: tuple[int, bytes] | None = None
-        self._answered_s = 0.0
-        self._answer = b""
+        self._answer, self._answered_s = b"", 0.0
         self._upload = bytearray()
         self._upload_to: tuple[int, int] | None = None
         sink.on_frame = self.receive

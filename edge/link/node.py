@@ -45,15 +45,10 @@ class Node:
         self.name = sink.name
         self._device = device
         self._settings = settings or SettingsFile()
-        self._sending = threading.Lock()
-        self._watching = threading.Lock()
+        self._sending, self._watching = threading.Lock(), threading.Lock()
         self._latched: tuple[State, float] | None = None
-        self._syncs = 0
-        self._frames = 0
+        self._syncs = self._frames = self._dropped_n = self._detail_counter = self._detail_frames = 0
         self._next_us = 0.0
-        self._dropped_n = 0
-        self._detail_counter = 0
-        self._detail_frames = 0
         self._active: set[FaultCode] = set()
         self._link_faults: frozenset[FaultCode] = frozenset()
         self.number, self.state = sink.node, NmtState.INITIALISING

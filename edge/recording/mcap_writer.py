@@ -55,8 +55,7 @@ class McapWriter:
             raise SinkError(f"recording: cannot write {path}: {error.strerror}; {advice}") from error
         self._writer: Any = Writer(self._file, compression=CompressionType[compression.upper()])
         self._channels: dict[str, int] = {}
-        self._chunk_open = False
-        self._chunk_since_s = 0.0
+        self._chunk_open, self._chunk_since_s = False, 0.0
         self._writer.start(profile="", library="voronoi-touch")
         self._writer.add_metadata("voronoi_touch", dict(metadata))
         try:

@@ -110,10 +110,8 @@ class Recorder(AbstractContextManager["Recorder"]):
         self._png = image == "png"
         self._serial = about.get("serial", "")
         self._since_ns: int | None = None  # of the samples counted for the next diagnosis
-        self._samples_n = 0
-        self._lost_noted_n = 0
+        self._samples_n = self._lost_noted_n = self.refused_n = 0
         self.finger = 1
-        self.refused_n = 0
         self.fault: str | None = None
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()

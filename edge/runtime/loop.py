@@ -97,8 +97,7 @@ class Loop:
         self._commands: deque[tuple[Callable[[], Any], Future[Any]]] = deque()
         self._stop = Event()
         self._garbage_due_ns = clock_ns() + round(RUNTIME.rarely_s * 1e9)
-        self._sample = 0
-        self._keepalive_due_ns = 0
+        self._sample = self._keepalive_due_ns = 0
         self._frame_begun_ns: int | None = None  # when work on the current frame began
 
     # ---- from other threads ------------------------------------------------------------------------

@@ -88,11 +88,9 @@ class ThreadedSource(FrameSource, ABC):
         self._times: list[int] | None = None  # of the frames that arrive while the rate is measured
         self._changed = threading.Condition()
         self._closing = threading.Event()
-        self._ended = False
-        self._started = False
+        self._ended = self._started = False
         self._last_s = 0.0
-        self._condition = ""
-        self._slot_condition = ""
+        self._condition = self._slot_condition = ""
         self.frame_condition = ""  # fault of the frame that `read` gave last: frozen, black, slow
         self._failure: Exception | None = None
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
