@@ -1,4 +1,4 @@
-"""What the second process is told, beside pins and images as the loop knows them, and its chosen numbers.
+"""Configuration of the second process, the form of its messages, and its chosen numbers.
 
 A message is a tuple: the name of what the receiver does, then its arguments. To the worker: "show",
 "stopped", and what a `Recorder` does by the same name. To the loop: what `WorkerClient` has in a table.
