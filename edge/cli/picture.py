@@ -24,11 +24,12 @@ from edge.pins import take_rest
 from edge.pins.lens import rest_as_seen
 from edge.rest.symmetry import symmetry_of
 from edge.rest.tip_match import SHARED_MIN
-from edge.sources import region_of
 from edge.sources.live import PARAMS as LIVE
-from edge.types import Array, Frame, FrameSource, Image, Index, Lens, LiveSource, Mask, Polarity, Rest
+from edge.sources.live import ThreadedSource
+from edge.sources.region import region_of
+from edge.types import Array, Frame, FrameSource, Image, Index, Lens, Mask, Polarity, Rest
 
-#: Of full scale: from here on a pixel may be clipped, as lenses, codecs and cameras leave a few levels.
+#: A pixel may be clipped from this share of full scale on: lenses, codecs and cameras leave a few levels.
 CLIPPED = 250 / 255
 _AROUND = np.exp(1j * tau * np.arange(24) / 24)
 
@@ -206,7 +207,7 @@ def pins(frame: Frame, rest: Rest) -> Iterator[Line]:
 
 def watch(source: FrameSource) -> list[Frame]:
     """The first images of a source, as many as a rate is measured from."""
-    if not isinstance(source, LiveSource):
+    if not isinstance(source, ThreadedSource):
         return list(islice(source, LIVE.rate_frames_n + 1))
     frames: list[Frame] = []
     end_s = time.monotonic() + LIVE.first_s

@@ -6,7 +6,6 @@ A frame whose pins cannot be identified is shown with its image and without cell
 import logging
 from collections.abc import Iterator
 from contextlib import closing
-from dataclasses import asdict, dataclass
 from itertools import islice
 from math import hypot, isnan, nan
 from pathlib import Path
@@ -25,7 +24,8 @@ from edge.errors import NoPins, SourceError
 from edge.frame import Pipeline
 from edge.rest.tare import TareParams, tare
 from edge.sources import open_source
-from edge.types import Feature, FrameSource, RecordedSource, Rest, Result
+from edge.sources.files import FileSource
+from edge.types import Feature, FrameSource, Rest, Result
 from edge.view.palette import PAPER, SAFE
 from edge.view.panels import View, picture
 from edge.view.video import CODECS, write_video
@@ -73,58 +73,50 @@ def render(
     The first frames must show the untouched tip: they are the rest frame, unless --rest says another.
     """
     check_output(out, tuple(CODECS), filter(None, (recording, calibration_path)), overwrite)
-    style, calibration = Style(palette, rate_hz, height), load_calibration(calibration_path)
     with writing(out, overwrite) as unfinished:
-        made = render_recording(recording, unfinished, calibration, style, not (quiet or as_json), rest)
+        made = render_recording(
+            recording, unfinished, load_calibration(calibration_path), palette=palette, rate_hz=rate_hz,
+            height=height, progress=not (quiet or as_json), rest=rest,
+        )  # fmt: skip
     if as_json:
-        click.echo(json_line(asdict(made)))
+        click.echo(json_line(made))
     elif not quiet:
-        click.echo(
-            f"{out}: {counted(made.frames_n, 'frame')} at {made.rate_hz:g} Hz, "
-            f"{made.unidentified_n} without values"
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class Style:
-    palette: str = "paper"  # "paper" or "safe"
-    rate_hz: float | None = None  # pictures a second; None: the recording's own
-    height: int = 640  # of a panel, px
-
-
-@dataclass(frozen=True, slots=True)
-class Made:
-    frames_n: int  # in the video
-    unidentified_n: int  # of them without values, because the pins could not be identified
-    pins_n: int  # of the rest frame
-    rate_hz: float  # pictures a second
+        frames = counted(int(made["frames_n"]), "frame")
+        click.echo(f"{out}: {frames} at {made['rate_hz']:g} Hz, {made['unidentified_n']} without values")
 
 
 def render_recording(
     recording: str,
     out: Path,
     calibration: Calibration | None = None,
-    style: Style | None = None,
+    *,
+    palette: str = "paper",
+    rate_hz: float | None = None,
+    height: int = 640,
     progress: bool = False,
     rest: str | None = None,
-) -> Made:
+) -> dict[str, float]:
     """Write the video.
 
+    palette   a key of `PALETTES`
+    rate_hz   pictures a second; None: the recording's own
+    height    of a panel, px
     progress  show a bar on stderr
     rest      "auto", "none" or the number of an image; None: the rest frame is made of the first images,
               if they do not show a touch
+    Returns   frames_n in the video; unidentified_n of them without values, because the pins could not be
+              identified; pins_n of the rest frame; rate_hz of the pictures
     Raises    SourceError: no such recording, or no pins in its first frames; SinkError: cannot be written;
               OSError: the disk is full; CalibrationError: of another tip
     """
-    style = style or Style()
     with closing(open_source(recording)) as source:
         rest_frame = _rest_frame(source, rest, calibration)
         mm_per_px = (calibration.mm_per_px if calibration else None) or 0.0
-        palette = PALETTES[style.palette]
-        view = View.of(rest_frame.xy_img, rest_frame.pattern.pitch_px, style.height, mm_per_px, palette)
+        pattern, colours = rest_frame.pattern, PALETTES[palette]
+        view = View.of(rest_frame.xy_img, pattern.pitch_px, height, mm_per_px, colours)
         pipeline = Pipeline(rest_frame, calibration, DRAWN)
-        rate_hz = style.rate_hz or source.rate_hz or 30.0
-        total_n = source.frames_n if isinstance(source, RecordedSource) else 0
+        rate_hz = rate_hz or source.rate_hz or 30.0
+        total_n = source.frames_n if isinstance(source, FileSource) else 0
         unidentified_n = 0
         with counting(out.name, total_n, progress) as count:
 
@@ -141,7 +133,9 @@ def render_recording(
             frames_n = write_video(pictures(), out, rate_hz)
     if damage := damage_of(source):
         log.warning("%s: %s", recording, damage)
-    return Made(frames_n, unidentified_n, len(rest_frame), rate_hz)
+    return {
+        "frames_n": frames_n, "unidentified_n": unidentified_n, "pins_n": len(rest_frame), "rate_hz": rate_hz
+    }  # fmt: skip
 
 
 def _rest_frame(source: FrameSource, how: str | None, calibration: Calibration | None) -> Rest:

@@ -24,7 +24,6 @@ import pytest
 
 from calib.sim import Camera, Simulator, Tip, ToolPose
 from edge.cli.progress import counting, waiting
-from edge.recording.reader import read_messages
 from edge.recording.writer import Recorder
 from edge.runtime.loop import Loop
 from edge.runtime.statistics import LoopStatistics, StatisticsCollector
@@ -32,6 +31,7 @@ from edge.sensors import load_sensor
 from edge.sources import open_source
 from hostlink.wire import Status
 from tests.support.commands import run_edge as command
+from tests.support.messages import read_messages
 from tests.support.processes import edge, python
 from tests.support.waiting import SOON_S
 
@@ -419,7 +419,7 @@ def test_a_recording_that_does_not_fit_on_the_disk_is_no_success(
 ) -> None:
     """As the worker reports it."""
     stays = property(lambda feed: fault, lambda feed, value: None)
-    monkeypatch.setattr("edge.worker.feeds.RecordingFeed.fault", stays, raising=False)
+    monkeypatch.setattr("edge.recording.session.RecordingSession.fault", stays, raising=False)
     replay = ("replay", data_dir / "press_shear.mcap", "--speed", "max", "-q")
     assert command(*replay, "--record", tmp_path / "a.mcap").code == (1 if fault else 0)
     assert (f"recording: {fault}" in caplog.text) == (fault is not None)
