@@ -5,9 +5,6 @@
 from __future__ import annotations
 
 import cython
-import numpy as np
-
-from edge.types import Array
 
 if cython.compiled:
     from cython.cimports.libc.math import INFINITY, NAN
@@ -19,17 +16,6 @@ else:
 #: The median absolute deviation of normal noise, times this, is its standard deviation.
 SIGMA_OF_MAD = 1.4826
 _SIGMA_OF_MAD = cython.declare(cython.double, SIGMA_OF_MAD)
-
-
-def kth_smallest(values: Array, k: int) -> float:
-    """k-th smallest, from 0, of values (n,) float64 without NaN.
-
-    Raises  ValueError: no such k
-    """
-    if not 0 <= k < len(values):
-        raise ValueError(f"the {k}-th of {len(values)} values: k must be 0 to {len(values) - 1}")
-    smallest: float = select_kth(np.array(values, np.float64), len(values), k)
-    return smallest
 
 
 def select_kth(v: cython.double[::1], n: cython.Py_ssize_t, k: cython.Py_ssize_t) -> cython.double:

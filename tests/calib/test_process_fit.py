@@ -5,7 +5,8 @@ import pytest
 
 from calib.process_fit import FittedProcess, fit_process
 from calib.process_likelihood import Symmetry
-from edge.calibration.inputs import FRAME_INPUTS, evaluate_terms, term_columns
+from calib.terms import evaluate_terms, term_columns
+from edge.calibration.inputs import FRAME_INPUTS
 from edge.types import Complex
 from tests.support.synthetic import make
 
