@@ -510,7 +510,6 @@ class Mesh:
             self.has_bounds = True
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _sum_exactly(self) -> cython.void:
         """Sum the cells again whose error bound is too large, from exact weights."""
         if not self.has_bounds:
@@ -541,7 +540,6 @@ class Mesh:
                 area[q] += part
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _share(self) -> cython.void:
         """Points at one place: each gets an equal part of the cell."""
         if self.n_shared == 0:

@@ -247,7 +247,6 @@ class FeatureExtractor:
         )
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _detects(
         self, by_area: cython.bint, change: cython.double[::1], sigma_px: cython.double
     ) -> cython.bint:

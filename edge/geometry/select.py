@@ -1,3 +1,4 @@
+# cython: infer_types=True
 """Order statistics without sorting. A kernel; other kernels import it through `select.pxd`."""
 
 # mypy: disable-error-code="untyped-decorator"
@@ -36,10 +37,6 @@ def _select(
     v: cython.double[::1], low: cython.Py_ssize_t, high: cython.Py_ssize_t, k: cython.Py_ssize_t
 ) -> cython.void:
     """The same of v[low] to v[high]."""
-    i: cython.Py_ssize_t
-    j: cython.Py_ssize_t
-    few: cython.Py_ssize_t
-    pivot: cython.double
     while low < high:
         few = (high - low) // 16
         if few > 4:  # whose k-th is nearer to that of all than any one of them
@@ -67,7 +64,6 @@ def median(v: cython.double[::1], n: cython.Py_ssize_t) -> cython.double:
     """Median of the first n, which change places; the mean of the middle two if n is even. NaN of none."""
     if n == 0:
         return NAN
-    i: cython.Py_ssize_t
     below: cython.double = -INFINITY  # the largest of those before the middle
     middle: cython.double = select_kth(v, n, n // 2)
     if n % 2 == 1:

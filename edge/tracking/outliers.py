@@ -1,3 +1,4 @@
+# cython: infer_types=True
 """What the neighbours of a pin say of it: the motion that they predict for it, and whether it is an outlier.
 
 A kernel: compiled by Cython, and the same when it is not.
@@ -126,8 +127,6 @@ def _sums(
     i: cython.Py_ssize_t,
 ) -> Sums:
     s: Sums = Sums(NO_NEIGHBOUR, 0, 0, affine.ridge, 0, affine.ridge, 0, 0, 0, 0, 0, 0)
-    c: cython.Py_ssize_t
-    at: cython.Py_ssize_t
     for c in range(affine.k):
         at = affine.near[i, c]
         weight = cython.cast(cython.double, affine.weight[i, c])
@@ -166,7 +165,6 @@ def _solve(s: Sums) -> Fit:
 
 
 @cython.cfunc
-@cython.exceptval(check=False)
 def _predict_all(
     affine: LocalAffine,
     motion: cython.const[cython.double][:, ::1],
@@ -175,7 +173,6 @@ def _predict_all(
     support: cython.double[::1],
     gradient: cython.double[:, :, ::1],
 ) -> cython.void:
-    i: cython.Py_ssize_t
     for i in range(affine.n):
         s = _sums(affine, motion, known, i)
         one = _solve(s)
@@ -255,10 +252,9 @@ class PhotometricFilter:
         """The seen pins whose residual is so large that they must not be outliers; whether there are any."""
         most2: cython.double[::1] = self.most2
         suspect: cython.uchar[::1] = self.suspect
-        i: cython.Py_ssize_t
+        some: cython.uchar = 0
         x: cython.double
         y: cython.double
-        some: cython.uchar = 0
         for i in range(self.n):
             x = residual[2 * i]
             y = residual[2 * i + 1]
@@ -275,7 +271,6 @@ class PhotometricFilter:
         searched: cython.bint,
     ) -> cython.void:
         """`accepted` where `find_suspects` found any, for arrays of the right size; updates seen."""
-        i: cython.Py_ssize_t
         gain = self._find_trusted(brightness, sigma, seen, HUGE_VAL if searched else self.sigma_ratio_max)
         for i in range(self.n):
             self.off[i] = UNKNOWN
@@ -299,7 +294,6 @@ class PhotometricFilter:
         at_rest: cython.double[::1] = self.rest_brightness
         sigma_ratio: cython.double[::1] = self.rest_sigma_ratio
         trusted: cython.uchar[::1] = self.trusted
-        i: cython.Py_ssize_t
         sigmas: cython.double = self.ratio * _SIGMA_OF_MAD  # that count, in median absolute deviations
         m: cython.Py_ssize_t = 0
         within: cython.Py_ssize_t = 0
@@ -338,8 +332,6 @@ class PhotometricFilter:
         """
         own: cython.double = self._off_trusted(motion, i)
         ratio2: cython.double = self.ratio * self.ratio
-        c: cython.Py_ssize_t
-        at: cython.Py_ssize_t
         m: cython.Py_ssize_t = 0
         above: cython.Py_ssize_t = 0
         if own < self.most2[i]:

@@ -271,7 +271,6 @@ class ContactFit:
         return True
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _take_motion(self, xy: cython.const[cython.double][:, ::1]) -> cython.void:
         """Of the pins that count."""
         for i in range(self.n_pins):
@@ -343,7 +342,6 @@ class ContactFit:
         return self._explain(self._last[points], False)
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _clear(self) -> cython.void:
         """Parameters to begin with, but for places and lines; and their priors."""
         for i in range(self._m):
@@ -375,7 +373,6 @@ class ContactFit:
         return self._error
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _descend_on(self) -> cython.bint:
         """Two steps at most from an earlier frame's optimum, since more of them often end in another one.
         Whether they end in an optimum, or out of reach of the limit.
@@ -403,7 +400,6 @@ class ContactFit:
         return False
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _descend(self) -> cython.void:
         """Steps while they gain."""
         size = _OWN * self._m + _COMMON
@@ -429,7 +425,6 @@ class ContactFit:
         self.least = self._error
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _follow(self, shape: cython.Py_ssize_t) -> cython.bint:
         """Begin where the last frame's fit ended; False: there is none, or not near where to begin."""
         own = _OWN * self._m
@@ -454,7 +449,6 @@ class ContactFit:
         return True
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _sum_up(self) -> cython.double:
         """Normal equations at the present parameters; the squared error."""
         size = _OWN * self._m + _COMMON
@@ -474,7 +468,6 @@ class ContactFit:
         return cost
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _sum_products(self, n: cython.Py_ssize_t, columns: cython.Py_ssize_t) -> cython.void:
         """Add the products of each two columns of the first n rows to `_normal`, four rows at a time: n
         and the width are multiples of 4. What is above the diagonal is of no use.
@@ -490,7 +483,6 @@ class ContactFit:
                     )
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _explain(self, parameters: cython.double[::1], derive: cython.bint) -> cython.double:
         """What contacts and affine motion leave of the pins' motion, and its rows; the squared error."""
         base = _OWN * self._m
@@ -526,7 +518,6 @@ class ContactFit:
         return cost
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _off(self, parameters: cython.double[::1], j: cython.Py_ssize_t) -> cython.double:
         """How far a parameter is from its prior's mean: that of a width is where the fit begins."""
         if j < _OWN * self._m and j % _OWN == 2:
@@ -534,7 +525,6 @@ class ContactFit:
         return parameters[j]
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _add_point(
         self, parameters: cython.double[::1], p: cython.Py_ssize_t, derive: cython.bint
     ) -> cython.void:
@@ -580,7 +570,6 @@ class ContactFit:
             rows[q, p + 7] = rows[r, p + 6] = -fx * dy
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _add_line(self, parameters: cython.double[::1], derive: cython.bint) -> cython.void:
         """The same by a line: weighted sums over its nodes."""
         rows: cython.double[:, ::1] = self._rows
@@ -655,7 +644,6 @@ class ContactFit:
             self._sums[i, k] = s[k]
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _find_step(self, damping: cython.double) -> cython.bint:
         """`_next` from the present parameters by one damped step (Cholesky), and `_promise`; False: not
         positive definite.
@@ -714,7 +702,6 @@ class ContactFit:
                 self._next[p + 7] *= self._radius / far
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _write(self) -> cython.void:
         for i in range(self._m):
             self.place[i, 0] = self._now[_OWN * i] * self._pitch_px
