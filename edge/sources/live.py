@@ -24,7 +24,7 @@ class LiveParams:
     """Parameters by name; evidence in docs/tuning.md."""
 
     first_s: float = 10.0  # for the first frames of a camera that starts
-    rate_frames_n: int = 24  # intervals that a rate is measured from
+    rate_frames_n: int = RUNTIME.sample_n  # intervals that a rate is measured from: their median
     slow_rel: float = 0.8  # share of the asked rate below which the camera counts as slow
     size_px: tuple[int, int] = (640, 400)  # width and height of a camera that has to be told one
 

@@ -1,7 +1,9 @@
 """Every chosen number of this stage; the evidence for each is in docs/tuning.md, "Tracking"."""
 
 from dataclasses import dataclass
+from math import exp
 
+from edge.geometry.lattice import PARAMS as LATTICE
 from edge.params import ASTRAY_REL
 
 
@@ -13,7 +15,6 @@ class TrackingParams:
 
     # --- prediction from the neighbours
     gradient_ridge: float = 0.05  # on the local map's gradient, in neighbours' weights
-    support_min: float = 1.2  # sum of the neighbours' weights that carries a prediction: two near ones
     velocity_damping: float = 0.7  # share of the last motion that is expected again
     # --- which followed pins are seen: residual = motion off the neighbours' map
     innovation_max: float = 0.25  # change of the residual from one frame to the next
@@ -27,7 +28,6 @@ class TrackingParams:
     # --- whether the identities are held
     baseline_share_min: float = 0.65  # of the baseline: the share seen lately
     baseline_frames: float = 30.0  # time constant of the baseline, frames
-    research_frames: int = 60  # until an incomplete tip is searched again
     leap_innovation: float = 0.1  # with fewer than all pins of the baseline: a leap
     # --- coarse fits, search
     gate: float = 0.33  # of a blob from a coarse fit; of neighbours' motions; of a tip's median innovation
@@ -44,6 +44,18 @@ class TrackingParams:
     # pitches; beyond this standard deviation a step of a pitch may go unnoticed, beyond twice as much where
     # one of the two signs of a slip is not seen
     slip_spread: float = 0.03
+
+    @property
+    def support_min(self) -> float:
+        """Sum of the neighbours' weights that carries a prediction: of two as far as neighbours are."""
+        return 2.0 * exp(-0.5 * (LATTICE.longest_edge / LATTICE.near_width) ** 2)
+
+    @property
+    def research_frames(self) -> int:
+        """Until an incomplete tip is searched again: by then six sevenths of what the baseline knew of the lost
+        part are forgotten, two time constants.
+        """
+        return round(2.0 * self.baseline_frames)
 
     @property
     def full_share_min(self) -> float:

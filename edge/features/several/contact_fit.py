@@ -53,12 +53,21 @@ _EVEN = cython.declare(cython.Py_ssize_t, FITS_MAX + 1)  # beside 0, a line, and
 #: Parameters of a contact: place (2), logarithm of the width, strength, t (2), v or half a line (2).
 _OWN = cython.declare(cython.Py_ssize_t, 8)
 _COMMON = cython.declare(cython.Py_ssize_t, 6)
-#: Points of a line, over which its mean is a weighted sum: exact to 1 % for a line of ten pitches and a width
-#: of two thirds of one.
-_NODES = cython.declare(cython.Py_ssize_t, 12)
 #: Damping of the first step; a tenth of it after one that helped, else tenfold. At 0.1 some lines get short.
 _DAMPING = cython.declare(cython.double, 1.0)
 _ENOUGH = cython.declare(cython.double, 1e-2)  # relative gain of a step that is the last one
+
+
+def _nodes_n(params: FeatureParams, error: float) -> int:
+    """Points of a line over which a mean is a weighted sum, for the longest line and the width that a fit
+    begins with: Gauss' rule errs by 1 / r^(2 n + 2), where r is the sum of the semi-axes of the ellipse about
+    the line, in halves of it, through the nearest pole: of f at sqrt(2) widths.
+    """
+    pole = sqrt(2.0) / params.grid_steps_per_pitch / (2.0 * params.close_pitch)
+    return round(np.ceil(-log(error) / (2.0 * log(pole + sqrt(1.0 + pole * pole))) - 1.0))
+
+
+_NODES = cython.declare(cython.Py_ssize_t, _nodes_n(PARAMS, _ENOUGH))
 _NO_LIMIT = cython.declare(cython.double, float("inf"))
 
 

@@ -298,8 +298,8 @@ def test_dark_grid_under_uneven_coloured_light_that_the_border_cuts() -> None:
 
 
 def test_pins_too_large_for_a_window_are_refused_with_the_limit() -> None:
-    truth = hexagon(2, 170.0, (480.0, 480.0))
-    image = expose(draw((960, 960), truth, 44.0, 2.0, 120, 30), 2.0, np.random.default_rng(12))
+    truth = hexagon(2, 255.0, (720.0, 720.0))
+    image = expose(draw((1440, 1440), truth, 66.0, 2.0, 120, 30), 2.0, np.random.default_rng(12))
     with pytest.raises(NoPins, match=r"radius.*smaller image"):
         take_rest([image])
 
