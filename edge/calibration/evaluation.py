@@ -29,10 +29,6 @@ Rules
 - The GIL is held: the scratch belongs to the object, and the work is short.
 """
 
-# mypy: disable-error-code="valid-type,untyped-decorator,no-any-return"
-
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -14,8 +14,6 @@ Every list has a maximum length and every number a range, so that the cost of a 
 anything is built from it: a frame takes at most `TERMS_MAX` products of `FACTORS_MAX` inputs for each model.
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Annotated

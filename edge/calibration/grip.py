@@ -21,12 +21,8 @@ Sources  Howe, Cutkosky, "Practical force-motion models for sliding manipulation
   15, 557 (1996): limit surface; Johnson, "Contact Mechanics", section 4.2: Hertz's pressure.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
-
-__all__ = ["OF_GRIP", "Grip"]
 
 #: The values without which nothing is known.
 OF_GRIP = frozenset({"force_n", "force_x_n", "force_y_n"})

@@ -7,8 +7,6 @@ Rules
 - A feature that was not computed is NaN.
 """
 
-from __future__ import annotations
-
 MODES = tuple(f"c{a}{d - a}" for d in range(6) for a in range(d, -1, -1))  # as `edge.features.modes` has them
 
 #: Inputs made of a frame's features; the order is that of `frame_inputs`. `volume` is real, `shear` the

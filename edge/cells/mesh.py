@@ -42,8 +42,6 @@ twin[h] the same edge in the neighbouring triangle or -1 on the hull. Triangles 
 in the coordinates' own sense (x right, y up).
 """
 
-# mypy: disable-error-code="attr-defined,no-any-return,untyped-decorator,valid-type"
-
 import cython
 import numpy as np
 

@@ -27,10 +27,6 @@ Rules
 A kernel: compiled by Cython (see setup.py), and the same when it is not.
 """
 
-# mypy: disable-error-code="no-any-return,untyped-decorator,valid-type"
-
-from __future__ import annotations
-
 import cython
 import numpy as np
 
@@ -56,8 +52,6 @@ else:
     from edge.geometry.select import median, sigma_of
 
 
-@cython.final
-@cython.cclass
 class ContactDetector:
     """In contact or not, frame by frame, for the n pins of one tip."""
 

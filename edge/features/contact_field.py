@@ -19,10 +19,6 @@ Rules
 A kernel: compiled by Cython (see setup.py), and the same when it is not.
 """
 
-# mypy: disable-error-code="no-any-return,untyped-decorator,valid-type"
-
-from __future__ import annotations
-
 import cython
 import numpy as np
 from numpy.typing import NDArray
@@ -50,8 +46,6 @@ _ROUND = cython.declare(cython.float, 1.5 * 2.0**23)
 BLOCK = 16
 
 
-@cython.final
-@cython.cclass
 class QuantizedOperator:
     """A constant (k, m) matrix times a vector, in 16-bit integers; `values` in, `result` out, both good until
     the next call.
@@ -118,8 +112,6 @@ class QuantizedOperator:
         return highest / _VALUE_MAX
 
 
-@cython.final
-@cython.cclass
 class ContactField:
     """Fields of one frame of one tip; n pins, k points of the grid. All arrays are good until the next frame.
 
@@ -305,8 +297,6 @@ class ContactField:
         self.plane_curl = yx - xy_
 
 
-@cython.final
-@cython.cclass
 class PeakFinder:
     """Peaks on the points of a grid; k points. All arrays are good until the next field.
 

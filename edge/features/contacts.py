@@ -24,10 +24,6 @@ Rules
 A kernel: compiled by Cython (see setup.py), and the same when it is not.
 """
 
-# mypy: disable-error-code="no-any-return,untyped-decorator,valid-type"
-
-from __future__ import annotations
-
 import cython
 import numpy as np
 from numpy.typing import NDArray
@@ -48,8 +44,6 @@ else:
     from edge.features.contact_field import PeakFinder
     from edge.features.pin_motion import PinNoise
 
-__all__ = ["ContactFinder", "Regions"]
-
 _UNKNOWN = np.full(2, np.nan)
 _CONTACTS_MAX = cython.declare(cython.Py_ssize_t, CONTACTS_MAX)
 # A peak that belongs to no contact is marked with one of these.
@@ -59,8 +53,6 @@ _NOISE = cython.declare(cython.int, -2)
 _VARIANCE_MIN = cython.declare(cython.double, 1e-9)
 
 
-@cython.final
-@cython.cclass
 class Regions:
     """Contacts of one frame: their peaks, and the moments of their regions. Good until the next frame.
 
@@ -303,8 +295,6 @@ class Regions:
         self.elongation[i] = sqrt((mean + half) / max(mean - half, _VARIANCE_MIN))
 
 
-@cython.final
-@cython.cclass
 class ContactFinder:
     """Finds the contacts on the grid of one tip's surface, among its n pins. Good until the next frame:
 

@@ -6,10 +6,6 @@ A kernel: compiled by Cython, and the same when it is not; other kernels import 
 All distances are taken: for the points of one tip that is as fast as a search tree.
 """
 
-# mypy: disable-error-code="attr-defined,no-any-return,untyped-decorator,valid-type"
-
-from __future__ import annotations
-
 import cython
 import numpy as np
 from numpy.typing import NDArray
@@ -161,7 +157,6 @@ def _pairs(
     return counted
 
 
-@cython.cclass
 class Separation:
     """Whether n moving points that were compared and stood apart still do.
 

@@ -1,10 +1,6 @@
 # cython: infer_types=True
 """Order statistics without sorting. A kernel; other kernels import it through `select.pxd`."""
 
-# mypy: disable-error-code="untyped-decorator"
-
-from __future__ import annotations
-
 import cython
 
 if cython.compiled:

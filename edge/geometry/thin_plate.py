@@ -1,13 +1,9 @@
 """The thin-plate spline: the smoothest surface through values at knots."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from edge.errors import DegenerateLayout
 from edge.types import Array
-
-__all__ = ["thin_plate_operators"]
 
 
 def thin_plate_operators(knots: Array, points: Array) -> tuple[Array, Array, Array]:

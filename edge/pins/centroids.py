@@ -25,8 +25,6 @@ Rules
 
 # mypy: disable-error-code="untyped-decorator,valid-type,index,attr-defined,assignment"
 
-from __future__ import annotations
-
 import cython
 import numpy as np
 from numpy.typing import NDArray

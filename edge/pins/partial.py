@@ -14,8 +14,6 @@ Rules
   distorts the arc's ends.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +23,6 @@ from edge.geometry.neighbours import nearest_of
 from edge.pins.params import PARAMS
 from edge.pins.templates import PHASES
 from edge.types import Array, Image, PinPattern, Pins
-
-__all__ = ["find_cut"]
 
 #: The arc is read on an image this many times finer.
 FINER = PHASES

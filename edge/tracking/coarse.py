@@ -13,8 +13,6 @@ from edge.tracking.match import NearestBlob
 from edge.tracking.tip import TrackedTip
 from edge.types import Array, Mask
 
-__all__ = ["CoarseFit", "PolynomialField"]
-
 
 class PolynomialField:
     """Least-squares vector polynomials of the rest position, Legendre products up to a total degree."""

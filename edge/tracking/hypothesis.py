@@ -28,8 +28,6 @@ from edge.tracking.match import assign
 from edge.tracking.motion_model import MotionModel
 from edge.types import Array, Index, Mask
 
-__all__ = ["Hypothesis", "certain_match"]
-
 
 def certain_match(found: Hypothesis) -> tuple[Hypothesis, Mask]:
     """The match with what was uncertain assigned anew, and (n,) its pins that are certain."""

@@ -10,10 +10,6 @@ Kriging      motion of the known pins -> that of each pin as they predict it, wi
 assign       costs of pins and blobs -> the cheapest assignment
 """
 
-# mypy: disable-error-code="attr-defined,no-any-return,untyped-decorator,valid-type"
-
-from __future__ import annotations
-
 import cython
 import numpy as np
 

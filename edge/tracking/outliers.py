@@ -15,10 +15,6 @@ gain that all pins share and the scatter of the others, scaled by the pin's own 
 is no anomaly).
 """
 
-# mypy: disable-error-code="attr-defined,no-any-return,untyped-decorator,valid-type"
-
-from __future__ import annotations
-
 import cython
 import numpy as np
 
@@ -55,7 +51,6 @@ UNKNOWN = cython.declare(cython.double, -2)
 UNSUPPORTED = cython.declare(cython.double, -1)
 
 
-@cython.cclass
 class LocalAffine:
     """The maps of the n pins of one tip.
 
@@ -191,7 +186,6 @@ def _predict_all(
         gradient[i, 1, 1] = (c * s.my + e * s.xmy + g * s.ymy) / det
 
 
-@cython.cclass
 class PhotometricFilter:
     """Rejects the outliers among the n pins of one tip.
 

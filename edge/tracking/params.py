@@ -52,8 +52,8 @@ class TrackingParams:
 
     @property
     def research_frames(self) -> int:
-        """Until an incomplete tip is searched again: by then six sevenths of what the baseline knew of the lost
-        part are forgotten, two time constants.
+        """Until an incomplete tip is searched again: two time constants leave a seventh of what the baseline
+        knew of the lost part.
         """
         return round(2.0 * self.baseline_frames)
 

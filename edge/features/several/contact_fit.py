@@ -29,10 +29,6 @@ Source  More, The Levenberg-Marquardt algorithm, Lecture Notes in Mathematics 63
         MIT Press 2006, section 4.2 (rational quadratic as a mean over widths)
 """
 
-# mypy: disable-error-code="no-any-return,untyped-decorator,valid-type"
-
-from __future__ import annotations
-
 import cython
 import numpy as np
 

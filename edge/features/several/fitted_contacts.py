@@ -36,8 +36,6 @@ from edge.types import Array, FittedContact, Mask, Tracks
 if TYPE_CHECKING:
     from edge.features.contacts import Regions
 
-__all__ = ["Fits", "FittedContacts"]
-
 #: Two points as far from a region's middle, in its semi-axes, have its variance: a semi-axis is two sigmas.
 _HALF = 0.5
 #: Pins that a fit needs: as many as two contacts with the affine motion have parameters, two numbers each.
