@@ -42,10 +42,7 @@ class Grip:
         self._held = 0.0
 
     def update(
-        self,
-        values: Mapping[str, float],
-        sigmas: Mapping[str, float],
-        area_mm2: float | None,
+        self, values: Mapping[str, float], sigmas: Mapping[str, float], area_mm2: float | None
     ) -> dict[str, float]:
         """`friction` and `slip_margin` of a frame in contact; empty if the forces are not known.
 

@@ -30,14 +30,7 @@ A kernel: compiled by Cython (see setup.py), and the same when it is not.
 import cython
 import numpy as np
 
-from edge.features.params import (
-    CELL_NOISE,
-    MEDIAN_NOISE,
-    PARAMS,
-    RING_NOISE,
-    FeatureParams,
-    largest_noise,
-)
+from edge.features.params import CELL_NOISE, MEDIAN_NOISE, PARAMS, RING_NOISE, FeatureParams, largest_noise
 from edge.geometry.lattice import slope_stencil
 from edge.geometry.neighbours import short_rows
 from edge.types import Array, Rest

@@ -129,12 +129,7 @@ class FeatureExtractor:
     _min_area_change: cython.double
 
     def __init__(
-        self,
-        rest: Rest,
-        rest_area_px2: Array,
-        *,
-        grid: int | None = None,
-        params: FeatureParams = PARAMS,
+        self, rest: Rest, rest_area_px2: Array, *, grid: int | None = None, params: FeatureParams = PARAMS
     ) -> None:
         n = len(rest)
         self._n, self._rest, self._grid, self._params = n, rest, grid, params

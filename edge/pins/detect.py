@@ -201,9 +201,8 @@ def _find(grey: Image, pattern: PinPattern) -> Spots:
     small, large = pattern.radius_range_px
     if small <= 0.0:
         small = large = pattern.pin_radius_px
-    count = max(
-        1, int(np.ceil(np.log(large / small) / np.log(PARAMS.scale_range[1] / PARAMS.scale_range[0])))
-    )
+    steps = np.log(large / small) / np.log(PARAMS.scale_range[1] / PARAMS.scale_range[0])
+    count = max(1, int(np.ceil(steps)))
     scales = small * (large / small) ** ((np.arange(count) + 0.5) / count)
     # The light may have halved since.
     found = _at_scales(grey, scales, 0.5 * PARAMS.depth_min_pins * pattern.brightness)
@@ -228,8 +227,7 @@ def _at_scales(grey: Image, scales: Array, depth_min: float) -> Spots:
 
 
 def _well_shaped(spots: Spots) -> Mask:
-    shape: Mask = spots.spread < PARAMS.ray_spread_max
-    return shape
+    return np.asarray(spots.spread < PARAMS.ray_spread_max)
 
 
 def _settle(grey: Image, found: Spots, radius_px: float, depth_min: float) -> Spots:

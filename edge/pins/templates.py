@@ -204,12 +204,8 @@ def _whole(rows: Array) -> Array:
 
 def _scale(plane: Array) -> float:
     """The largest factor with which neither the integers nor their sum over any window overflow."""
-    return float(
-        min(
-            32767.0 / np.abs(plane).max(),
-            (2.0**31 - 1.0) / (STEP_MAX * np.abs(plane).sum(axis=(1, 2)).max()),
-        )
-    )
+    size = np.abs(plane)
+    return float(min(32767.0 / size.max(), (2.0**31 - 1.0) / (STEP_MAX * size.sum(axis=(1, 2)).max())))
 
 
 def _freed(plane: Array, one: Array, d: Array) -> Array:

@@ -132,10 +132,8 @@ class Hypothesis:
         if not self.known.any():
             return
         tip, pins, free = self._tip, _rows(~self.known), _rows(self._unassigned())
-        at, blob_at = (
-            tip.lattice.rest_xy[pins] / tip.lattice.pitch_px,
-            self.blob_xy[free] / tip.lattice.pitch_px,
-        )
+        pitch_px = tip.lattice.pitch_px
+        at, blob_at = tip.lattice.rest_xy[pins] / pitch_px, self.blob_xy[free] / pitch_px
         mean, variance = self.model.from_around(self.motion, self.known, pins)
         before = (0, 0.0)
         while True:

@@ -426,10 +426,7 @@ class Kriging:
 
     @cython.cfunc
     def _without_unknown(
-        self,
-        i: cython.Py_ssize_t,
-        known: cython.const[cython.uchar][::1],
-        weight: cython.double[::1],
+        self, i: cython.Py_ssize_t, known: cython.const[cython.uchar][::1], weight: cython.double[::1]
     ) -> cython.double:
         """The weights of pin i, and their variance. The inverse's block of the unknown is positive definite:
         Cholesky's method.

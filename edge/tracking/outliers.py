@@ -239,9 +239,7 @@ class PhotometricFilter:
         return is_seen.view(np.bool_)
 
     def find_suspects(
-        self,
-        residual: cython.const[cython.float][::1],
-        seen: cython.const[cython.uchar][::1],
+        self, residual: cython.const[cython.float][::1], seen: cython.const[cython.uchar][::1]
     ) -> cython.bint:
         """The seen pins whose residual is so large that they must not be outliers; whether there are any."""
         most2: cython.double[::1] = self.most2
@@ -314,10 +312,7 @@ class PhotometricFilter:
         return gain
 
     def _fits(
-        self,
-        motion: cython.const[cython.double][:, ::1],
-        i: cython.Py_ssize_t,
-        light2: cython.double,
+        self, motion: cython.const[cython.double][:, ::1], i: cython.Py_ssize_t, light2: cython.double
     ) -> cython.bint:
         """Whether a pin fits the trusted ones nearly as closely as two thirds of its trusted neighbours do,
         or light can have moved it by less than those are off.

@@ -132,11 +132,7 @@ class ContactFit:
     _is_taken: cython.uchar[::1]  # of a last fit's contacts
 
     def __init__(
-        self,
-        rest_xy: Array,
-        pitch_px: float,
-        params: FeatureParams = PARAMS,
-        prior: MotionPrior = SHARP,
+        self, rest_xy: Array, pitch_px: float, params: FeatureParams = PARAMS, prior: MotionPrior = SHARP
     ) -> None:
         n, size = len(rest_xy), 8 * FITS_MAX + 6
         if rest_xy.shape != (n, 2):
@@ -155,14 +151,8 @@ class ContactFit:
         self._rows, self._normal = np.zeros((2 * n + 2, columns)), np.zeros((columns, columns))
         self._last, self._error, self._promise = np.zeros((FITS_MAX + 2, size)), 0.0, 0.0
         self._is_known, self._is_taken = np.zeros((2, FITS_MAX + 2), np.uint8)
-        self.least, self.n_pins, self._m, self._is_line, self._middle_x, self._middle_y = (
-            0.0,
-            0,
-            0,
-            False,
-            0.0,
-            0.0,
-        )
+        self.least = self._middle_x = self._middle_y = 0.0
+        self.n_pins, self._m, self._is_line = 0, 0, False
         self._radius, self._reach = 2.0 * params.close_pitch, params.place_radius_pitch
         self._width = 1.0 / params.grid_steps_per_pitch
         # Gauss and Chebyshev's second kind, for a weight of sqrt(1 - z^2); Fejer's second, for an even one.

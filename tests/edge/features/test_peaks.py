@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 from skimage.morphology import local_maxima
 
-from edge.features.contact_field import PeakFinder
+from edge.features.regions import PeakFinder
 from edge.types import Mask
 
 pytestmark = pytest.mark.kernels

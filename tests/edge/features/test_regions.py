@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from edge.features.contact_field import PeakFinder
-from edge.features.contacts import Regions
+from edge.features.regions import PeakFinder, Regions
 from edge.types import Array
 
 pytestmark = pytest.mark.kernels
