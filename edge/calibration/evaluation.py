@@ -48,7 +48,7 @@ else:
     from math import nan as NAN  # noqa: N812
     from math import pi as M_PI  # noqa: N812
 
-#: So many rows of L are summed together, for vector instructions.
+#: Rows of L that are summed together, for vector instructions.
 ROWS = 16
 LOST_MAX = cython.declare(cython.double, 100.0)  # of the logarithm: more is no number any more
 VOLUME_MIN = cython.declare(cython.double, 1e-6)  # of the tip's circle times its radius: no load at all
@@ -505,7 +505,7 @@ def _as_process(model: Model) -> Process:
             raise ValueError(f"curve: two knots or more are wanted, not {len(model.knots)}")
         free = [(-math.inf, math.inf)]
         return Process([model.output], [[model.input]], [(1.0, 0.0)], free, [model.sigma], [], math.inf)
-    # Of one output, the imaginary part of L psi counts too: it is the real part of -i L psi.
+    # The imaginary part of L psi counts too where there is one output: it is the real part of -i L psi.
     turned = [[(im, -re) for re, im in row] for row in model.spread] if len(model.outputs) == 1 else []
     factor = [*model.spread, *turned]
     return Process(model.outputs, model.terms, model.weights, model.valid, model.sigma, factor, math.inf)

@@ -85,7 +85,7 @@ EXTENT_MIN = cython.declare(cython.double, 2.0**-66)
 EXTENT_MAX = cython.declare(cython.double, 2.0**66)
 SNAP = cython.declare(cython.double, 2.0**-140)
 # Times this, every coordinate is a whole number: the least is EXTENT_MIN SNAP, with 52 bits behind its first.
-WHOLE = 2**52 * int(1.0 / (EXTENT_MIN * SNAP))
+WHOLE = int(np.reciprocal(EXTENT_MIN * SNAP * np.finfo(np.float64).eps))
 
 
 @cython.final

@@ -68,7 +68,7 @@ NOT_TUNED: dict[str, frozenset[str]] = {
     "rounding and the width of a number": frozenset({
         "edge/cells/mesh.py:EPSILON", "edge/cells/mesh.py:SLIVER", "edge/cells/mesh.py:AREA_TOLERANCE",
         "edge/cells/mesh.py:ERROR_BOUND", "edge/cells/mesh.py:ORIENT_BOUND",
-        "edge/cells/mesh.py:INCIRCLE_BOUND", "edge/cells/mesh.py:WHOLE",
+        "edge/cells/mesh.py:INCIRCLE_BOUND",
         "edge/cells/mesh.py:EXTENT_MIN", "edge/cells/mesh.py:EXTENT_MAX", "edge/cells/mesh.py:SNAP",
         "edge/limits.py:POINTS_MAX",
         "edge/limits.py:NUMBER_MAX", "edge/pins/templates.py:STEP_MAX",
