@@ -62,11 +62,6 @@ def detect(image: Image, pattern: PinPattern | None = None) -> Pins:
     return join([whole, cut])
 
 
-def inspect_image(image: Image) -> Pins:
-    """The pins of a single image, without prior knowledge; raises NoPins where there are none."""
-    return detect(image)
-
-
 def to_grey(image: Image) -> Image:
     """(h, w) uint8 or uint16, rows contiguous; colour (h, w, 3) is taken as BGR."""
     if image.ndim == 3:
