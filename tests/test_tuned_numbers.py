@@ -19,7 +19,7 @@ AT_MOST = {
     "runtime": 1,
     "shared": 10,
     "sources": 6,
-    "tracking": 20,
+    "tracking": 21,
     "view": 5,
     "worker": 4,
 }

@@ -1,9 +1,7 @@
 """Every chosen number of this stage; the evidence for each is in docs/tuning.md, "Tracking"."""
 
 from dataclasses import dataclass
-from math import exp
 
-from edge.geometry.lattice import PARAMS as LATTICE
 from edge.params import ASTRAY_REL
 
 
@@ -15,6 +13,7 @@ class TrackingParams:
 
     # --- prediction from the neighbours
     gradient_ridge: float = 0.05  # on the local map's gradient, in neighbours' weights
+    support_min: float = 1.2  # sum of the neighbours' weights that carries a prediction: two near ones
     velocity_damping: float = 0.7  # share of the last motion that is expected again
     # --- which followed pins are seen: residual = motion off the neighbours' map
     innovation_max: float = 0.25  # change of the residual from one frame to the next
@@ -44,11 +43,6 @@ class TrackingParams:
     # pitches; beyond this standard deviation a step of a pitch may go unnoticed, beyond twice as much where
     # one of the two signs of a slip is not seen
     slip_spread: float = 0.03
-
-    @property
-    def support_min(self) -> float:
-        """Sum of the neighbours' weights that carries a prediction: of two as far as neighbours are."""
-        return 2.0 * exp(-0.5 * (LATTICE.longest_edge / LATTICE.near_width) ** 2)
 
     @property
     def research_frames(self) -> int:
