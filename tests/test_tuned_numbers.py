@@ -18,7 +18,7 @@ AT_MOST = {
     "rest": 3,
     "runtime": 1,
     "shared": 10,
-    "sources": 6,
+    "sources": 5,
     "tracking": 21,
     "view": 5,
     "worker": 4,

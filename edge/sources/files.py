@@ -25,6 +25,7 @@ from edge.sources.options import NoKeys, Options
 from edge.sources.pixels import decode_picture, to_grey
 from edge.types import Clock, Frame, Image, Lens, Polarity, Region
 from hostlink.input_file import read_bounded
+from hostlink.web.limits import WebLimits
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".webp")
 _DEPTHS = (8, 10, 12, 14, 16)  # bits of a sensor's pixel
@@ -35,7 +36,8 @@ _GIVE = f"give {', '.join(IMAGE_SUFFIXES)}"
 class FileParams:
     """Parameters by name."""
 
-    stills_hz: float = 30.0  # of stills, and of videos that do not state a rate: a live replay uses it
+    #: Rate of stills, and of videos that state none: a live replay shows as many as the page draws.
+    stills_hz: float = WebLimits().rate_hz
 
 
 PARAMS = FileParams()
