@@ -480,6 +480,7 @@ class Mesh:
         return reached
 
     @cython.cfunc
+    @cython.exceptval(check=False)
     def _part(
         self, h: cython.Py_ssize_t, g: cython.Py_ssize_t, part: cython.double, error: cython.double
     ) -> cython.double:

@@ -88,6 +88,8 @@ def weighted_sums(
     sums                 (2 n,) px, likewise; written
     """
     # Every second neighbour into the same sums: these do not wait for the others.
+    a: cython.Py_ssize_t
+    b: cython.Py_ssize_t
     x: cython.float
     y: cython.float
     other_x: cython.float

@@ -121,6 +121,7 @@ def _sums(
     known: cython.const[cython.uchar][::1],
     i: cython.Py_ssize_t,
 ) -> Sums:
+    at: cython.Py_ssize_t
     s: Sums = Sums(NO_NEIGHBOUR, 0, 0, affine.ridge, 0, affine.ridge, 0, 0, 0, 0, 0, 0)
     for c in range(affine.k):
         at = affine.near[i, c]
