@@ -35,6 +35,7 @@ KERNELS = {
     "edge.features.contacts": FAST,
     "edge.features.extract": SMALL,
     "edge.features.pin_motion": FAST,
+    "edge.features.regions": FAST,
     "edge.features.slip_and_vibration": FAST,
     "edge.geometry.neighbours": FAST,
     "edge.geometry.select": FAST,

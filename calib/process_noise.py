@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize
 
+from calib.terms import evaluate_terms, term_columns
 from edge.calibration.file import Lost
-from edge.calibration.inputs import evaluate_terms, term_columns
 from edge.types import Array, Complex
 
 __all__ = ["NoiseModel", "NoiseParams", "fit_lost", "fit_noise", "scale_of"]

@@ -25,7 +25,8 @@ from calib.designs import letters, terms_of_spin
 from calib.extract import Extract
 from calib.ridge import cross_validated_terms
 from calib.targets import Targets
-from edge.calibration.inputs import FRAME_INPUTS, evaluate_terms, term_columns
+from calib.terms import evaluate_terms, term_columns
+from edge.calibration.inputs import FRAME_INPUTS
 from edge.cells import Tessellator
 from edge.features.pin_motion import AreaChange
 from edge.features.surface import Surface

@@ -29,8 +29,6 @@ from edge.sources.live import ThreadedSource
 from edge.sources.region import region_of
 from edge.types import Array, Frame, FrameSource, Image, Index, Lens, Mask, Polarity, Rest
 
-#: A pixel may be clipped from this share of full scale on: lenses, codecs and cameras leave a few levels.
-CLIPPED = 250 / 255
 _AROUND = np.exp(1j * tau * np.arange(24) / 24)
 
 
@@ -55,7 +53,8 @@ def clipped(frame: Frame, rest: Rest) -> Mask:
     """(n,) whether the bright side of a pin's edge is clipped: the pin, or the skin round a dark one."""
     radii = np.array([1.4, 1.7] if rest.pattern.dark else [0.0, 0.3, 0.6])
     level = _levels(frame.image, rest, radii)
-    limit = CLIPPED * ((1 << frame.bits) - 1)
+    # A pixel at full scale may read less by the noise of codec and sensor, of one level of 8 bits.
+    limit = (1.0 - RUNTIME.noise_sigma * ONE_LEVEL) * ((1 << frame.bits) - 1)
     return np.asarray(np.median(level.reshape(len(rest), -1), axis=1) >= limit)
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from edge.errors import SourceError
 from edge.params import PARAMS as RUNTIME
 from edge.types import Frame, FrameSource
+from hostlink.web.limits import WebLimits
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,12 +25,13 @@ class LiveParams:
     """Parameters by name; evidence in docs/tuning.md."""
 
     first_s: float = 10.0  # for the first frames of a camera that starts
-    rate_frames_n: int = 24  # intervals that a rate is measured from
+    rate_frames_n: int = RUNTIME.sample_n  # intervals that a rate is measured from: their median
     slow_rel: float = 0.8  # share of the asked rate below which the camera counts as slow
     size_px: tuple[int, int] = (640, 400)  # width and height of a camera that has to be told one
     gain_iso: int = 200  # of an OAK module, if none is asked for
     exposure_us: int = 2000  # of an OAK module, if none is asked for
-    stills_hz: float = 30.0  # of stills, and of videos that do not state a rate: a live replay uses it
+    #: Rate of stills, and of videos that state none: a live replay shows as many as the page draws.
+    stills_hz: float = WebLimits().rate_hz
 
 
 PARAMS = LiveParams()
