@@ -32,6 +32,7 @@ class LoopStatistics:
     compute_us: tuple[float, float, float] = (0.0, 0.0, 0.0)
     latency_us: tuple[float, float, float] = (0.0, 0.0, 0.0)  # capture to sample sent, likewise
     faults: dict[str, int] = field(default_factory=dict)  # how often each fault appeared
+    without_values: dict[str, int] = field(default_factory=dict)  # images, by the fault that explains it
 
 
 class StatisticsCollector:
