@@ -80,8 +80,8 @@ def render(
         click.echo(json_line(asdict(made)))
     elif not quiet:
         why = ", ".join(f"{name} {n}" for name, n in made.without_values.items())
-        blank = f"{sum(made.without_values.values())} without values" + (f" ({why})" if why else "")
-        click.echo(f"{out}: {counted(made.frames_n, 'frame')} at {made.rate_hz:g} Hz, {blank}")
+        lacking = f"{sum(made.without_values.values())} without values" + (f" ({why})" if why else "")
+        click.echo(f"{out}: {counted(made.frames_n, 'frame')} at {made.rate_hz:g} Hz, {lacking}")
 
 
 @dataclass(frozen=True, slots=True)
