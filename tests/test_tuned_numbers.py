@@ -10,7 +10,7 @@ AT_MOST = {
     "cells": 2,
     "cli": 1,
     "edge": 5,
-    "faults": 4,
+    "faults": 3,
     "features": 20,
     "geometry": 6,
     "link": 4,

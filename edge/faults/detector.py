@@ -184,7 +184,7 @@ class FaultDetector:
         """
         facts, pins = self._facts, self._pins
         assert pins is not None
-        facts.why_missing = pins.problem(result.tracks)
+        facts.why_missing = pins.problem(result.tracks, result.features)
         facts.pins_missing = bool(facts.why_missing)
         if pins.impossible and result.features is not None:
             result = replace(result, tracks=replace(result.tracks, confidence=0.0), cells=None, features=None)
@@ -194,7 +194,8 @@ class FaultDetector:
             self._note_motion(pins.counts, result.features, drifted_share)
         self.judge_image(frame, facts.unidentified or pins.needs_focus_check())
         blind = self.frozen or self._registry.status & _CAMERA_FAULT
-        if facts.unidentified or facts.pins_missing or blind:
+        missing = facts.pins_missing and not pins.explained
+        if facts.unidentified or missing or blind:
             self._count_without_values()
             nothing = Reading({}, {}, _NOWHERE, calibrated=self._calibrated)
             result = replace(result, cells=None, features=None, reading=nothing)
