@@ -10,7 +10,7 @@ AT_MOST = {
     "cells": 2,
     "cli": 1,
     "edge": 5,
-    "faults": 3,
+    "faults": 4,
     "features": 20,
     "geometry": 6,
     "link": 4,
@@ -20,7 +20,7 @@ AT_MOST = {
     "runtime": 1,
     "shared": 11,
     "sources": 7,
-    "tracking": 22,
+    "tracking": 21,
     "view": 5,
     "worker": 4,
 }

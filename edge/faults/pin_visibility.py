@@ -23,13 +23,12 @@ from edge.geometry.lattice import N_RING
 from edge.geometry.neighbours import nearest_of
 from edge.params import ASTRAY_REL
 from edge.params import PARAMS as RUNTIME
-from edge.tracking.params import TrackingParams
 from edge.types import ContactRegion, Features, Index, Mask, Rest, Tracks
 
 SEEN_REL = 0.8  # smallest share of the rest frame's pins
+HOLE_REL = 0.01  # largest share of them that are lost with all their neighbours
 BASELINE_N = FEATURES.noise_frames_n  # frames over which the baseline is learnt
 DROP_REL = RUNTIME.most_rel  # of the baseline share; with fewer, too many vanished at once
-HOLE_REL = TrackingParams().hole_share  # largest share of the pins that are lost with all their neighbours
 
 
 class PinVisibility:

@@ -63,7 +63,6 @@ class Follower:
     leap2: cython.double  # of an innovation: a leap, and so far that pins are others' neighbours, in these
     gate2: cython.double
     full_share_min: cython.double
-    hole_share: cython.double
     baseline_share_min: cython.double
     baseline_frames: cython.double
     damping: cython.double  # share of a frame's motion that is expected again
@@ -123,7 +122,7 @@ class Follower:
         self.change2 = params.innovation_max**2
         self.leap2, self.gate2 = params.leap_innovation**2, params.gate**2
         self.full_share_min, self.baseline_share_min = params.full_share_min, params.baseline_share_min
-        self.damping, self.hole_share = params.velocity_damping, params.hole_share
+        self.damping = params.velocity_damping
         self.baseline_frames = params.baseline_frames
         full = np.take_along_axis(photometric.affine.matrix(), lattice.near, 1)
         full[lattice.weight <= 0.0] = 0.0
@@ -472,7 +471,8 @@ class Follower:
         """
         vanished: cython.bint = self.share < self.baseline_share_min * self.baseline_share
         refused_n: cython.Py_ssize_t = self._count_refused()
-        is_back: cython.bint = refused_n - self.doubted_n > self.hole_share * self.n
+        # As many again stand at the region's border, and have neighbours that are seen.
+        is_back: cython.bint = 2 * (refused_n - self.doubted_n) >= (1.0 - self.full_share_min) * self.n
         self.doubted_n = min(self.doubted_n, refused_n)
         swapped: cython.bint = leapt and self.share < self.full_share_min * self.baseline_share
         return vanished or is_back or swapped

@@ -27,7 +27,6 @@ class TrackingParams:
     # --- whether the identities are held
     baseline_share_min: float = 0.65  # of the baseline: the share seen lately
     baseline_frames: float = 30.0  # time constant of the baseline, frames
-    hole_share: float = 0.01  # lost next to each other: more are a hole
     leap_innovation: float = 0.1  # with fewer than all pins of the baseline: a leap
     # --- coarse fits, search
     gate: float = 0.33  # of a blob from a coarse fit; of neighbours' motions; of a tip's median innovation
