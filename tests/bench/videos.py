@@ -168,9 +168,7 @@ def untouched(images: Sequence[Image]) -> Rest:
             for t in tracks
         ]
     )
-    step = np.abs(np.diff(np.where(np.isfinite(mean), mean, 1e9), axis=0)).max(axis=1)
-    moved = np.convolve(step, np.ones(TARE_FRAMES - 1), "valid")
-    usable = np.flatnonzero(moved < 0.5)  # px, while the rest frame is taken
+    usable = np.flatnonzero(np.isfinite(mean[:, 0]))
     apart = np.hypot(*(mean[usable, None] - mean[usable]).transpose(2, 0, 1))
     middle = usable[int(np.sum(apart < 1.0, axis=1).argmax())]
     return take_rest(images[middle : middle + TARE_FRAMES])
