@@ -76,7 +76,7 @@ def detectors(rest: Rest, frames: Sequence[Frame]) -> list[Row]:
     for frame in frames:
         assert frame.truth is not None
         true = np.array(frame.truth["pins_img"])
-        # What the last frame predicts is off by about a pixel.
+        # The last frame predicts a place that is off by about a pixel.
         predicted = _in_order(true, rest) + rng.normal(0.0, 0.7, rest.xy_img.shape)
         ways: dict[str, Callable[[], Array]] = {
             "SimpleBlobDetector, whole image": lambda: np.array(

@@ -24,10 +24,12 @@ from edge.rest.tare import TareParams
 from edge.runtime.board_monitor import BoardMonitor, free_space_problem
 from edge.runtime.calibration_store import CalibrationStore
 from edge.runtime.device import LoopDevice
-from edge.runtime.loop import Loop, LoopConfig
+from edge.runtime.loop import Loop
+from edge.runtime.measurement import LoopConfig
 from edge.runtime.systemd import Notifier
 from edge.sensors import KnownSensor, load_sensor, missing_pins
-from edge.sources import open_source, region_of
+from edge.sources import open_source
+from edge.sources.region import region_of
 from edge.types import FrameSource, Polarity, Result
 from hostlink.interrupt import call_on_signals
 from hostlink.web import Listen
@@ -184,7 +186,8 @@ def start_worker(
     """
     if listen is None and options.record_path is None:
         return
-    from edge.worker import WorkerClient, WorkerConfig  # not in a finger that nobody watches
+    from edge.worker.client import WorkerClient  # not in a finger that nobody watches
+    from edge.worker.params import WorkerConfig
 
     # A sink's address may name another number than the configuration does.
     numbers = [sink.number for sink in loop.sinks if isinstance(sink, Node)]

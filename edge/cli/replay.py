@@ -12,9 +12,11 @@ from edge.cli.progress import counting, waiting
 from edge.cli.summary import Summary, damage_of, json_line, print_summary
 from edge.errors import InputError
 from edge.runtime.loop import Loop
-from edge.sources import Paced, open_source
-from edge.types import LiveSource, RecordedSource, Result
-from hostlink.cli_exit import print_error
+from edge.sources import open_source
+from edge.sources.files import FileSource
+from edge.sources.live import ThreadedSource
+from edge.sources.paced import Paced
+from edge.types import Result
 from hostlink.cli_types import counted
 from hostlink.wire import FaultCode, State
 
@@ -57,7 +59,7 @@ def replay(
     with ExitStack() as stack:
         with waiting(f"opening {recording}", not quiet):
             source = open_source(recording)
-            total_n = source.frames_n if isinstance(source, RecordedSource) else 0
+            total_n = source.frames_n if isinstance(source, FileSource) else 0
             if not isinstance(speed, str):  # of the rest frame no image may be missed
                 source = Paced(source, speed=speed, loop=again, rest_n=config.tare.frames_n)
             stack.callback(source.close)
@@ -72,16 +74,15 @@ def replay(
             statistics = loop.run()
         for failure in failures:
             raise failure
+        if damage := damage_of(source):
+            log.warning("%s: %s", recording, damage)
+        lost = _lost_to_tare(loop, summary.skipped_n, config.tare.frames_n)
+        if lost and summary.skipped_n is None:
+            raise InputError(f"{recording}: {loop.faults.active.get(FaultCode.TARE_IMPLAUSIBLE, lost)}")
         if not quiet or as_json:
             print_summary(statistics, loop.sinks, as_json, summary.report())
-        if message := damage_of(source):
-            log.warning("%s: %s", recording, message)
-        if message := _lost_to_tare(loop, summary.skipped_n, config.tare.frames_n):
-            if summary.skipped_n is None:
-                if refused := loop.faults.active.get(FaultCode.TARE_IMPLAUSIBLE):
-                    raise InputError(f"{recording}: {refused}")
-                raise SystemExit(print_error(f"{recording}: {message}", 1))
-            log.warning("%s: %s", recording, message)
+        if lost:
+            log.warning("%s: %s", recording, lost)
 
 
 def _use_rest(loop: Loop, recording: str, how: str | None, quiet: bool) -> None:
@@ -123,7 +124,7 @@ def _lost_to_tare(loop: Loop, skipped_n: int | None, tare_n: int) -> str:
 
     skipped_n  images before the first result; None: there was no result
     """
-    paced = loop.source if isinstance(loop.source, LiveSource) else None
+    paced = loop.source if isinstance(loop.source, ThreadedSource) else None
     if skipped_n == 0 or not loop.frames_n or (paced and not paced.ended):
         return ""
     way_out = "--loop plays it on" if paced else "replay a longer one"

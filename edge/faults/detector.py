@@ -17,8 +17,8 @@ from edge.faults.registry import FaultRegistry
 from edge.params import ASTRAY_REL
 from edge.params import PARAMS as RUNTIME
 from edge.pins.params import PARAMS as PINS
-from edge.sources.live import stalled_after_s
-from edge.types import Array, Clock, Features, Frame, FrameSource, LiveSource, Reading, Rest, Result
+from edge.sources.live import ThreadedSource, stalled_after_s
+from edge.types import Array, Clock, Features, Frame, FrameSource, Reading, Rest, Result
 from hostlink.clock import DRIFT_MAX
 from hostlink.wire import FaultCode as F
 from hostlink.wire import Status
@@ -96,7 +96,7 @@ class FaultDetector:
         load_pitches: float = RUNTIME.load_pitches,
     ) -> None:
         self._source, self._registry, self._clock_ns = source, registry, clock_ns
-        self._live = source if isinstance(source, LiveSource) else None
+        self._live = source if isinstance(source, ThreadedSource) else None
         self._load_pitches = load_pitches
         self._facts = Facts()
         self.without_values: Counter[str] = Counter()

@@ -24,29 +24,14 @@ from typing import TYPE_CHECKING, Any
 
 from edge.errors import SourceError
 from edge.limits import RATE_MIN_HZ
-from edge.sources.files import IMAGE_SUFFIXES, FolderSource, VideoSource, read_image
+from edge.sources.files import IMAGE_SUFFIXES
 from edge.sources.lens_file import lens_for
-from edge.sources.live import ThreadedSource
-from edge.sources.options import NoKeys, Options, Spec, parse_spec
-from edge.sources.paced import Paced
+from edge.sources.options import Options, Spec, parse_spec
 from edge.sources.region import region_of
 from edge.types import FrameSource
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoints
-
-__all__ = [
-    "FolderSource",
-    "NoKeys",
-    "Options",
-    "Paced",
-    "ThreadedSource",
-    "VideoSource",
-    "known_schemes",
-    "open_source",
-    "read_image",
-    "region_of",
-]
 
 GROUP = "voronoi_touch.sources"
 Opener = Callable[[str, Options], FrameSource]
@@ -72,27 +57,21 @@ def _from_packages(name: str | None = None) -> EntryPoints:
     return found if name is None else found.select(name=name)
 
 
-def known_schemes() -> list[str]:
-    """Every scheme that `open_source` accepts in this installation."""
-    return sorted({*_BUILT_IN, *(point.name for point in _from_packages())})
-
-
 def _opener(spec: Spec) -> Opener:
-    opener: Opener
     if spec.scheme in _BUILT_IN:
         module, _, name = _BUILT_IN[spec.scheme].partition(":")
-        opener = getattr(import_module(module), name)
+        opener: Opener = getattr(import_module(module), name)
         return opener
     for point in _from_packages(name=spec.scheme):
         try:
             opener = point.load()
+            return opener
         except ImportError as error:
             hint = _FROM_EXTRA.get(spec.scheme, f"the package of {point.value}")
             raise SourceError(f"source {spec.text}: {error}; install {hint}") from error
-        return opener
     if spec.scheme in _FROM_EXTRA:
         raise SourceError(f"source {spec.text}: not installed here; install {_FROM_EXTRA[spec.scheme]}")
-    known = ", ".join(f"{name}:" for name in known_schemes())
+    known = ", ".join(f"{name}:" for name in sorted({*_BUILT_IN, *_from_packages().names}))
     raise SourceError(f"source {spec.text!r}: no scheme {spec.scheme!r}; known: {known}")
 
 

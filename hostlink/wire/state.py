@@ -118,7 +118,7 @@ _COUNT_MAX: Final = int(LAYOUT[_COUNT].high)
 # A plain integer is scaled by 1, and none of its raw values is NaN.
 _SCALES: Final = tuple(f.scale or 1 for f in LAYOUT)
 _NANS: Final = tuple(-1 if f.plain else f.raw_nan(8 * f.size) for f in LAYOUT)
-#: Of the fields that are measured; "": a plain integer, which `quantise` treats on its own.
+#: Names of the fields that are measured; "": a plain integer, which `quantise` treats on its own.
 _MEASURED: Final = tuple("" if f.plain else f.name for f in LAYOUT)
 #: Step, range, and raw values of its ends. With a float a comparison takes half the time.
 _RANGES: Final = tuple((f.scale, float(f.low), float(f.high), f.raw_low, f.raw_high) for f in LAYOUT)

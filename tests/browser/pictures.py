@@ -8,6 +8,7 @@ import base64
 import io
 import sys
 import threading
+from contextlib import closing
 from pathlib import Path
 
 from PIL import Image
@@ -23,7 +24,7 @@ STEP_S = 0.6
 def main() -> None:
     path = Path(sys.argv[1]) if len(sys.argv) > 1 else DATA / "pictures" / "page_desktop.png"
     pause = threading.Event()
-    with Chrome() as chrome, Live(DATA / "press_shear.mcap", DATA / "hex127_flat.json") as live:
+    with closing(Chrome()) as chrome, Live(DATA / "press_shear.mcap", DATA / "hex127_flat.json") as live:
         page = chrome.open(live.url)
         for n in range(round(FULL_S / STEP_S)):
             live.show(n % 2 - 1)

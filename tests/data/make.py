@@ -7,6 +7,7 @@ completely: same table, same code, same pixels.
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from calib.sim import Appearance, Camera, Simulator, Tip
 from calib.sim.mechanics import Tool
@@ -45,15 +46,10 @@ def make(folder: Path, name: str) -> Path:
     camera = Camera(tip=recipe.tip, size_px=recipe.size_px)
     simulator = Simulator(camera, recipe.appearance, recipe.seed, RATE_HZ)
     path = folder / f"{name}.mcap"
-    about = {
-        "serial": f"SIM-{recipe.tip.n_pins}",
-        "pins": str(recipe.tip.n_pins),
-        "layout": recipe.tip.kind,
-        "seed": str(recipe.seed),
-    }
-    with Recorder(
-        path, image="png", compression="zstd", tip=about, rate_hz=RATE_HZ, offset_ns=0, overwrite=True
-    ) as recorder:
+    n, kind = recipe.tip.n_pins, recipe.tip.kind
+    about = {"serial": f"SIM-{n}", "pins": str(n), "layout": kind, "seed": str(recipe.seed)}
+    stored: dict[str, Any] = {"image": "png", "compression": "zstd", "offset_ns": 0, "overwrite": True}
+    with Recorder(path, tip=about, rate_hz=RATE_HZ, **stored) as recorder:
         for contacts in play(SCENES[recipe.scene]):
             if not recorder.frame(simulator.frame(contacts)):
                 raise SystemExit(f"{path}: {recorder.fault or 'the disk is too slow'}")
@@ -83,11 +79,10 @@ def calibrate(folder: Path, name: str) -> Path:
 
 def main() -> None:
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).resolve().parent
-    for name in CALIBRATIONS:
-        path = calibrate(folder, name)
-        print(f"{path.name:20} {path.stat().st_size / 1e6:5.2f} MB")
-    for name in RECIPES:
-        path = make(folder, name)
+    for path in [
+        *(calibrate(folder, name) for name in CALIBRATIONS),
+        *(make(folder, name) for name in RECIPES),
+    ]:
         print(f"{path.name:20} {path.stat().st_size / 1e6:5.2f} MB")
 
 

@@ -63,7 +63,6 @@ NOT_TUNED: dict[str, frozenset[str]] = {
         "edge/calibration/grip.py:_RADIUS",
         "edge/cells/mesh.py:N_GUARD",
         "edge/features/slip_and_vibration.py:_SHARES",
-        "edge/view/palette.py:_TO_CONES", "edge/view/palette.py:_TO_LAB",
     }),
     "rounding and the width of a number": frozenset({
         "edge/cells/mesh.py:EPSILON", "edge/cells/mesh.py:SLIVER", "edge/cells/mesh.py:AREA_TOLERANCE",

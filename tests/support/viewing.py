@@ -16,9 +16,10 @@ from typing import Any, Self
 from edge.calibration import Calibration
 from edge.recording.reader import RecordingSource
 from edge.runtime.loop import Loop
-from edge.sources import ThreadedSource
+from edge.sources.live import ThreadedSource
 from edge.types import Clock, Frame
-from edge.worker import WorkerClient, WorkerConfig
+from edge.worker.client import WorkerClient
+from edge.worker.params import WorkerConfig
 from hostlink.web import parse_listen
 from tests.support.waiting import SOON_S
 
@@ -103,15 +104,13 @@ class Live:
     def show(self, frame: int) -> None:
         """Show this frame of the recording from now on; returns when it was measured."""
         self.source.aim = frame % len(self.source.frames)
-        wanted, last = self.source.frames[frame].truth, self.loop.measurement.last
-        self.until(
-            lambda: (
-                self.loop.measurement.last is not last
-                and self.loop.measurement.last
-                and self.loop.measurement.last.frame.truth is wanted
-            ),
-            f"frame {frame} measured",
-        )
+        wanted, before = self.source.frames[frame].truth, self.loop.measurement.last
+
+        def measured() -> bool:
+            last = self.loop.measurement.last
+            return last is not None and last is not before and last.frame.truth is wanted
+
+        self.until(measured, f"frame {frame} measured")
 
     def hold(self) -> None:
         self.source.going.clear()

@@ -16,7 +16,7 @@ from mcap.writer import CompressionType, Writer
 
 from edge.errors import SourceError
 from edge.recording.mcap_file import read_metadata
-from edge.recording.reader import RecordingSource, read_messages
+from edge.recording.reader import RecordingSource
 from edge.recording.topics import proto
 from edge.recording.writer import Recorder
 from edge.types import Frame
@@ -24,6 +24,7 @@ from hostlink.mcap_chunk import UNPACKED_MAX
 from tests.edge.sources.test_image_header import png_of
 from tests.support.mcap_bomb import write_mcap_bomb
 from tests.support.memory import bounded_memory
+from tests.support.messages import read_messages
 from tests.support.seeds import SEED
 
 MEMORY_MAX = 48 << 20  # in addition to that used before; the files are below 1 MiB
@@ -90,18 +91,12 @@ def read_everything(path: Path) -> int:
     ],
 )
 def test_impossible_frames_are_counted_and_skipped(tmp_path: Path, about: str) -> None:
-    text = '{"sequence": 7, "capture_ns": 1000, "clock": "host", "bits": 8}'
-    key = about.partition(":")[0]
-    bad = (
-        "{" + ", ".join([about, *(part for part in text[1:-1].split(", ") if not part.startswith(key))]) + "}"
-    )
-    path = write(
-        tmp_path / "a.mcap",
-        ("/camera/frame", text),
-        ("/camera/image", good_image()),
-        ("/camera/frame", bad),
-        ("/camera/image", good_image()),
-    )
+    parts = '"sequence": 7', '"capture_ns": 1000', '"clock": "host"', '"bits": 8'
+    kept = [part for part in parts if part.partition(":")[0] != about.partition(":")[0]]
+    messages: list[tuple[str, Any]] = []
+    for frame in (parts, (about, *kept)):
+        messages += [("/camera/frame", f"{{{', '.join(frame)}}}"), ("/camera/image", good_image())]
+    path = write(tmp_path / "a.mcap", *messages)
     with bounded_memory(MEMORY_MAX):
         source = RecordingSource(path)
         frames = list(source)

@@ -14,8 +14,9 @@ from edge.errors import NoPins
 from edge.pins import take_rest
 from edge.rest.choice import aligned, choose_rest, rest_if_touched, rest_of_source
 from edge.rest.tip_match import in_order_of
-from edge.sources import open_source, read_image
-from edge.types import Image, RecordedSource, Rest
+from edge.sources import open_source
+from edge.sources.files import FileSource, read_image
+from edge.types import Image, Rest
 
 TIP = Tip(n_pins=127, kind="hex")
 RNG = np.random.default_rng(19)
@@ -23,11 +24,6 @@ RNG = np.random.default_rng(19)
 
 def simulator() -> Simulator:
     return Simulator(Camera(tip=TIP, size_px=(320, 320)))
-
-
-def touch_of(depth_mm: float, tilt_deg: float) -> Image:
-    """Of a flat surface."""
-    return simulator().frame((ToolPose(depth_mm=depth_mm, tilt_x_deg=tilt_deg),)).image
 
 
 def touches(depths_mm: np.ndarray) -> list[Image]:
@@ -75,17 +71,17 @@ def test_a_calibration_s_rest_pins_are_moved_onto_a_touched_image(data_dir: Path
     assert moved.xy_img - true.xy_img == pytest.approx(np.tile([-2.0, 3.0], (len(true), 1)), abs=0.2)
 
 
-def recording(folder: Path, images: list[Image]) -> RecordedSource:
+def recording(folder: Path, images: list[Image]) -> FileSource:
     folder.mkdir()
     for number, image in enumerate(images):
         cv2.imwrite(str(folder / f"{number}.png"), image)
     source = open_source(str(folder))
-    assert isinstance(source, RecordedSource)
+    assert isinstance(source, FileSource)
     return source
 
 
 def test_a_recording_that_begins_touched_gets_an_untouched_rest_frame(tmp_path: Path) -> None:
-    under_load = [touch_of(depth_mm=3.0, tilt_deg=15.0)] * 8
+    under_load = [simulator().frame((ToolPose(depth_mm=3.0, tilt_x_deg=15.0),)).image] * 8
     resting = [simulator().frame().image for _ in range(8)]
     given = rest_if_touched(recording(tmp_path / "begins_touched", [*under_load, *resting]))
     assert given is not None
