@@ -1,6 +1,6 @@
-"""`edge render`: a recording as the paper's video: every frame through the pipeline and into a picture.
+"""`edge render`: a recording as the paper's video: every frame through the loop and into a picture.
 
-A frame whose pins cannot be identified is shown with its image and without cells.
+What is sent of a frame is shown; one without values with its image and without cells.
 """
 
 import logging
@@ -9,23 +9,25 @@ from contextlib import closing
 from itertools import islice
 from math import hypot, isnan, nan
 from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
 from numpy.typing import NDArray
 
-from edge.calibration import Calibration
+from edge.calibration import Calibration, uncalibrated
 from edge.cells import cell_polygons
 from edge.cli.assembly import load_calibration, rest_given
 from edge.cli.options import PATH, calibration_option, overwrite_option, rest_option
 from edge.cli.progress import counting
 from edge.cli.summary import damage_of, json_line
 from edge.errors import NoPins, SourceError
-from edge.frame import Pipeline
 from edge.rest.tare import TareParams, tare
+from edge.runtime.loop import Loop
+from edge.runtime.measurement import LoopConfig
 from edge.sources import open_source
 from edge.sources.files import FileSource
-from edge.types import Feature, FrameSource, Rest, Result
+from edge.types import Feature, Frame, FrameSource, Rest, Result, Tracks
 from edge.view.palette import PAPER, SAFE
 from edge.view.panels import View, picture
 from edge.view.video import CODECS, write_video
@@ -81,8 +83,9 @@ def render(
     if as_json:
         click.echo(json_line(made))
     elif not quiet:
-        frames = counted(int(made["frames_n"]), "frame")
-        click.echo(f"{out}: {frames} at {made['rate_hz']:g} Hz, {made['unidentified_n']} without values")
+        why = ", ".join(f"{name} {n}" for name, n in made["without_values"].items())
+        lacking = f"{sum(made['without_values'].values())} without values" + (f" ({why})" if why else "")
+        click.echo(f"{out}: {counted(made['frames_n'], 'frame')} at {made['rate_hz']:g} Hz, {lacking}")
 
 
 def render_recording(
@@ -95,7 +98,7 @@ def render_recording(
     height: int = 640,
     progress: bool = False,
     rest: str | None = None,
-) -> dict[str, float]:
+) -> dict[str, Any]:
     """Write the video.
 
     palette   a key of `PALETTES`
@@ -104,27 +107,30 @@ def render_recording(
     progress  show a bar on stderr
     rest      "auto", "none" or the number of an image; None: the rest frame is made of the first images,
               if they do not show a touch
-    Returns   frames_n in the video; unidentified_n of them without values, because the pins could not be
-              identified; pins_n of the rest frame; rate_hz of the pictures
+    Returns   frames_n in the video; unidentified_n of them whose pins could not be identified; pins_n of the
+              rest frame; rate_hz of the pictures; without_values, frames by the fault that explains it
     Raises    SourceError: no such recording, or no pins in its first frames; SinkError: cannot be written;
               OSError: the disk is full; CalibrationError: of another tip
     """
     with closing(open_source(recording)) as source:
-        rest_frame = _rest_frame(source, rest, calibration)
+        rest_frame, seen_in = _rest_frame(source, rest, calibration)
         mm_per_px = (calibration.mm_per_px if calibration else None) or 0.0
         pattern, colours = rest_frame.pattern, PALETTES[palette]
         view = View.of(rest_frame.xy_img, pattern.pitch_px, height, mm_per_px, colours)
-        pipeline = Pipeline(rest_frame, calibration, DRAWN)
+        loop = Loop(source, [], calibration, LoopConfig(DRAWN))
+        loop.measurement.use_rest(rest_frame, seen_in)
+        n_pins = len(rest_frame)
+        lost = Tracks.of(np.full((n_pins, 2), np.nan), np.full(n_pins, np.nan), np.zeros(n_pins, np.bool_), 0)
         rate_hz = rate_hz or source.rate_hz or 30.0
         total_n = source.frames_n if isinstance(source, FileSource) else 0
-        unidentified_n = 0
         with counting(out.name, total_n, progress) as count:
 
             def pictures() -> Iterator[NDArray[np.uint8]]:
-                nonlocal unidentified_n
                 for n, frame in enumerate(source, 1):
-                    result = pipeline.process(frame)
-                    unidentified_n += result.features is None
+                    loop.step(frame)
+                    result = loop.measurement.last
+                    if result is None or result.frame is not frame:  # it could not be measured
+                        result = Result(frame, lost, None, None, uncalibrated(), False)
                     polygons = cell_polygons(result.cells) if result.cells is not None else []
                     text = caption(result)
                     yield picture(view, frame, result.tracks, polygons, result.features, text)
@@ -133,24 +139,27 @@ def render_recording(
             frames_n = write_video(pictures(), out, rate_hz)
     if damage := damage_of(source):
         log.warning("%s: %s", recording, damage)
+    counts = loop.statistics()
     return {
-        "frames_n": frames_n, "unidentified_n": unidentified_n, "pins_n": len(rest_frame), "rate_hz": rate_hz
+        "frames_n": frames_n, "unidentified_n": counts.unidentified_n, "pins_n": n_pins, "rate_hz": rate_hz,
+        "without_values": counts.without_values,
     }  # fmt: skip
 
 
-def _rest_frame(source: FrameSource, how: str | None, calibration: Calibration | None) -> Rest:
-    """Raises SourceError, CalibrationError."""
+def _rest_frame(source: FrameSource, how: str | None, calibration: Calibration | None) -> tuple[Rest, Frame]:
+    """The rest frame, and an image that shows it. Raises SourceError, CalibrationError."""
     if source.live:
         raise SourceError(f"{source.name}: is live; record it first, then render the recording")
     given = rest_given(source, how, calibration)
     if given is not None:
         log.info("rest frame: %s", given.message)
-        return given.rest
-    images = [frame.image for frame in islice(source, TareParams().frames_n)]
-    if not images:
+        return given.rest, given.frame
+    frames = list(islice(source, TareParams().frames_n))
+    if not frames:
         raise SourceError(f"{source.name}: no images")
     try:
-        return tare(images, np.inf, calibration, source.polarity, source.lens)
+        images = [frame.image for frame in frames]
+        return tare(images, np.inf, calibration, source.polarity, source.lens), frames[-1]
     except NoPins as error:
         raise SourceError(f"{source.name}: {error}") from None
 

@@ -125,6 +125,7 @@ class Loop:
             pins_n=len(m.pipeline.rest) if m.pipeline else 0,
             drift_px=m.drift.offset_px if m.drift else 0.0,
             faults={code.name: n for code, n in self.faults.appeared.items()},
+            without_values=dict(self._detector.without_values),
         )
 
     # ---- the loop -----------------------------------------------------------------------------------

@@ -381,6 +381,9 @@ def test_a_dark_period_is_a_status_bit_and_a_count(data_dir: Path, tmp_path: Pat
     *samples, summary = [json.loads(line) for line in done.out.splitlines()]
     assert summary["unidentified_n"] == 4
     assert summary["faults"]["IMAGE_DARK"] == 1
+    assert summary["without_values"]["IMAGE_DARK"] == 4
+    shown = command("render", tmp_path, "--height", "120", "--json", "-o", tmp_path.with_suffix(".mkv"))
+    assert json.loads(shown.out)["without_values"] == summary["without_values"]
     lost = [bool(Status(sample["status"]) & Status.TRACKER_LOST) for sample in samples]
     assert lost == [False] * 3 + [True] * 4 + [False] * (len(samples) - 7)
     assert samples[-1]["pins_tracked"] == 1.0
