@@ -1,3 +1,4 @@
+# cython: annotation_typing=False
 """The decoder: bytes or CAN frames in, events out. It does no I/O and reads no clock.
 
     CanDecoder.receive(can_id, data, arrival_s)  -> [Sample | DetailFrame | Heartbeat | SdoFrame | ...]
@@ -52,7 +53,7 @@ from hostlink.wire.serial import (
     unpack_emergency,
     unpack_message,
 )
-from hostlink.wire.state import State, unpack_state
+from hostlink.wire.state import State, head_of, unpack_state
 from hostlink.wire.status import FaultCode, Status
 
 __all__ = [
@@ -72,6 +73,9 @@ __all__ = [
 
 SERIAL_NODE: Final = 1  # a line has no node numbers: number of the finger at its end
 LATE_S: Final = 0.020  # default; five samples at 240 Hz
+_CLOCK_STEP: Final = int(Status.CLOCK_STEP)
+_NO_TIME: Final = (nan, inf)  # of a sample whose arrival is not known
+_new: Final = tuple.__new__  # a named tuple's own constructor takes three times as long
 
 
 class _Node:
@@ -90,6 +94,37 @@ class _Node:
         self.mismatch_raised = False
         self.second_sender_given = False
         self._late_s = late_s
+
+    def can_frame(self, kind: Kind, tpdo: int, data: bytes, arrival_s: float) -> list[Event]:
+        """The events that this frame completes. Raises CorruptFrame.
+
+        tpdo  number of the TPDO; 0: none
+        """
+        is_part = len(data) == PART_SIZE
+        if tpdo and is_part:
+            return self.part_frame(tpdo, data, arrival_s)
+        if tpdo == 1:
+            return self.state_frame(data, arrival_s)
+        if tpdo == 4:
+            return self.detail_segment(data, arrival_s)
+        if kind is Kind.HEARTBEAT:
+            return self.heartbeat(data, arrival_s)
+        if kind is Kind.EMERGENCY:
+            return self.emergency(data, arrival_s)
+        if kind is Kind.SDO_RESPONSE and is_part:
+            return [SdoFrame(self.node, data, arrival_s)]
+        if kind is Kind.SDO_REQUEST:
+            return [SdoFrame(self.node, data, arrival_s, request=True)] if is_part else []
+        raise CorruptFrame(f"{kind.name} of {len(data)} bytes")
+
+    def corrupt_can(self, kind: Kind, tpdo: int, data: bytes) -> VersionMismatch | None:
+        """Counts a frame for which `can_frame` raised; the error to raise, where it shows another version."""
+        if tpdo and len(data) == PART_SIZE:
+            return self.corrupt_p11(tpdo, data)
+        if tpdo:
+            return self.corrupt_p5(data, data_id_of(Message.STATE if tpdo == 1 else Message.DETAIL))
+        self.statistics.corrupt_n += 1
+        return None
 
     # --- one method for each kind of payload, the same for CAN and serial; all raise CorruptFrame ---
 
@@ -165,25 +200,29 @@ class _Node:
 
     def _deliver(self, state: State, counter: int, modulus: int, arrival_s: float) -> list[Event]:
         events: list[Event] = []
-        if self.senders.see(state.sample, state.capture_time_us):
+        sample, status, time_us, latency_us = head_of(state)
+        if self.senders.see(sample, time_us):
             events = self._second_sender(arrival_s)
-        lost_n = self.sequence.accept(state.sample, counter, modulus)
+        lost_n = self.sequence.accept(sample, counter, modulus)
         if lost_n < 0:
             return events
         self.statistics.received_n += 1
-        host_time_s, host_error_s = self._host_time(state, arrival_s)
-        return [*events, Sample(self.node, state, host_time_s, host_error_s, arrival_s, lost_n)]
+        taken = self._host_time(status, time_us, latency_us, arrival_s)
+        events.append(_new(Sample, (self.node, state, taken[0], taken[1], arrival_s, lost_n)))
+        return events
 
-    def _host_time(self, state: State, arrival_s: float) -> tuple[float, float]:
+    def _host_time(
+        self, status: int, time_us: int, latency_us: float, arrival_s: float
+    ) -> tuple[float, float]:
         """Capture time and its error; counts a late sample."""
         if arrival_s != arrival_s:
-            return nan, inf
-        if state.status & Status.CLOCK_STEP:
+            return _NO_TIME
+        if status & _CLOCK_STEP:
             self.clock.restart()
-        latency_us = state.latency_us if state.latency_us == state.latency_us else 0.0
-        taken = self.clock.sample(state.capture_time_us, latency_us, arrival_s)
-        self.statistics.late_n += self.clock.lateness_s > self._late_s
-        return taken.time_s, taken.error_s
+        taken = self.clock.take(time_us, latency_us, arrival_s)
+        if self.clock.lateness_s > self._late_s:
+            self.statistics.late_n += 1
+        return taken
 
     def _second_sender(self, arrival_s: float) -> list[Event]:
         self.statistics.second_sender_n += 1
@@ -240,6 +279,7 @@ class CanDecoder(_Decoder):
         super().__init__(late_s)
         self.ids = ids or CanIds()
         self._table = self.ids.table
+        self._ways: dict[tuple[int, Hashable], tuple[_Node, Kind, int]] = {}  # those that frames came on
         self.unknown_n = 0
 
     def receive(
@@ -250,46 +290,25 @@ class CanDecoder(_Decoder):
         channel  the bus that it came on, if there are several: the same number on another is another finger
         Raises VersionMismatch: once a node; TypeError, ValueError: not a CAN frame
         """
-        if not 0 <= can_id < 1 << 29 or len(data) > STATE_SIZE:
-            raise ValueError(f"no CAN frame: id 0x{can_id:X} with {len(data)} bytes")
-        found = self._table.get(can_id)
-        if found is None:
-            self.unknown_n += 1
-            return self._finish([], None)
-        kind, number = found
-        node = self._node(number, channel)
-        data = bytes(data)
-        tpdo = _TPDO.get(kind)
+        way = self._ways.get((can_id, channel))
+        if way is None or len(data) > STATE_SIZE:
+            if not 0 <= can_id < 1 << 29 or len(data) > STATE_SIZE:
+                raise ValueError(f"no CAN frame: id 0x{can_id:X} with {len(data)} bytes")
+            found = self._table.get(can_id)
+            if found is None:
+                self.unknown_n += 1
+                return self._finish([], None)
+            kind, number = found
+            way = self._ways[can_id, channel] = (self._node(number, channel), kind, _TPDO.get(kind, 0))
+        node, kind, tpdo = way
+        if type(data) is not bytes:
+            data = bytes(data)
         error: VersionMismatch | None = None
         events: list[Event] = []
         try:
-            if tpdo is not None:
-                if len(data) == PART_SIZE:
-                    events = node.part_frame(tpdo, data, arrival_s)
-                elif kind is Kind.TPDO1:
-                    events = node.state_frame(data, arrival_s)
-                elif kind is Kind.TPDO4:
-                    events = node.detail_segment(data, arrival_s)
-                else:
-                    raise CorruptFrame(f"{kind.name} of {len(data)} bytes")
-            elif kind is Kind.HEARTBEAT:
-                events = node.heartbeat(data, arrival_s)
-            elif kind is Kind.EMERGENCY:
-                events = node.emergency(data, arrival_s)
-            elif kind is Kind.SDO_RESPONSE:
-                if len(data) != PART_SIZE:
-                    raise CorruptFrame(f"{kind.name} of {len(data)} bytes")
-                events = [SdoFrame(number, data, arrival_s)]
-            elif kind is Kind.SDO_REQUEST and len(data) == PART_SIZE:
-                events = [SdoFrame(number, data, arrival_s, request=True)]
+            events = node.can_frame(kind, tpdo, data, arrival_s)
         except CorruptFrame:
-            if tpdo is not None and len(data) == PART_SIZE:
-                error = node.corrupt_p11(tpdo, data)
-            elif tpdo is not None:
-                message = Message.STATE if kind is Kind.TPDO1 else Message.DETAIL
-                error = node.corrupt_p5(data, data_id_of(message))
-            else:
-                node.statistics.corrupt_n += 1
+            error = node.corrupt_can(kind, tpdo, data)
         return self._finish(events, error)
 
 

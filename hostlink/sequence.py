@@ -1,8 +1,11 @@
+# cython: annotation_typing=False
 """Order of one node's samples: what is new, lost, old or repeated; and whether one sender sent them all.
 
 Sequence      sample number and E2E counter -> deliver or not, and how many were lost before it
 SenderWatch   sample number and capture time -> is there a second sender with this node number?
 Evidence      frames with a wrong CRC -> noise, or another version?
+
+Compiled where a compiler is, with the C types in `sequence.pxd`; the same without.
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@ from hostlink.wire import (
 from hostlink.wire.address import DEFAULT_BAUD, AddressError, parse_address
 from hostlink.wire.errors import CorruptFrame
 from hostlink.wire.serial import FRAME_MAX, decode_frame
-from hostlink.wire.state import frame_of
+from hostlink.wire.state import body_of, frame_of
 from hostlink.wire.timing import classic_frame_s, fd_frame_s, serial_frame_s
 
 NODE_DEFAULT = 1
@@ -52,10 +52,7 @@ class Sink(Protocol):
 
 def packed(state: State, counter: int) -> bytes:
     """The 64-byte frame of a sample, as `pack_state` gives it."""
-    values = vars(state)
-    if "raws" in values:  # of a sample that was received
-        return pack_state(state, counter)
-    return frame_of(_PACKER.pack(values), counter)
+    return frame_of(body_of(state) or _PACKER.pack(vars(state)), counter)
 
 
 class MemorySink:

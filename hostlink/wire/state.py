@@ -1,15 +1,18 @@
+# cython: annotation_typing=False
 """A sample, and its 64-byte frame: `pack_state` and `unpack_state`.
 
+Compiled where a compiler is, with the C types in `state.pxd`; the same without.
 The tables in `fields` are turned into precompiled columns once, at import; a frame then costs one walk
 along them and one `struct` call each way. Layout and rules: `fields`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from itertools import repeat
+from itertools import accumulate, repeat
 from math import nan
+from struct import Struct
 from typing import TYPE_CHECKING, Any, Final, TypeVar, cast, dataclass_transform
 from zlib import crc32
 
@@ -25,12 +28,13 @@ from hostlink.wire.fields import (
     SCHEMA,
     STATE_SIZE,
     VERSION,
+    Field,
     Schema,
 )
 from hostlink.wire.generated_state import StateFields
 from hostlink.wire.status import status_of
 
-__all__ = ["Contact", "State", "check_of", "frame_of", "pack_state", "quantise", "restore", "unpack_state"]
+__all__ = ["Contact", "State", "body_of", "check_of", "frame_of", "head_of", "pack_state", "quantise", "restore", "unpack_state"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,22 +50,56 @@ T = TypeVar("T")
 
 
 class _Decoded:
-    """A field of a sample that came as raw values: decoded when it is read first.
+    """A field of a sample that came as a frame: decoded when it is read.
 
     An instance's own values come before this; a sample that was made of values has the default here.
     """
 
-    def __init__(self, name: str, default: Any, decode: Callable[[Sequence[int]], Any]) -> None:
-        self._name, self._default, self._decode = name, default, decode
+    def __init__(self, field: Field, at: int, default: object) -> None:
+        self._default, self._at, self._size = default, at, field.size
+        self._span = 1 << 8 * field.size
+        self._top = (self._span >> 1 if field.signed else self._span) - 1
+        self._scale = field.scale
+        self._plain, self._status = field.plain, field.name == "status"
+        self._nan = -1 if field.plain else field.raw_nan(8 * field.size)
 
     def __get__(self, state: State | None, owner: type) -> Any:
         if state is None:
             return self._default  # of the class: what `dataclasses.fields` and a reader of the class see
-        values = vars(state)
-        if "raws" not in values:
+        body = state.__dict__.get(_BODY_KEY)
+        if body is None:
             return self._default
-        values[self._name] = value = self._decode(values["raws"])
-        return value
+        at, raw = self._at, body[self._at]
+        if self._size > 1:
+            raw |= body[at + 1] << 8
+        if self._size > 2:
+            raw |= body[at + 2] << 16 | body[at + 3] << 24
+        if raw > self._top:
+            raw -= self._span
+        if self._plain:
+            return status_of(raw) if self._status else raw
+        return nan if raw == self._nan else raw * self._scale
+
+class _DecodedContacts:
+    """The contacts, likewise; kept once they are decoded."""
+
+    def __get__(self, state: State | None, owner: type) -> tuple[Contact, ...]:
+        if state is None or _BODY_KEY not in state.__dict__:
+            return ()
+        raws = _raws_of(state.__dict__[_BODY_KEY])[_FIRST:_BEHIND]
+        values = [
+            raw * scale if raw != raw_nan else nan
+            for raw, scale, raw_nan in zip(
+                raws, _SCALES[_FIRST:_BEHIND], _NANS[_FIRST:_BEHIND], strict=True
+            )
+        ]
+        found = tuple(
+            Contact(*values[i : i + _CONTACT_SIZE])
+            for i in range(0, len(values), _CONTACT_SIZE)
+            if raws[i] != _NANS[_FIRST]
+        )
+        state.__dict__["contacts"] = found
+        return found
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True)
@@ -70,40 +108,27 @@ def _sample(cls: type[T]) -> type[T]:
     dataclass's own constructor takes longer than the bus.
     """
     made = dataclass(frozen=True, init=False)(cls)
+    places = dict(zip(_NAMES, accumulate((f.size for f in LAYOUT), initial=1), strict=False))
     for row in fields(cast("Any", made)):
-        if row.name != "contacts" and row.name not in _NAMES:  # the table has changed: generate
-            continue
-        setattr(made, row.name, _Decoded(row.name, row.default, _decoder_of(row.name)))
+        if row.name in places:  # else the table has changed: generate
+            setattr(made, row.name, _Decoded(SCHEMA.field_named(row.name), places[row.name], row.default))
+    setattr(made, "contacts", _DecodedContacts())  # noqa: B010
     return made
 
 
-def _decoder_of(name: str) -> Callable[[Sequence[int]], Any]:
-    """What makes a field's value of the raw values in the order of LAYOUT."""
-    if name == "contacts":
-        return _contacts_of
-    i = _NAMES.index(name)
-    scale, raw_nan = _SCALES[i], _NANS[i]
-    if i == _STATUS:
-        return lambda raws: status_of(raws[i])
-    return lambda raws: raws[i] * scale if raws[i] != raw_nan else nan
+def _raws_of(body: bytes) -> Sequence[int]:
+    """Raw integers of all fields, in the order of LAYOUT."""
+    return _BODY.unpack(body)[1:]
 
 
-def _contacts_of(raws: Sequence[int]) -> tuple[Contact, ...]:
-    values = [
-        raw * scale if raw != raw_nan else nan
-        for raw, scale, raw_nan in zip(
-            raws[_FIRST:_BEHIND], _SCALES[_FIRST:_BEHIND], _NANS[_FIRST:_BEHIND], strict=True
-        )
-    ]
-    return tuple(
-        Contact(*values[i : i + _CONTACT_SIZE])
-        for i in range(0, len(values), _CONTACT_SIZE)
-        if raws[_FIRST + i] != _NANS[_FIRST]
-    )
-
-
+_BODY_KEY: Final = "body"  # among a received sample's values: version and fields of its frame
 _BODY: Final = SCHEMA.body
 _BODY_AT: Final = HEADER_SIZE - 1
+_HEAD_FIELDS: Final = LAYOUT[:4]
+assert [f.name for f in _HEAD_FIELDS] == ["sample", "status", "capture_time_us", "latency_us"]
+_HEAD: Final = Struct("<" + "".join(f.code for f in _HEAD_FIELDS))
+_LATENCY_NAN: Final = _HEAD_FIELDS[3].raw_nan(16)
+_LATENCY_STEP: Final = _HEAD_FIELDS[3].scale
 _CHECK_AT: Final = STATE_SIZE - CHECK_SIZE
 assert _BODY_AT + _BODY.size == _CHECK_AT
 
@@ -160,6 +185,7 @@ def _check(values: dict[str, Any]) -> None:
         raise ValueError(f"{n} contacts, at most {CONTACTS_MAX} fit: give the strongest")
 
 
+_new: Final = object.__new__
 _FIELDS: Final = frozenset(f.name for f in fields(cast("Any", State)))
 
 
@@ -170,9 +196,8 @@ def quantise(state: State) -> Sequence[int]:
     A contact without a place is left out.
     """
     values = vars(state)
-    if "raws" in values:
-        raws: Sequence[int] = values["raws"]
-        return raws
+    if _BODY_KEY in values:
+        return _raws_of(values[_BODY_KEY])
     places: list[float] = []
     for contact in state.contacts:
         if contact.x_mm == contact.x_mm and contact.y_mm == contact.y_mm:
@@ -191,16 +216,31 @@ def quantise(state: State) -> Sequence[int]:
     return made
 
 
-def restore(raws: Sequence[int], schema: Schema = SCHEMA) -> State:
-    """The inverse of `quantise`. The sample keeps the raw values, and decodes a field when it is read.
+def restore(body: bytes, schema: Schema = SCHEMA) -> State:
+    """The sample with this version and these fields. It keeps them, and decodes a field when it is read.
 
     An older schema's values are decoded at once.
     """
-    if schema.version in OLDER:
-        return _restore_older(raws, schema)
-    state = State()
-    vars(state)["raws"] = raws
+    if schema is not SCHEMA:
+        return _restore_older(schema.body.unpack(body)[1:], schema)
+    state = _new(State)
+    state.__dict__[_BODY_KEY] = body
     return state
+
+
+def head_of(state: State) -> tuple[int, int, int, float]:
+    """What a decoder needs of a sample: sample number, status bits, capture time and latency (us)."""
+    body = vars(state).get(_BODY_KEY)
+    if body is None:
+        latency_us = state.latency_us if state.latency_us == state.latency_us else 0.0
+        return state.sample, int(state.status), state.capture_time_us, latency_us
+    sample, status, time_us, raw = _HEAD.unpack_from(body, 1)
+    return sample, status, time_us, 0.0 if raw == _LATENCY_NAN else raw * _LATENCY_STEP
+
+
+def body_of(state: State) -> bytes | None:
+    """The version and fields with which a sample came; None: it was made of values, or is of an older schema."""
+    return vars(state).get(_BODY_KEY)
 
 
 def _restore_older(raws: Sequence[int], schema: Schema) -> State:
@@ -214,9 +254,9 @@ def _restore_older(raws: Sequence[int], schema: Schema) -> State:
     return State(**values, contacts=tuple(Contact(*row) for row in rows if row[0] == row[0]))
 
 
-def check_of(raws: Sequence[int], schema: Schema = SCHEMA) -> int:
-    """The 16-bit check of raw values in the order of the schema's layout."""
-    return crc32(schema.body.pack(schema.version, *raws)) & 0xFFFF
+def check_of(body: bytes) -> int:
+    """The 16-bit check of version and fields."""
+    return crc32(body) & 0xFFFF
 
 
 def pack_state(state: State, counter: int) -> bytes:
@@ -225,12 +265,12 @@ def pack_state(state: State, counter: int) -> bytes:
     counter  of samples due on this link, taken modulo 256: +1 for each, also for one that the link then
              refused (a loss); not for one that the divider skipped (no loss)
     """
-    return frame_of(_BODY.pack(VERSION, *quantise(state)), counter)
+    return frame_of(body_of(state) or _BODY.pack(VERSION, *quantise(state)), counter)
 
 
 def frame_of(body: bytes, counter: int) -> bytes:
     """The frame around version and fields: E2E header, check."""
-    checked = body + (crc32(body) & 0xFFFF).to_bytes(CHECK_SIZE, "little")
+    checked = body + check_of(body).to_bytes(CHECK_SIZE, "little")
     return protected_p5(checked, counter, DATA_ID)
 
 
@@ -242,12 +282,13 @@ def unpack_state(frame: bytes) -> State:
     """
     if len(frame) != STATE_SIZE:
         raise CorruptFrame(f"state frame of {len(frame)} bytes instead of {STATE_SIZE}")
-    older = OLDER.get(frame[HEADER_SIZE - 1])
-    if not check_p5(frame, DATA_ID if older is None else older.data_id):
+    version = frame[_BODY_AT]
+    schema = SCHEMA if version == VERSION else OLDER.get(version)
+    if not check_p5(frame, DATA_ID if schema is None else schema.data_id):
         raise CorruptFrame("state frame with a wrong CRC")
-    if older is None and frame[HEADER_SIZE - 1] != VERSION:
+    if schema is None:
         raise CorruptFrame("state frame whose version does not fit its CRC")
-    if crc32(frame[_BODY_AT:_CHECK_AT]) & 0xFFFF != frame[_CHECK_AT] | frame[_CHECK_AT + 1] << 8:
+    body = frame[_BODY_AT:_CHECK_AT]
+    if crc32(body) & 0xFFFF != frame[_CHECK_AT] | frame[_CHECK_AT + 1] << 8:
         raise CorruptFrame("state frame whose content does not fit its check")
-    schema = older or SCHEMA
-    return restore(schema.body.unpack_from(frame, _BODY_AT)[1:], schema)
+    return restore(body, schema)
