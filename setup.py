@@ -28,7 +28,9 @@ EXACT = ["-O3", "-ffp-contract=off"]
 #: Kernel -> flags of the C compiler.
 KERNELS = {
     "hostlink.clock": SMALL,
+    "hostlink.decoder": SMALL,
     "hostlink.sequence": SMALL,
+    "hostlink.wire.body": SMALL,
     "edge.calibration.evaluation": FAST,
     "edge.cells.mesh": EXACT,
     "edge.features.contact_detector": FAST,

@@ -38,6 +38,7 @@ from hostlink.events import (
     SecondSender,
 )
 from hostlink.sequence import EVIDENCE_P5, EVIDENCE_P11, Evidence, LinkStatistics, SenderWatch, Sequence
+from hostlink.wire.body import body_in
 from hostlink.wire.canid import CanIds, Kind
 from hostlink.wire.detail import DetailAssembler, unpack_segment
 from hostlink.wire.e2e import P11_COUNTERS, implied_id_p5, implied_id_p11
@@ -53,7 +54,7 @@ from hostlink.wire.serial import (
     unpack_emergency,
     unpack_message,
 )
-from hostlink.wire.state import State, head_of, unpack_state
+from hostlink.wire.state import State, body_of, restore
 from hostlink.wire.status import FaultCode, Status
 
 __all__ = [
@@ -74,6 +75,9 @@ __all__ = [
 SERIAL_NODE: Final = 1  # a line has no node numbers: number of the finger at its end
 LATE_S: Final = 0.020  # default; five samples at 240 Hz
 _CLOCK_STEP: Final = int(Status.CLOCK_STEP)
+_SAMPLE, _STATUS, _TIME, _LATENCY = (
+    vars(State)[name] for name in ("sample", "status", "capture_time_us", "latency_us")
+)
 _NO_TIME: Final = (nan, inf)  # of a sample whose arrival is not known
 _new: Final = tuple.__new__  # a named tuple's own constructor takes three times as long
 
@@ -129,9 +133,9 @@ class _Node:
     # --- one method for each kind of payload, the same for CAN and serial; all raise CorruptFrame ---
 
     def state_frame(self, frame: bytes, arrival_s: float) -> list[Event]:
-        state = unpack_state(frame)
+        body = body_in(frame)
         self.evidence_p5.clear()
-        return self._deliver(state, frame[2], 256, arrival_s)
+        return self._deliver(restore(body), frame[2], 256, arrival_s)
 
     def part_frame(self, tpdo: int, frame: bytes, arrival_s: float) -> list[Event]:
         part = unpack_part(tpdo, frame)
@@ -200,7 +204,13 @@ class _Node:
 
     def _deliver(self, state: State, counter: int, modulus: int, arrival_s: float) -> list[Event]:
         events: list[Event] = []
-        sample, status, time_us, latency_us = head_of(state)
+        body = body_of(state)
+        if body is None:  # an older version's, decoded at once
+            sample, status, time_us = state.sample, int(state.status), state.capture_time_us
+            latency_us = state.latency_us
+        else:
+            sample, status, time_us = _SAMPLE.raw(body), _STATUS.raw(body), _TIME.raw(body)
+            latency_us = _LATENCY.value(body)
         if self.senders.see(sample, time_us):
             events = self._second_sender(arrival_s)
         lost_n = self.sequence.accept(sample, counter, modulus)
@@ -219,7 +229,7 @@ class _Node:
             return _NO_TIME
         if status & _CLOCK_STEP:
             self.clock.restart()
-        taken = self.clock.take(time_us, latency_us, arrival_s)
+        taken = self.clock.take(time_us, latency_us if latency_us == latency_us else 0.0, arrival_s)
         if self.clock.lateness_s > self._late_s:
             self.statistics.late_n += 1
         return taken

@@ -246,4 +246,4 @@ class Assembler:
         body = schema.body.pack(schema.version, *(raws[f.name] for f in schema.layout))
         if check_of(body) & _CHECK_MASK != raws["check"]:
             raise CorruptFrame("classic sample whose content does not fit its check")
-        return restore(body, schema)
+        return restore(body)

@@ -1,7 +1,5 @@
-# cython: annotation_typing=False
 """A sample, and its 64-byte frame: `pack_state` and `unpack_state`.
 
-Compiled where a compiler is, with the C types in `state.pxd`; the same without.
 The tables in `fields` are turned into precompiled columns once, at import; a frame then costs one walk
 along them and one `struct` call each way. Layout and rules: `fields`.
 """
@@ -12,29 +10,25 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from itertools import accumulate, repeat
 from math import nan
-from struct import Struct
 from typing import TYPE_CHECKING, Any, Final, TypeVar, cast, dataclass_transform
 from zlib import crc32
 
-from hostlink.wire.e2e import check_p5, protected_p5
-from hostlink.wire.errors import CorruptFrame
+from hostlink.wire.body import BODY, Decoded, body_in
+from hostlink.wire.e2e import protected_p5
 from hostlink.wire.fields import (
     CHECK_SIZE,
     CONTACTS_MAX,
     DATA_ID,
-    HEADER_SIZE,
     LAYOUT,
     OLDER,
     SCHEMA,
-    STATE_SIZE,
     VERSION,
-    Field,
     Schema,
 )
 from hostlink.wire.generated_state import StateFields
 from hostlink.wire.status import status_of
 
-__all__ = ["Contact", "State", "body_of", "check_of", "frame_of", "head_of", "pack_state", "quantise", "restore", "unpack_state"]
+__all__ = ["Contact", "State", "body_of", "check_of", "frame_of", "pack_state", "quantise", "restore", "unpack_state"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,44 +43,13 @@ class Contact:
 T = TypeVar("T")
 
 
-class _Decoded:
-    """A field of a sample that came as a frame: decoded when it is read.
-
-    An instance's own values come before this; a sample that was made of values has the default here.
-    """
-
-    def __init__(self, field: Field, at: int, default: object) -> None:
-        self._default, self._at, self._size = default, at, field.size
-        self._span = 1 << 8 * field.size
-        self._top = (self._span >> 1 if field.signed else self._span) - 1
-        self._scale = field.scale
-        self._plain, self._status = field.plain, field.name == "status"
-        self._nan = -1 if field.plain else field.raw_nan(8 * field.size)
-
-    def __get__(self, state: State | None, owner: type) -> Any:
-        if state is None:
-            return self._default  # of the class: what `dataclasses.fields` and a reader of the class see
-        body = state.__dict__.get(_BODY_KEY)
-        if body is None:
-            return self._default
-        at, raw = self._at, body[self._at]
-        if self._size > 1:
-            raw |= body[at + 1] << 8
-        if self._size > 2:
-            raw |= body[at + 2] << 16 | body[at + 3] << 24
-        if raw > self._top:
-            raw -= self._span
-        if self._plain:
-            return status_of(raw) if self._status else raw
-        return nan if raw == self._nan else raw * self._scale
-
 class _DecodedContacts:
     """The contacts, likewise; kept once they are decoded."""
 
     def __get__(self, state: State | None, owner: type) -> tuple[Contact, ...]:
-        if state is None or _BODY_KEY not in state.__dict__:
+        if state is None or BODY not in state.__dict__:
             return ()
-        raws = _raws_of(state.__dict__[_BODY_KEY])[_FIRST:_BEHIND]
+        raws = _raws_of(state.__dict__[BODY])[_FIRST:_BEHIND]
         values = [
             raw * scale if raw != raw_nan else nan
             for raw, scale, raw_nan in zip(
@@ -111,7 +74,7 @@ def _sample(cls: type[T]) -> type[T]:
     places = dict(zip(_NAMES, accumulate((f.size for f in LAYOUT), initial=1), strict=False))
     for row in fields(cast("Any", made)):
         if row.name in places:  # else the table has changed: generate
-            setattr(made, row.name, _Decoded(SCHEMA.field_named(row.name), places[row.name], row.default))
+            setattr(made, row.name, Decoded(SCHEMA.field_named(row.name), places[row.name], row.default))
     setattr(made, "contacts", _DecodedContacts())  # noqa: B010
     return made
 
@@ -121,16 +84,7 @@ def _raws_of(body: bytes) -> Sequence[int]:
     return _BODY.unpack(body)[1:]
 
 
-_BODY_KEY: Final = "body"  # among a received sample's values: version and fields of its frame
 _BODY: Final = SCHEMA.body
-_BODY_AT: Final = HEADER_SIZE - 1
-_HEAD_FIELDS: Final = LAYOUT[:4]
-assert [f.name for f in _HEAD_FIELDS] == ["sample", "status", "capture_time_us", "latency_us"]
-_HEAD: Final = Struct("<" + "".join(f.code for f in _HEAD_FIELDS))
-_LATENCY_NAN: Final = _HEAD_FIELDS[3].raw_nan(16)
-_LATENCY_STEP: Final = _HEAD_FIELDS[3].scale
-_CHECK_AT: Final = STATE_SIZE - CHECK_SIZE
-assert _BODY_AT + _BODY.size == _CHECK_AT
 
 # LAYOUT turned into columns, and where the contacts lie among them.
 _NAMES: Final = tuple(f.name for f in LAYOUT)
@@ -196,8 +150,8 @@ def quantise(state: State) -> Sequence[int]:
     A contact without a place is left out.
     """
     values = vars(state)
-    if _BODY_KEY in values:
-        return _raws_of(values[_BODY_KEY])
+    if BODY in values:
+        return _raws_of(values[BODY])
     places: list[float] = []
     for contact in state.contacts:
         if contact.x_mm == contact.x_mm and contact.y_mm == contact.y_mm:
@@ -216,31 +170,22 @@ def quantise(state: State) -> Sequence[int]:
     return made
 
 
-def restore(body: bytes, schema: Schema = SCHEMA) -> State:
+def restore(body: bytes) -> State:
     """The sample with this version and these fields. It keeps them, and decodes a field when it is read.
 
-    An older schema's values are decoded at once.
+    An older version's values are decoded at once.
     """
-    if schema is not SCHEMA:
+    if body[0] != VERSION:
+        schema = OLDER[body[0]]
         return _restore_older(schema.body.unpack(body)[1:], schema)
     state = _new(State)
-    state.__dict__[_BODY_KEY] = body
+    state.__dict__[BODY] = body
     return state
-
-
-def head_of(state: State) -> tuple[int, int, int, float]:
-    """What a decoder needs of a sample: sample number, status bits, capture time and latency (us)."""
-    body = vars(state).get(_BODY_KEY)
-    if body is None:
-        latency_us = state.latency_us if state.latency_us == state.latency_us else 0.0
-        return state.sample, int(state.status), state.capture_time_us, latency_us
-    sample, status, time_us, raw = _HEAD.unpack_from(body, 1)
-    return sample, status, time_us, 0.0 if raw == _LATENCY_NAN else raw * _LATENCY_STEP
 
 
 def body_of(state: State) -> bytes | None:
     """The version and fields with which a sample came; None: it was made of values, or is of an older schema."""
-    return vars(state).get(_BODY_KEY)
+    return vars(state).get(BODY)
 
 
 def _restore_older(raws: Sequence[int], schema: Schema) -> State:
@@ -280,15 +225,4 @@ def unpack_state(frame: bytes) -> State:
     Raises CorruptFrame: length, CRC, version or check is wrong. A frame of another version looks like that,
            too: only several frames together distinguish the two, see `hostlink.decoder`
     """
-    if len(frame) != STATE_SIZE:
-        raise CorruptFrame(f"state frame of {len(frame)} bytes instead of {STATE_SIZE}")
-    version = frame[_BODY_AT]
-    schema = SCHEMA if version == VERSION else OLDER.get(version)
-    if not check_p5(frame, DATA_ID if schema is None else schema.data_id):
-        raise CorruptFrame("state frame with a wrong CRC")
-    if schema is None:
-        raise CorruptFrame("state frame whose version does not fit its CRC")
-    body = frame[_BODY_AT:_CHECK_AT]
-    if crc32(body) & 0xFFFF != frame[_CHECK_AT] | frame[_CHECK_AT + 1] << 8:
-        raise CorruptFrame("state frame whose content does not fit its check")
-    return restore(body, schema)
+    return restore(body_in(frame))
