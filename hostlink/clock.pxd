@@ -26,6 +26,7 @@ cdef class ClockMap:
     cdef _close_bucket(self)
     cdef bint _is_settled(self, double at_s) noexcept
     cdef bint _contradicts(self, double at_s, double offset_s, double host_s) except -1
+    @cython.locals(passed_us=cython.longlong, expected_us=cython.longlong)
     cdef long long _unwrap(self, long long device_us, double host_s) noexcept
     @cython.locals(passed_s=double, bound=double, bucket_at_s=double, offset_s=double)
     cdef (double, double) _bounds(self, double at_s) except *

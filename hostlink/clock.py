@@ -243,8 +243,8 @@ class ClockMap:
     def _unwrap(self, device_us: int, host_s: float) -> int:
         if not self._is_known:
             return device_us
-        passed_us = min(max((host_s - self._last_host_s) * 1e6, -LONG_US), LONG_US)
-        expected_us = self._last_us + int(passed_us)
+        passed_us = int(min(max((host_s - self._last_host_s) * 1e6, -LONG_US), LONG_US))
+        expected_us = self._last_us + passed_us
         return expected_us + _signed(device_us - expected_us)
 
     def _bounds(self, at_s: float) -> tuple[float, float]:

@@ -2,8 +2,8 @@
 import cython
 
 from hostlink.clock cimport ClockMap
-from hostlink.sequence cimport SenderWatch, Sequence
-from hostlink.wire.body cimport Decoded, body_in
+from hostlink.sequence cimport Evidence, SenderWatch, Sequence
+from hostlink.wire.body cimport Decoded, Received, body_in, received
 
 cdef int _CLOCK_STEP
 cdef Decoded _SAMPLE, _STATUS, _TIME, _LATENCY
@@ -14,15 +14,17 @@ cdef class _Node:
     cdef readonly ClockMap clock
     cdef Sequence sequence
     cdef SenderWatch senders
-    cdef object parts, segments, evidence_p5, evidence_p11
+    cdef object parts, segments
+    cdef Evidence evidence_p5, evidence_p11
     cdef bint mismatch_raised, second_sender_given
     cdef double _late_s
 
     cdef list can_frame(self, kind, int tpdo, bytes data, double arrival_s)
     cdef object corrupt_can(self, kind, int tpdo, bytes data)
+    @cython.locals(body=bytes)
     cpdef list state_frame(self, bytes frame, double arrival_s)
-    @cython.locals(sample=int, status=int, time_us=cython.longlong, latency_us=double, lost_n=int, taken=tuple, events=list)
-    cdef list _deliver(self, state, int counter, int modulus, double arrival_s)
+    @cython.locals(sample=cython.int, status=cython.int, time_us=cython.longlong, latency_us=cython.double, lost_n=cython.int, taken=tuple, body=bytes, events=list)
+    cdef list _deliver(self, Received state, int counter, int modulus, double arrival_s)
     cdef object _host_time(self, int status, long long time_us, double latency_us, double arrival_s)
 
 cdef class _Decoder:
@@ -39,7 +41,7 @@ cdef class CanDecoder(_Decoder):
     cdef object _table
     cdef dict _ways
 
-    @cython.locals(way=tuple, node=_Node, tpdo=int, events=list)
+    @cython.locals(way=tuple, node=_Node, tpdo=cython.int, events=list)
     cpdef list receive(self, can_id, data, double arrival_s=*, channel=*)
 
 cdef class SerialDecoder(_Decoder):

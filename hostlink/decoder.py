@@ -38,7 +38,7 @@ from hostlink.events import (
     SecondSender,
 )
 from hostlink.sequence import EVIDENCE_P5, EVIDENCE_P11, Evidence, LinkStatistics, SenderWatch, Sequence
-from hostlink.wire.body import body_in
+from hostlink.wire.body import body_in, received
 from hostlink.wire.canid import CanIds, Kind
 from hostlink.wire.detail import DetailAssembler, unpack_segment
 from hostlink.wire.e2e import P11_COUNTERS, implied_id_p5, implied_id_p11
@@ -54,7 +54,7 @@ from hostlink.wire.serial import (
     unpack_emergency,
     unpack_message,
 )
-from hostlink.wire.state import State, body_of, restore
+from hostlink.wire.state import State, restore
 from hostlink.wire.status import FaultCode, Status
 
 __all__ = [
@@ -135,7 +135,8 @@ class _Node:
     def state_frame(self, frame: bytes, arrival_s: float) -> list[Event]:
         body = body_in(frame)
         self.evidence_p5.clear()
-        return self._deliver(restore(body), frame[2], 256, arrival_s)
+        state = received(State, body) if body[0] == VERSION else restore(body)
+        return self._deliver(state, frame[2], 256, arrival_s)
 
     def part_frame(self, tpdo: int, frame: bytes, arrival_s: float) -> list[Event]:
         part = unpack_part(tpdo, frame)
@@ -204,7 +205,7 @@ class _Node:
 
     def _deliver(self, state: State, counter: int, modulus: int, arrival_s: float) -> list[Event]:
         events: list[Event] = []
-        body = body_of(state)
+        body = state.body
         if body is None:  # an older version's, decoded at once
             sample, status, time_us = state.sample, int(state.status), state.capture_time_us
             latency_us = state.latency_us

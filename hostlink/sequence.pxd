@@ -11,7 +11,7 @@ cdef class Sequence:
     cdef int _sample, _counter, _stride, _other_run, _other
     cdef unsigned long long _seen
 
-    @cython.locals(ahead=int, steps=int)
+    @cython.locals(ahead=cython.int, steps=cython.int)
     cpdef int accept(self, int sample, int counter, int modulus) except? -1000
     cpdef restart(self)
     cdef int _begin(self, int sample, int counter) noexcept
@@ -35,7 +35,13 @@ cdef class SenderWatch:
     cdef list _tracks
     cdef int _suspect_n, _quiet_n
 
-    @cython.locals(track=_Track, i=int, used=cython.bint)
+    @cython.locals(track=_Track, i=cython.int, used=cython.bint)
     cpdef bint see(self, int sample, long long time_us) except -1
     cpdef restart(self)
     cdef bint _is_second(self, bint suspect) noexcept
+
+cdef class Evidence:
+    cdef int _needed
+    cdef object _implied, _frames
+
+    cpdef clear(self)

@@ -17,13 +17,12 @@ from hostlink.wire import (
     encode_frame,
     pack_message,
     pack_parts,
-    pack_state,
     unpack_message,
 )
 from hostlink.wire.address import DEFAULT_BAUD, AddressError, parse_address
 from hostlink.wire.errors import CorruptFrame
 from hostlink.wire.serial import FRAME_MAX, decode_frame
-from hostlink.wire.state import body_of, frame_of
+from hostlink.wire.state import frame_of
 from hostlink.wire.timing import classic_frame_s, fd_frame_s, serial_frame_s
 
 NODE_DEFAULT = 1
@@ -52,7 +51,7 @@ class Sink(Protocol):
 
 def packed(state: State, counter: int) -> bytes:
     """The 64-byte frame of a sample, as `pack_state` gives it."""
-    return frame_of(body_of(state) or _PACKER.pack(vars(state)), counter)
+    return frame_of(state.body or _PACKER.pack(vars(state)), counter)
 
 
 class MemorySink:

@@ -1,20 +1,32 @@
 # C types of what every sample takes; see body.py.
 import cython
 
-cdef object _KEY, nan, status_of, crc32, crc_hqx, _ID
-cdef int _AT, _END, _OURS
+cdef object nan, status_of, crc32
+cdef int _AT, _END, _OURS, _ID, _SIZE
+cdef bint _COMPILED
 
-@cython.locals(body=bytes, crc=int)
+@cython.locals(body=bytes, data_id=cython.int, is_ours=cython.bint)
 cpdef bytes body_in(bytes frame)
+@cython.locals(i=cython.int, register=cython.int)
+cdef int _crc_of(bytes frame, int data_id) except -1
+@cython.locals(x=cython.int)
+cdef int _next(int register, int byte) noexcept
+
+cdef class Received:
+    cdef readonly bytes body
+
+@cython.locals(state=Received)
+cpdef object received(kind, bytes body)
 
 cdef class Decoded:
-    cdef object _default, _scale
+    cdef object _default
+    cdef double _scale
     cdef bint _plain, _status
     cdef Py_ssize_t _at, _size
-    cdef long long _span, _top, _nan
+    cdef long long _span, _top, _nan, _whole
 
-    @cython.locals(body=bytes)
-    cdef object _of(self, dict values)
+    cdef object _of(self, Received state)
+    @cython.locals(raw=cython.longlong)
     cpdef object value(self, bytes body)
     @cython.locals(at=Py_ssize_t, raw=cython.longlong, high=cython.longlong)
     cpdef long long raw(self, bytes body) except? -1

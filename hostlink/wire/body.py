@@ -9,21 +9,22 @@ from __future__ import annotations
 
 from binascii import crc_hqx
 from math import nan
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 from zlib import crc32
 
 from hostlink.wire.errors import CorruptFrame
 from hostlink.wire.fields import CHECK_SIZE, DATA_ID, HEADER_SIZE, OLDER, STATE_SIZE, VERSION, Field
 from hostlink.wire.status import status_of
 
-__all__ = ["BODY", "Decoded", "body_in"]
+__all__ = ["Decoded", "Received", "body_in", "received"]
 
-BODY: Final = "body"  # its name among the values of a received sample
-_KEY: Final = BODY
+T = TypeVar("T", bound="Received")
 _AT: Final = HEADER_SIZE - 1
 _END: Final = STATE_SIZE - CHECK_SIZE
 _OURS: Final = VERSION
-_ID: Final = DATA_ID.to_bytes(2, "little")
+_SIZE: Final = STATE_SIZE
+_ID: Final = DATA_ID
+_COMPILED: Final = not __file__.endswith(".py")  # a loop over bytes is slow where it is not
 
 
 def body_in(frame: bytes) -> bytes:
@@ -32,9 +33,8 @@ def body_in(frame: bytes) -> bytes:
         raise CorruptFrame(f"state frame of {len(frame)} bytes instead of {STATE_SIZE}")
     is_ours = frame[_AT] == _OURS
     older = None if is_ours else OLDER.get(frame[_AT])
-    data_id = _ID if older is None else older.data_id.to_bytes(2, "little")
-    crc = crc_hqx(data_id, crc_hqx(frame[2:], 0xFFFF))  # as `e2e.check_p5`
-    if crc != frame[0] | frame[1] << 8:
+    data_id = _ID if older is None else older.data_id
+    if _crc_of(frame, data_id) != frame[0] | frame[1] << 8:
         raise CorruptFrame("state frame with a wrong CRC")
     if not is_ours and older is None:
         raise CorruptFrame("state frame whose version does not fit its CRC")
@@ -42,6 +42,45 @@ def body_in(frame: bytes) -> bytes:
     if crc32(body) & 0xFFFF != frame[_END] | frame[_END + 1] << 8:
         raise CorruptFrame("state frame whose content does not fit its check")
     return body
+
+
+def _crc_of(frame: bytes, data_id: int) -> int:
+    """The CRC that `e2e.check_p5` compares."""
+    if not _COMPILED:
+        return crc_hqx(data_id.to_bytes(2, "little"), crc_hqx(frame[2:], 0xFFFF))
+    register = 0xFFFF
+    for i in range(2, _SIZE):
+        register = _next(register, frame[i])
+    return _next(_next(register, data_id & 0xFF), data_id >> 8)
+
+
+def _next(register: int, byte: int) -> int:
+    x = register >> 8 ^ byte
+    x ^= x >> 4
+    return (register << 8 ^ x << 12 ^ x << 5 ^ x) & 0xFFFF
+
+
+class Received:
+    """What a sample that came as a frame keeps of it.
+
+    body  version and fields; None: the sample was made of values
+    """
+
+    body: bytes | None
+
+
+if not _COMPILED:
+    setattr(Received, "body", None)  # noqa: B010
+
+
+def received(kind: type[T], body: bytes) -> T:
+    """A sample of this class, derived from `Received`, that keeps the body."""
+    state = Received.__new__(kind)
+    if _COMPILED:
+        state.body = body
+    else:  # it is frozen
+        state.__dict__["body"] = body
+    return state
 
 
 class Decoded:
@@ -55,24 +94,26 @@ class Decoded:
         self._span = 1 << 8 * field.size
         self._top = (self._span >> 1 if field.signed else self._span) - 1
         self._scale = field.scale
+        self._whole = field.scale if isinstance(field.scale, int) else 0  # whole numbers stay such
         self._plain, self._status = field.plain, field.name == "status"
         self._nan = -1 if field.plain else field.raw_nan(8 * field.size)
 
-    def __get__(self, state: Any, owner: type) -> Any:
-        if state is None:
-            return self._default  # of the class: what `dataclasses.fields` and a reader of the class see
-        return self._of(state.__dict__)
+    def __get__(self, state: Received | None, owner: type) -> Any:
+        return self._of(state)
 
-    def _of(self, values: dict[str, Any]) -> Any:
-        body = values.get(_KEY)
-        return self._default if body is None else self.value(body)
+    def _of(self, state: Received | None) -> Any:
+        if state is None or state.body is None:
+            return self._default  # of the class, too: what `dataclasses.fields` and a reader of the class see
+        return self.value(state.body)
 
     def value(self, body: bytes) -> Any:
         """The value."""
         raw = self.raw(body)
         if self._plain:
             return status_of(raw) if self._status else raw
-        return nan if raw == self._nan else raw * self._scale
+        if raw == self._nan:
+            return nan
+        return raw * self._whole if self._whole else raw * self._scale
 
     def raw(self, body: bytes) -> int:
         """The raw value."""

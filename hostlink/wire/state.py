@@ -13,7 +13,7 @@ from math import nan
 from typing import TYPE_CHECKING, Any, Final, TypeVar, cast, dataclass_transform
 from zlib import crc32
 
-from hostlink.wire.body import BODY, Decoded, body_in
+from hostlink.wire.body import Decoded, Received, body_in, received
 from hostlink.wire.e2e import protected_p5
 from hostlink.wire.fields import (
     CHECK_SIZE,
@@ -28,7 +28,7 @@ from hostlink.wire.fields import (
 from hostlink.wire.generated_state import StateFields
 from hostlink.wire.status import status_of
 
-__all__ = ["Contact", "State", "body_of", "check_of", "frame_of", "pack_state", "quantise", "restore", "unpack_state"]
+__all__ = ["Contact", "State", "check_of", "frame_of", "pack_state", "quantise", "restore", "unpack_state"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,9 +47,9 @@ class _DecodedContacts:
     """The contacts, likewise; kept once they are decoded."""
 
     def __get__(self, state: State | None, owner: type) -> tuple[Contact, ...]:
-        if state is None or BODY not in state.__dict__:
+        if state is None or state.body is None:
             return ()
-        raws = _raws_of(state.__dict__[BODY])[_FIRST:_BEHIND]
+        raws = _raws_of(state.body)[_FIRST:_BEHIND]
         values = [
             raw * scale if raw != raw_nan else nan
             for raw, scale, raw_nan in zip(
@@ -105,7 +105,7 @@ _NO_VALUES: Final = [f.raw_nan(8 * f.size) for f in LAYOUT]
 
 
 @_sample
-class State(StateFields):
+class State(StateFields, Received):
     """One sample of one fingertip; give the fields by name. Meaning, unit, frame, range: `fields.LAYOUT`.
 
     Floats are NaN where not measured, not calibrated, not asked for or not to be trusted.
@@ -121,6 +121,10 @@ class State(StateFields):
         def __init__(self, **values):
             _check(values)
             object.__setattr__(self, "__dict__", values)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For copies and other processes."""
+        return (State.of, (vars(self),)) if self.body is None else (restore, (self.body,))
 
     @classmethod
     def of(cls, values: dict[str, Any]) -> State:
@@ -139,7 +143,6 @@ def _check(values: dict[str, Any]) -> None:
         raise ValueError(f"{n} contacts, at most {CONTACTS_MAX} fit: give the strongest")
 
 
-_new: Final = object.__new__
 _FIELDS: Final = frozenset(f.name for f in fields(cast("Any", State)))
 
 
@@ -149,9 +152,9 @@ def quantise(state: State) -> Sequence[int]:
     Finite values saturate, NaN becomes the 64-byte frame's NaN; sample number and capture time wrap.
     A contact without a place is left out.
     """
+    if state.body is not None:
+        return _raws_of(state.body)
     values = vars(state)
-    if BODY in values:
-        return _raws_of(values[BODY])
     places: list[float] = []
     for contact in state.contacts:
         if contact.x_mm == contact.x_mm and contact.y_mm == contact.y_mm:
@@ -178,14 +181,7 @@ def restore(body: bytes) -> State:
     if body[0] != VERSION:
         schema = OLDER[body[0]]
         return _restore_older(schema.body.unpack(body)[1:], schema)
-    state = _new(State)
-    state.__dict__[BODY] = body
-    return state
-
-
-def body_of(state: State) -> bytes | None:
-    """The version and fields with which a sample came; None: it was made of values, or is of an older schema."""
-    return vars(state).get(BODY)
+    return received(State, body)
 
 
 def _restore_older(raws: Sequence[int], schema: Schema) -> State:
@@ -210,7 +206,7 @@ def pack_state(state: State, counter: int) -> bytes:
     counter  of samples due on this link, taken modulo 256: +1 for each, also for one that the link then
              refused (a loss); not for one that the divider skipped (no loss)
     """
-    return frame_of(body_of(state) or _BODY.pack(VERSION, *quantise(state)), counter)
+    return frame_of(state.body or _BODY.pack(VERSION, *quantise(state)), counter)
 
 
 def frame_of(body: bytes, counter: int) -> bytes:
