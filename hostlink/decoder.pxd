@@ -39,9 +39,9 @@ cdef class CanDecoder(_Decoder):
     cdef public object ids
     cdef public object unknown_n
     cdef object _table
-    cdef dict _ways
+    cdef dict _ways, _alone
 
-    @cython.locals(way=tuple, node=_Node, tpdo=cython.int, events=list)
+    @cython.locals(ways=dict, way=tuple, node=_Node, tpdo=cython.int, events=list)
     cpdef list receive(self, can_id, data, double arrival_s=*, channel=*)
 
 cdef class SerialDecoder(_Decoder):

@@ -290,7 +290,8 @@ class CanDecoder(_Decoder):
         super().__init__(late_s)
         self.ids = ids or CanIds()
         self._table = self.ids.table
-        self._ways: dict[tuple[int, Hashable], tuple[_Node, Kind, int]] = {}  # those that frames came on
+        self._ways: dict[Hashable, dict[int, tuple[_Node, Kind, int]]] = {}  # those that frames came on
+        self._alone: dict[int, tuple[_Node, Kind, int]] = {}  # those without a channel
         self.unknown_n = 0
 
     def receive(
@@ -301,7 +302,8 @@ class CanDecoder(_Decoder):
         channel  the bus that it came on, if there are several: the same number on another is another finger
         Raises VersionMismatch: once a node; TypeError, ValueError: not a CAN frame
         """
-        way = self._ways.get((can_id, channel))
+        ways = self._alone if channel is None else self._ways.setdefault(channel, {})
+        way = ways.get(can_id)
         if way is None or len(data) > STATE_SIZE:
             if not 0 <= can_id < 1 << 29 or len(data) > STATE_SIZE:
                 raise ValueError(f"no CAN frame: id 0x{can_id:X} with {len(data)} bytes")
@@ -310,7 +312,7 @@ class CanDecoder(_Decoder):
                 self.unknown_n += 1
                 return self._finish([], None)
             kind, number = found
-            way = self._ways[can_id, channel] = (self._node(number, channel), kind, _TPDO.get(kind, 0))
+            way = ways[can_id] = (self._node(number, channel), kind, _TPDO.get(kind, 0))
         node, kind, tpdo = way
         if type(data) is not bytes:
             data = bytes(data)

@@ -23,7 +23,7 @@ cdef class _Track:
     cdef int _sample
     cdef long long _time_us
 
-    @cython.locals(passed_us=cython.longlong)
+    @cython.locals(passed_us=cython.longlong, steps=cython.int)
     cdef bint is_near(self, int sample, long long time_us) noexcept
     @cython.locals(known=cython.longlong)
     cdef bint is_used(self, int sample, long long time_us) except -1

@@ -132,7 +132,8 @@ class _Track:
 
     def is_near(self, sample: int, time_us: int) -> bool:
         passed_us = (time_us - self._time_us + 0x8000_0000 & 0xFFFF_FFFF) - 0x8000_0000
-        return abs(self._steps_to(sample)) <= WINDOW and abs(passed_us) <= SENDER_SPAN_US
+        steps = self._steps_to(sample)
+        return -WINDOW <= steps <= WINDOW and -SENDER_SPAN_US <= passed_us <= SENDER_SPAN_US
 
     def is_used(self, sample: int, time_us: int) -> bool:
         """Whether this number, not a new one, was another image's."""

@@ -5,12 +5,11 @@ cdef object nan, status_of, crc32
 cdef int _AT, _END, _OURS, _ID, _SIZE
 cdef bint _COMPILED
 
-@cython.locals(body=bytes, data_id=cython.int, is_ours=cython.bint)
+@cython.locals(body=bytes, data_id=cython.int, is_ours=cython.bint, check=cython.uint)
 cpdef bytes body_in(bytes frame)
-@cython.locals(i=cython.int, register=cython.int)
 cdef int _crc_of(bytes frame, int data_id) except -1
-@cython.locals(x=cython.int)
-cdef int _next(int register, int byte) noexcept
+@cython.locals(i=cython.int, byte=cython.int, x=cython.int, register=cython.int)
+cdef int _register_of(const unsigned char* frame, int data_id) noexcept
 
 cdef class Received:
     cdef readonly bytes body

@@ -39,7 +39,8 @@ def body_in(frame: bytes) -> bytes:
     if not is_ours and older is None:
         raise CorruptFrame("state frame whose version does not fit its CRC")
     body = frame[_AT:_END]
-    if crc32(body) & 0xFFFF != frame[_END] | frame[_END + 1] << 8:
+    check = crc32(body)
+    if check & 0xFFFF != frame[_END] | frame[_END + 1] << 8:
         raise CorruptFrame("state frame whose content does not fit its check")
     return body
 
@@ -48,16 +49,19 @@ def _crc_of(frame: bytes, data_id: int) -> int:
     """The CRC that `e2e.check_p5` compares."""
     if not _COMPILED:
         return crc_hqx(data_id.to_bytes(2, "little"), crc_hqx(frame[2:], 0xFFFF))
+    return _register_of(frame, data_id)
+
+
+def _register_of(frame: bytes, data_id: int) -> int:
     register = 0xFFFF
-    for i in range(2, _SIZE):
-        register = _next(register, frame[i])
-    return _next(_next(register, data_id & 0xFF), data_id >> 8)
-
-
-def _next(register: int, byte: int) -> int:
-    x = register >> 8 ^ byte
-    x ^= x >> 4
-    return (register << 8 ^ x << 12 ^ x << 5 ^ x) & 0xFFFF
+    for i in range(2, _SIZE + 2):
+        byte = data_id & 0xFF if i == _SIZE else data_id >> 8
+        if i < _SIZE:
+            byte = frame[i]
+        x = register >> 8 ^ byte
+        x ^= x >> 4
+        register = (register << 8 ^ x << 12 ^ x << 5 ^ x) & 0xFFFF
+    return register
 
 
 class Received:
