@@ -44,6 +44,9 @@ cdef class CanDecoder(_Decoder):
     @cython.locals(ways=dict, way=tuple, node=_Node, tpdo=cython.int, events=list)
     cpdef list receive(self, can_id, data, double arrival_s=*, channel=*)
 
+    @cython.locals(i=Py_ssize_t, at=Py_ssize_t, events=list)
+    cpdef list receive_run(self, list times_s, list ids, list channels, bytes data, wanted=*)
+
 cdef class SerialDecoder(_Decoder):
     cdef object _number
     cdef bytearray _block

@@ -325,6 +325,29 @@ class CanDecoder(_Decoder):
         return self._finish(events, error)
 
 
+    def receive_run(
+        self,
+        times_s: list[float],
+        ids: list[int],
+        channels: list[str | int],
+        data: bytes,
+        wanted: list[bool] | None = None,
+    ) -> list[Event]:
+        """The events of many frames of 64 bytes, in order; of those that are wanted, None: of all."""
+        events: list[Event] = []
+        for i in range(len(ids)):
+            if wanted is None or wanted[i]:
+                at = i * STATE_SIZE
+                events += self.receive(ids[i], data[at : at + STATE_SIZE], times_s[i], channels[i])
+        return events
+
+    @property
+    def is_on_several(self) -> bool:
+        """Whether a finger's samples came on several channels."""
+        found = [number for (_, number), node in self._nodes.items() if node.statistics.received_n]
+        return len(found) > len(set(found))
+
+
 _TPDO: Final = {Kind.TPDO1: 1, Kind.TPDO2: 2, Kind.TPDO3: 3, Kind.TPDO4: 4}
 
 
