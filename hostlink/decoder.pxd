@@ -16,19 +16,20 @@ cdef class _Node:
     cdef SenderWatch senders
     cdef object parts, segments
     cdef Evidence evidence_p5, evidence_p11
-    cdef bint mismatch_raised, second_sender_given
+    cdef bint _bare, mismatch_raised, second_sender_given
     cdef double _late_s
 
     cdef list can_frame(self, kind, int tpdo, bytes data, double arrival_s)
     cdef object corrupt_can(self, kind, int tpdo, bytes data)
     @cython.locals(body=bytes)
     cpdef list state_frame(self, bytes frame, double arrival_s)
-    @cython.locals(sample=cython.int, status=cython.int, time_us=cython.longlong, latency_us=cython.double, lost_n=cython.int, taken=tuple, body=bytes, events=list)
-    cdef list _deliver(self, Received state, int counter, int modulus, double arrival_s)
+    @cython.locals(sample=cython.int, status=cython.int, time_us=cython.longlong, latency_us=cython.double, lost_n=cython.int, taken=tuple, events=list)
+    cdef list _deliver(self, state, bytes body, int counter, int modulus, double arrival_s)
     cdef object _host_time(self, int status, long long time_us, double latency_us, double arrival_s)
 
 cdef class _Decoder:
     cdef dict _nodes
+    cdef bint _bare
     cdef double _late_s
     cdef list _held
     cdef dict __dict__

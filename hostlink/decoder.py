@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable
 from math import inf, nan
-from typing import Final
+from typing import Any, Final
 
 from hostlink.clock import ClockMap
 from hostlink.events import (
@@ -85,8 +85,9 @@ _new: Final = tuple.__new__  # a named tuple's own constructor takes three times
 class _Node:
     """State of the decoder for one node."""
 
-    def __init__(self, node: int, late_s: float) -> None:
+    def __init__(self, node: int, late_s: float, bare: bool) -> None:
         self.node = node
+        self._bare = bare
         self.statistics = LinkStatistics()
         self.sequence = Sequence(self.statistics)
         self.senders = SenderWatch()
@@ -135,8 +136,10 @@ class _Node:
     def state_frame(self, frame: bytes, arrival_s: float) -> list[Event]:
         body = body_in(frame)
         self.evidence_p5.clear()
-        state = received(State, body) if body[0] == VERSION else restore(body)
-        return self._deliver(state, frame[2], 256, arrival_s)
+        if body[0] != VERSION:
+            return self._deliver(restore(body), None, frame[2], 256, arrival_s)
+        state = None if self._bare else received(State, body)
+        return self._deliver(state, body, frame[2], 256, arrival_s)
 
     def part_frame(self, tpdo: int, frame: bytes, arrival_s: float) -> list[Event]:
         part = unpack_part(tpdo, frame)
@@ -147,7 +150,7 @@ class _Node:
         if state is None:
             new = self.parts.is_interleaved and not interleaved
             return self._second_sender(arrival_s) if new else []
-        return self._deliver(state, part.counter, P11_COUNTERS, arrival_s)
+        return self._deliver(state, state.body, part.counter, P11_COUNTERS, arrival_s)
 
     def detail_segment(self, frame: bytes, arrival_s: float) -> list[Event]:
         segment = unpack_segment(frame)
@@ -203,10 +206,12 @@ class _Node:
         self.mismatch_raised = True
         return VersionMismatch(VERSION, version, our_id, their_id, self.node)
 
-    def _deliver(self, state: State, counter: int, modulus: int, arrival_s: float) -> list[Event]:
-        events: list[Event] = []
-        body = state.body
-        if body is None:  # an older version's, decoded at once
+    def _deliver(
+        self, state: State | None, body: bytes | None, counter: int, modulus: int, arrival_s: float
+    ) -> list[Event]:
+        """state  None: it is not made, see `CanDecoder`"""
+        events: list[Any] = []
+        if state is not None and body is None:  # an older version's, decoded at once
             sample, status, time_us = state.sample, int(state.status), state.capture_time_us
             latency_us = state.latency_us
         else:
@@ -219,7 +224,10 @@ class _Node:
             return events
         self.statistics.received_n += 1
         taken = self._host_time(status, time_us, latency_us, arrival_s)
-        events.append(_new(Sample, (self.node, state, taken[0], taken[1], arrival_s, lost_n)))
+        if state is None:
+            events.append((self.node, body, taken[0], taken[1], arrival_s, lost_n))
+        else:
+            events.append(_new(Sample, (self.node, state, taken[0], taken[1], arrival_s, lost_n)))
         return events
 
     def _host_time(
@@ -246,7 +254,8 @@ class _Node:
 class _Decoder:
     """Common to both decoders: nodes, statistics, and events held back by an error."""
 
-    def __init__(self, late_s: float) -> None:
+    def __init__(self, late_s: float, bare: bool) -> None:
+        self._bare = bare
         self._nodes: dict[tuple[Hashable, int], _Node] = {}
         self._late_s = late_s
         self._held: list[Event] = []
@@ -266,7 +275,7 @@ class _Decoder:
 
     def _node(self, node: int, channel: Hashable = None) -> _Node:
         if (channel, node) not in self._nodes:
-            self._nodes[channel, node] = _Node(node, self._late_s)
+            self._nodes[channel, node] = _Node(node, self._late_s, self._bare)
         return self._nodes[channel, node]
 
     def _finish(self, events: list[Event], error: VersionMismatch | None) -> list[Event]:
@@ -283,11 +292,13 @@ class CanDecoder(_Decoder):
 
     ids        identifiers; must be those that the sensors use
     late_s     limit above which a sample counts as late
+    bare       a sample of a state frame of this version comes as a plain tuple in the order of `Sample`, with
+               the frame's body for its state: for tables
     unknown_n  frames with other identifiers
     """
 
-    def __init__(self, ids: CanIds | None = None, *, late_s: float = LATE_S) -> None:
-        super().__init__(late_s)
+    def __init__(self, ids: CanIds | None = None, *, late_s: float = LATE_S, bare: bool = False) -> None:
+        super().__init__(late_s, bare)
         self.ids = ids or CanIds()
         self._table = self.ids.table
         self._ways: dict[Hashable, dict[int, tuple[_Node, Kind, int]]] = {}  # those that frames came on
@@ -358,7 +369,7 @@ class SerialDecoder(_Decoder):
     """
 
     def __init__(self, node: int = SERIAL_NODE, *, late_s: float = LATE_S) -> None:
-        super().__init__(late_s)
+        super().__init__(late_s, False)
         self._number = node
         self._block = bytearray()
         self._skipping = False  # a block became longer than any frame: wait for its end

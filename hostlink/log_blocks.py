@@ -59,9 +59,14 @@ def run_of_lines(block: bytes, at: int, end: int) -> tuple[Run, int] | None:
     good &= (nibbles < 16).all(axis=1)
     if first["way"]:
         good &= (of("way")[:, 0] == ord(" ")) & np.isin(of("way")[:, 1], list(b"RT"))
-    names = [bytes(name) for name in np.ascontiguousarray(of("channel")).view(f"S{of('channel').shape[1]}")[:, 0]]
-    known = {name: _channel_of(name, len(first["channel"])) for name in set(names)}
-    good &= [known[name] is not None for name in names]
+    channel = of("channel")
+    if (channel == channel[0]).all():
+        names = [first["channel"]] * len(rows)
+    else:
+        names = np.ascontiguousarray(channel).view(f"S{channel.shape[1]}")[:, 0].tolist()
+    known = {name: _channel_of(name, channel.shape[1]) for name in set(names)}
+    if None in known.values():
+        good &= [known[name] is not None for name in names]
     n = _whole_n(good)
     if n < _LEAST:
         return None

@@ -327,15 +327,15 @@ def _decode_log(
 
 
 def decode_blocks(path: Path | str, channel: str | int | None = None) -> Iterator[Event]:
-    """The same events of a log, many messages at once: for tables of all samples. Needs NumPy.
+    """The same events, many messages at once, samples bare (see `CanDecoder`): for tables. Needs NumPy.
 
     Where `decode_recording` gives events before an error, this may not.
     """
     path = check_suffix(path)
-    decoder = decoder_for(path)
-    if isinstance(decoder, SerialDecoder):
-        yield from decode_recording(path, decoder, channel)
+    if path.suffix.lower() == SERIAL_SUFFIX:
+        yield from decode_recording(path, channel=channel)
         return
+    decoder = CanDecoder(bare=True)
     if channel is None and _on_several(path, decoder, None, HEAD_N):
         raise _choose(path, decoder, None)
     channels: dict[str, None] = {}

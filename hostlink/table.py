@@ -85,15 +85,17 @@ def row_of(sample: Sample) -> Row:
     return (*_OF_SAMPLE(sample), *_OF_STATE(sample.state), *contacts)
 
 
-def _samples(source: Source, channel: str | int | None) -> Iterator[Sample]:
+def _samples(source: Source, channel: str | int | None) -> Iterator[Any]:
+    """Samples, or what a bare decoder gives for them."""
     events = decode_blocks(source, channel) if isinstance(source, str | Path) else source
-    return (event for event in events if isinstance(event, Sample))
+    return (event for event in events if isinstance(event, tuple))
 
 
-def _columns_of(samples: list[Sample], numpy: Any) -> list[np.ndarray]:
+def _columns_of(samples: list[Any], numpy: Any) -> list[np.ndarray]:
     """A column each, in the order of COLUMNS; fields of frames are decoded together, by the table."""
     n = len(samples)
-    known = [s.state.body for s in samples]
+    fingers, states, *times, lost_n = zip(*samples, strict=True)
+    known = [state if type(state) is bytes else state.body for state in states]
     raws = numpy.frombuffer(b"".join(body or _NOTHING for body in known), numpy.dtype(_DTYPE))
     values = {f.name: raws[f.name].astype(numpy.int64 if f.plain else numpy.float64) for f in LAYOUT}
     for f in LAYOUT:
@@ -105,13 +107,11 @@ def _columns_of(samples: list[Sample], numpy: Any) -> list[np.ndarray]:
         gone = numpy.isnan(places[i, 0])
         places[i:-1, :, gone] = places[i + 1 :, :, gone]
         places[-1, :, gone] = nan
-    columns = [
-        numpy.array(column, numpy.int64 if c.whole else numpy.float64)
-        for c, column in zip(COLUMNS, zip(*map(_OF_SAMPLE, samples), strict=True), strict=False)
-    ]
+    host_s, error_s, arrival_s = (numpy.array(column, numpy.float64) for column in times)
+    columns = [numpy.array(fingers, numpy.int64), arrival_s, host_s, error_s, numpy.array(lost_n, numpy.int64)]
     columns += [*(values[f.name] for f in FIELDS), *places.reshape(-1, n)]
-    for i, body in enumerate(known):
-        if body is None:  # made of values, or of an older version
+    if None in known:  # made of values, or of an older version
+        for i in (i for i, body in enumerate(known) if body is None):
             for column, value in zip(columns, row_of(samples[i]), strict=True):
                 column[i] = value
     return columns
