@@ -44,7 +44,7 @@ from typing import NamedTuple
 __all__ = ["DRIFT_MAX", "ClockMap", "HostTime"]
 
 WRAP_US = 1 << 32
-LONG_US = 1e15  # three decades: no two messages are further apart than that
+LONG_US = 1e18  # of 64 bits; no two messages are further apart than 30,000 years
 BUCKET_S = 1.0
 BUCKETS = 32  # half a minute: long enough for a slope, short enough to follow temperature
 SLOPE_AFTER_S = 5.0  # over a shorter span, jitter of 0.1 ms looks like 20 ppm or more

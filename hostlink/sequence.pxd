@@ -15,7 +15,7 @@ cdef class Sequence:
     cpdef int accept(self, int sample, int counter, int modulus) except? -1000
     cpdef restart(self)
     cdef int _begin(self, int sample, int counter) noexcept
-    @cython.locals(bit="unsigned long long", follows=cython.bint)
+    @cython.locals(bit=cython.ulonglong, follows=cython.bint)
     cdef int _old(self, int sample, int counter, int age) except? -1000
 
 cdef class _Track:

@@ -22,7 +22,7 @@ EVIDENCE_P5: Final = 3  # frames that imply one foreign data id: chance of noise
 EVIDENCE_P11: Final = 6  # of 12 bits each: 2**-60
 SUSPECT_N: Final = 3  # samples that go back to another sequence: a restart causes one, a late sample another
 _KNOWN_N: Final = 2 * WINDOW
-_SEEN_ALL: Final = (1 << WINDOW) - 1
+_SEEN_ALL: Final = int("1" * WINDOW, 2)  # a shift would be one of 32 bits where this is compiled
 SENDER_SPAN_US: Final = 10_000_000  # capture times of one sender's samples within WINDOW
 
 
@@ -84,7 +84,7 @@ class Sequence:
         if steps == 0:
             steps = modulus
         if ahead > steps * self._stride:
-            steps += modulus * max(0, round((ahead / self._stride - steps) / modulus))
+            steps += modulus * max(0, round((float(ahead) / self._stride - steps) / modulus))
         steps = max(1, min(steps, ahead))
         if steps == 1:
             self._stride = ahead
