@@ -1,7 +1,7 @@
 # C types of what every sample takes; see sequence.py.
 import cython
 
-cdef int WINDOW, SUSPECT_N, _KNOWN_N
+cdef int WINDOW, SUSPECT_N, _KNOWN_N, _COUNTERS
 cdef unsigned long long _SEEN_ALL
 cdef long long SENDER_SPAN_US
 

@@ -21,6 +21,7 @@ RESTART_RUN: Final = 8  # samples of another sequence, and none of the known one
 EVIDENCE_P5: Final = 3  # frames that imply one foreign data id: chance of noise doing that is 2**-48
 EVIDENCE_P11: Final = 6  # of 12 bits each: 2**-60
 SUSPECT_N: Final = 3  # samples that go back to another sequence: a restart causes one, a late sample another
+_COUNTERS: Final = 256  # more than any counter
 _KNOWN_N: Final = 2 * WINDOW
 _SEEN_ALL: Final = int("1" * WINDOW, 2)  # a shift would be one of 32 bits where this is compiled
 SENDER_SPAN_US: Final = 10_000_000  # capture times of one sender's samples within WINDOW
@@ -80,7 +81,7 @@ class Sequence:
         ahead = (sample - self._sample) & 0xFFFF
         if ahead == 0 or ahead > 0x8000:
             return self._old(sample, counter, (self._sample - sample) & 0xFFFF)
-        steps = (counter - self._counter + modulus) % modulus
+        steps = (counter - self._counter + _COUNTERS * modulus) % modulus  # C keeps the sign
         if steps == 0:
             steps = modulus
         if ahead > steps * self._stride:
