@@ -335,7 +335,6 @@ class CanDecoder(_Decoder):
             error = node.corrupt_can(kind, tpdo, data)
         return self._finish(events, error)
 
-
     def receive_run(
         self,
         times_s: list[float],

@@ -1,4 +1,4 @@
-"""Lines of a candump log, and objects of a binary one, many at once: for tables of whole recordings. Needs NumPy.
+"""Lines of a candump log, and objects of a binary one, many at once: for tables of recordings. Needs NumPy.
 
 A run is a number of CAN FD frames of 64 bytes that follow each other and are alike in all but their numbers.
 What is in no run is read one by one, by `hostlink.log_formats`: there is what a line or an object means.
@@ -90,7 +90,7 @@ def _channel_of(name: bytes, size: int) -> str | int | None:
 
 _OBJECT: Final = np.dtype(
     {
-        "names": ["mark", "version", "size", "kind", "unit", "ticks", "channel", "flags", "id", "bytes", "data"],
+        "names": "mark version size kind unit ticks channel flags id bytes data".split(),
         "formats": ["<u4", "<u2", "<u4", "<u4", "<u4", "<u8", "<u2", "u1", "<u4", "u1", "V64"],
         "offsets": [0, 6, 8, 12, 16, 24, 32, 34, 36, 46, 52],
         "itemsize": 116,

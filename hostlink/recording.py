@@ -37,7 +37,15 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
 from hostlink.decoder import SERIAL_NODE, CanDecoder, Event, Sample, SerialDecoder
 from hostlink.errors import LogError, UsageError, VersionMismatch
-from hostlink.log_formats import HEAD_N, Skipped, read_asc, read_blf, read_blf_runs, read_candump, read_candump_runs
+from hostlink.log_formats import (
+    HEAD_N,
+    Skipped,
+    read_asc,
+    read_blf,
+    read_blf_runs,
+    read_candump,
+    read_candump_runs,
+)
 
 if TYPE_CHECKING:
     import can

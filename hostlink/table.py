@@ -108,7 +108,13 @@ def _columns_of(samples: list[Any], numpy: Any) -> list[np.ndarray]:
         places[i:-1, :, gone] = places[i + 1 :, :, gone]
         places[-1, :, gone] = nan
     host_s, error_s, arrival_s = (numpy.array(column, numpy.float64) for column in times)
-    columns = [numpy.array(fingers, numpy.int64), arrival_s, host_s, error_s, numpy.array(lost_n, numpy.int64)]
+    columns = [
+        numpy.array(fingers, numpy.int64),
+        arrival_s,
+        host_s,
+        error_s,
+        numpy.array(lost_n, numpy.int64),
+    ]
     columns += [*(values[f.name] for f in FIELDS), *places.reshape(-1, n)]
     if None in known:  # made of values, or of an older version
         for i in (i for i, body in enumerate(known) if body is None):
@@ -142,9 +148,7 @@ def to_pandas(source: Source, channel: str | int | None = None) -> pd.DataFrame:
 
     Raises  UsageError: pandas is not installed, or a channel must be chosen; LogError: as there
     """
-    frame: pd.DataFrame = require("pandas", "data").DataFrame(
-        to_arrays(source, channel), copy=False
-    )
+    frame: pd.DataFrame = require("pandas", "data").DataFrame(to_arrays(source, channel), copy=False)
     frame.attrs["units"] = {c.name: c.unit for c in COLUMNS}
     return frame
 

@@ -1,8 +1,8 @@
 # cython: annotation_typing=False
 """What is done with every received state frame: its checks, and decoding a field of it when that is read.
 
-Compiled where a compiler is, with the C types in `body.pxd`; the same without. A body is the frame's version and
-fields, which a received sample keeps.
+Compiled where a compiler is, with the C types in `body.pxd`; the same without. A body is the frame's version
+and fields, which a received sample keeps.
 """
 
 from __future__ import annotations

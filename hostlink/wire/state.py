@@ -52,9 +52,7 @@ class _DecodedContacts:
         raws = _raws_of(state.body)[_FIRST:_BEHIND]
         values = [
             raw * scale if raw != raw_nan else nan
-            for raw, scale, raw_nan in zip(
-                raws, _SCALES[_FIRST:_BEHIND], _NANS[_FIRST:_BEHIND], strict=True
-            )
+            for raw, scale, raw_nan in zip(raws, _SCALES[_FIRST:_BEHIND], _NANS[_FIRST:_BEHIND], strict=True)
         ]
         found = tuple(
             Contact(*values[i : i + _CONTACT_SIZE])

@@ -1,8 +1,8 @@
 """The host's cost of a sample: `python -m tests.bench host [--json]`.
 
 A control loop's: instructions of `CanDecoder.receive` and of reading four values, counted by
-`tests.bench.counter`. A recording's: time and peak memory a line of `to_arrays`, beside python-can's reader with
-cantools and the generated DBC, which check no CRC and no order, in the same run.
+`tests.bench.counter`. A recording's: time and peak memory a line of `to_arrays`, beside python-can's reader
+with cantools and the generated DBC, which check no CRC and no order, in the same run.
 """
 
 import json
@@ -11,31 +11,27 @@ import time
 import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
-from random import Random
 
 import can
 import cantools
 import click
 
 from hostlink import to_arrays
-from hostlink.wire import pack_state
 from tests.bench.counter import counted
+from tests.bench.host_child import PERIOD_S, frames_of
 from tests.bench.output import ROOT, show, write_json, writes_results
-from tests.support.states import random_state
 
 COUNTED, LINES = 1000, 100_000
-PERIOD_S, BEGIN_S = 0.001, 1_767_225_600.0
+BEGIN_S = 1_767_225_600.0
 DBC = ROOT / "hostlink" / "dbc" / "voronoi_touch_fd.dbc"
 
 
 def write_log(path: Path, lines_n: int) -> None:
     """A log of samples of one finger, in the format of its name."""
-    rng, logger = Random(1), can.Logger(str(path))
-    frames = [pack_state(random_state(rng, k), k) for k in range(1000)]
-    for k in range(lines_n):
-        logger.on_message_received(
-            can.Message(BEGIN_S + PERIOD_S * k, 0x181, False, data=frames[k % 1000], is_fd=True, channel=0)
-        )
+    logger = can.Logger(str(path))
+    for k, data in enumerate(frames_of(lines_n)):
+        time_s = BEGIN_S + PERIOD_S * k
+        logger.on_message_received(can.Message(time_s, 0x181, False, data=data, is_fd=True, channel=0))
     logger.stop()
 
 
@@ -43,7 +39,7 @@ def by_cantools(path: Path) -> dict[str, list[object]]:
     """Columns of all signals, by python-can's reader and cantools."""
     database = cantools.database.load_file(DBC)
     assert isinstance(database, cantools.database.can.Database)
-    message = next(m for m in database.messages if m.length == 64 and "state" in m.name.lower())
+    message = database.get_message_by_frame_id(0x181)
     columns: dict[str, list[object]] = {signal.name: [] for signal in message.signals}
     for frame in can.LogReader(str(path)):
         values = message.decode(bytes(frame.data), decode_choices=False, scaling=True)

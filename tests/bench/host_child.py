@@ -1,15 +1,24 @@
-"""What `tests.bench.host` counts: `python -m tests.bench.host_child N`, samples received and four values read."""
+"""What `tests.bench.host` counts: `python -m tests.bench.host_child N`, samples received and values read."""
 
 import gc
 import sys
+from dataclasses import replace
 from random import Random
 
 from hostlink.decoder import CanDecoder, Sample
-from hostlink.wire import State, pack_state
+from hostlink.wire import State, Status, pack_state
 from tests.bench.marks import Marks
 from tests.support.states import random_state
 
 WARM = 1000
+PERIOD_S = 0.004167  # of `random_state`
+
+
+def frames_of(n: int) -> list[bytes]:
+    """State frames of a finger in contact, with other values in each."""
+    rng = Random(1)
+    states = [replace(random_state(rng, k), status=Status.TOUCHED, latency_us=2000) for k in range(n)]
+    return [pack_state(state, k) for k, state in enumerate(states)]
 
 
 def control(decoder: CanDecoder, frames: list[tuple[bytearray, float]]) -> None:
@@ -22,10 +31,10 @@ def control(decoder: CanDecoder, frames: list[tuple[bytearray, float]]) -> None:
 
 
 def main(n: int) -> None:
-    rng, decoder = Random(1), CanDecoder()
+    rng, decoder = Random(2), CanDecoder()
     frames = [
-        (bytearray(pack_state(random_state(rng, k), k)), 100.0 + k * 0.004167 + rng.uniform(0, 3e-4))
-        for k in range(WARM + n)
+        (bytearray(data), 100.0 + PERIOD_S * k + rng.uniform(0, 3e-4))
+        for k, data in enumerate(frames_of(WARM + n))
     ]
     control(decoder, frames[:WARM])
     gc.disable()
