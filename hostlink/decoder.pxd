@@ -3,7 +3,7 @@ import cython
 
 from hostlink.clock cimport ClockMap
 from hostlink.sequence cimport Evidence, SenderWatch, Sequence
-from hostlink.wire.body cimport Decoded, Received, body_in, received
+from hostlink.wire.body cimport Decoded, FromFrame, body_in, received
 
 cdef int _CLOCK_STEP
 cdef Decoded _SAMPLE, _STATUS, _TIME, _LATENCY

@@ -90,7 +90,8 @@ def _channel_of(name: bytes, size: int) -> str | int | None:
 
 _OBJECT: Final = np.dtype(
     {
-        "names": "mark version size kind unit ticks channel flags id bytes data".split(),
+        "names": ["mark", "version", "size", "kind", "unit", "ticks", "channel", "flags", "id",
+                  "bytes", "data"],
         "formats": ["<u4", "<u2", "<u4", "<u4", "<u4", "<u8", "<u2", "u1", "<u4", "u1", "V64"],
         "offsets": [0, 6, 8, 12, 16, 24, 32, 34, 36, 46, 52],
         "itemsize": 116,

@@ -348,11 +348,12 @@ def decode_blocks(path: Path | str, channel: str | int | None = None) -> Iterato
         raise _choose(path, decoder, None)
     channels: dict[str, None] = {}
     for message in _counted(path, _RUNS):
-        on = message.channels if isinstance(message, tuple) else [message.channel]
+        is_run = isinstance(message, tuple)
+        on = message.channels if is_run else [message.channel]
         channels |= dict.fromkeys(map(str, dict.fromkeys(on)))
-        if isinstance(message, tuple):
+        if is_run:
             wanted = None if channel is None else [str(name) == str(channel) for name in on]
-            yield from decoder.receive_run(*message, wanted)
+            yield from decoder.receive_run(*message[:4], wanted)
         elif channel is None or str(message.channel) == str(channel):
             yield from _receive(decoder, message)
         if channel is None and decoder.is_on_several:

@@ -11,10 +11,10 @@ cdef int _crc_of(bytes frame, int data_id) except -1
 @cython.locals(i=cython.int, byte=cython.int, x=cython.int, register=cython.int)
 cdef int _register_of(const unsigned char* frame, int data_id) noexcept
 
-cdef class Received:
+cdef class FromFrame:
     cdef readonly bytes body
 
-@cython.locals(state=Received)
+@cython.locals(state=FromFrame)
 cpdef object received(kind, bytes body)
 
 cdef class Decoded:
@@ -24,7 +24,7 @@ cdef class Decoded:
     cdef Py_ssize_t _at, _size
     cdef long long _span, _top, _nan, _whole
 
-    cdef object _of(self, Received state)
+    cdef object _of(self, FromFrame state)
     @cython.locals(raw=cython.longlong)
     cpdef object value(self, bytes body)
     @cython.locals(at=Py_ssize_t, raw=cython.longlong, high=cython.longlong)

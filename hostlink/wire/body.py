@@ -16,9 +16,9 @@ from hostlink.wire.errors import CorruptFrame
 from hostlink.wire.fields import CHECK_SIZE, DATA_ID, HEADER_SIZE, OLDER, STATE_SIZE, VERSION, Field
 from hostlink.wire.status import status_of
 
-__all__ = ["Decoded", "Received", "body_in", "received"]
+__all__ = ["Decoded", "FromFrame", "body_in", "received"]
 
-T = TypeVar("T", bound="Received")
+T = TypeVar("T", bound="FromFrame")
 _AT: Final = HEADER_SIZE - 1
 _END: Final = STATE_SIZE - CHECK_SIZE
 _OURS: Final = VERSION
@@ -64,7 +64,7 @@ def _register_of(frame: bytes, data_id: int) -> int:
     return register
 
 
-class Received:
+class FromFrame:
     """What a sample that came as a frame keeps of it.
 
     body  version and fields; None: the sample was made of values
@@ -74,12 +74,12 @@ class Received:
 
 
 if not _COMPILED:
-    setattr(Received, "body", None)  # noqa: B010
+    setattr(FromFrame, "body", None)  # noqa: B010
 
 
 def received(kind: type[T], body: bytes) -> T:
-    """A sample of this class, derived from `Received`, that keeps the body."""
-    state = Received.__new__(kind)
+    """A sample of this class, derived from `FromFrame`, that keeps the body."""
+    state = FromFrame.__new__(kind)
     if _COMPILED:
         state.body = body
     else:  # it is frozen
@@ -102,10 +102,10 @@ class Decoded:
         self._plain, self._status = field.plain, field.name == "status"
         self._nan = -1 if field.plain else field.raw_nan(8 * field.size)
 
-    def __get__(self, state: Received | None, owner: type) -> Any:
+    def __get__(self, state: FromFrame | None, owner: type) -> Any:
         return self._of(state)
 
-    def _of(self, state: Received | None) -> Any:
+    def _of(self, state: FromFrame | None) -> Any:
         if state is None or state.body is None:
             return self._default  # of the class, too: what `dataclasses.fields` and a reader of the class see
         return self.value(state.body)

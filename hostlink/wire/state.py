@@ -13,7 +13,7 @@ from math import nan
 from typing import TYPE_CHECKING, Any, Final, TypeVar, cast, dataclass_transform
 from zlib import crc32
 
-from hostlink.wire.body import Decoded, Received, body_in, received
+from hostlink.wire.body import Decoded, FromFrame, body_in, received
 from hostlink.wire.e2e import protected_p5
 from hostlink.wire.fields import (
     CHECK_SIZE,
@@ -103,7 +103,7 @@ _NO_VALUES: Final = [f.raw_nan(8 * f.size) for f in LAYOUT]
 
 
 @_sample
-class State(StateFields, Received):
+class State(StateFields, FromFrame):
     """One sample of one fingertip; give the fields by name. Meaning, unit, frame, range: `fields.LAYOUT`.
 
     Floats are NaN where not measured, not calibrated, not asked for or not to be trusted.
