@@ -27,10 +27,6 @@ SMALL = ["-O2", *FAST[1:]]
 EXACT = ["-O3", "-ffp-contract=off"]
 #: Kernel -> flags of the C compiler.
 KERNELS = {
-    "hostlink.clock": SMALL,
-    "hostlink.decoder": SMALL,
-    "hostlink.sequence": SMALL,
-    "hostlink.wire.body": SMALL,
     "edge.calibration.evaluation": FAST,
     "edge.cells.mesh": EXACT,
     "edge.features.contact_detector": FAST,
@@ -48,6 +44,10 @@ KERNELS = {
     "edge.tracking.follow": FAST,
     "edge.tracking.match": FAST,
     "edge.tracking.outliers": FAST,
+    "hostlink.clock": SMALL,
+    "hostlink.decoder": SMALL,
+    "hostlink.sequence": SMALL,
+    "hostlink.wire.body": SMALL,
 }
 #: Cython's own code for typed memoryviews, which all kernels share.
 SHARED = "edge._memoryview"

@@ -128,7 +128,7 @@ class State(StateFields, FromFrame):
     def of(cls, values: dict[str, Any]) -> State:
         """The sample with these fields, in a third of the time; the sample keeps the dictionary."""
         _check(values)
-        state = object.__new__(cls)
+        state = cls.__new__(cls)
         object.__setattr__(state, "__dict__", values)
         return state
 
