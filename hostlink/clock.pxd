@@ -6,7 +6,8 @@ cdef long long WRAP_US
 cdef int SETTLE_N, LATE_N
 
 cdef class ClockMap:
-    cdef double _transit_s, _lowest_at_s, _lowest_offset_s, _closed_s, _newest_at_s, _newest_offset_s
+    cdef public double _transit_s
+    cdef double _lowest_at_s, _lowest_offset_s, _closed_s, _newest_at_s, _newest_offset_s
     cdef double _bucket_start_s, _slope, _wander, _last_host_s, _settling_from_s, _on_time_s
     cdef double _settle_span_s, _late_since_s, _late_least_s, _uncertainty_s
     cdef readonly double lateness_s
