@@ -16,7 +16,6 @@ from hostlink.wire import (
     encode_frame,
     pack_message,
     pack_parts,
-    pack_state,
     unpack_message,
 )
 from hostlink.wire.address import DEFAULT_BAUD, Address, AddressError, parse_address
@@ -50,10 +49,7 @@ class Sink(Protocol):
 
 def packed(state: State, counter: int) -> bytes:
     """The 64-byte frame of a sample, as `pack_state` gives it."""
-    values = vars(state)
-    if "raws" in values:  # of a sample that was received
-        return pack_state(state, counter)
-    return frame_of(_PACKER.pack(values), counter)
+    return frame_of(state.body or _PACKER.pack(vars(state)), counter)
 
 
 class MemorySink:

@@ -16,6 +16,7 @@ COMMANDS = {
     "accuracy": "Time of a frame against its error, for every kind of model.",
     "contacts": "Contacts on a second, independent simulator, against their bounds.",
     "hazards": "Rendered hazards through the whole chain: identities, place, depth.",
+    "host": "A sample at the host, and a recording: against python-can and cantools.",
     "identity": "Pin identity after a jump and its confidence, on real and simulated frames.",
     "paced": "The running program at 240 frames/s: latency, memory, losses.",
     "real": "Errors on the published recordings, five splits and a learning curve.",
