@@ -67,6 +67,7 @@ def test_every_kernel_is_in_it_for_every_release(wheel: Path) -> None:
     sensors = {path.relative_to(ROOT).as_posix() for path in (ROOT / "edge" / "sensors").glob("*.toml")}
     assert sensors
     assert sensors <= set(names)
+    assert {"edge/examples/press.mcap", "edge/examples/press.json", "edge/examples/sim.json"} <= set(names)
     made = [name for name in names if name.startswith("edge/") and name.endswith((".c", ".h"))]
     assert not [name for name in made if not (ROOT / name).is_file()]  # what Cython makes stays out
 

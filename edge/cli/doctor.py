@@ -25,6 +25,7 @@ from edge.cli.options import (
 from edge.cli.progress import waiting
 from edge.config import Config
 from edge.errors import InputError, NoPins
+from edge.examples import example_calibration
 from edge.pins import take_rest
 from edge.rest.tare import PARAMS as TARE
 from edge.types import FrameSource
@@ -53,7 +54,8 @@ def doctor(
     from edge.runtime.calibration_store import CalibrationStore
 
     config = configured(config_path, sensor_name, sink_specs, source_spec)
-    chosen = calibration_path or (Path(config.calibration.file) if config.calibration.file else None)
+    chosen = calibration_path or example_calibration(config.source.spec)
+    chosen = chosen or (Path(config.calibration.file) if config.calibration.file else None)
     if config.state.directory and not calibration_path:
         stored = CalibrationStore(Path(config.state.directory)).path
         chosen = stored if stored.is_file() else chosen

@@ -22,6 +22,7 @@ from edge.cli.options import PATH, calibration_option, overwrite_option, rest_op
 from edge.cli.progress import counting
 from edge.cli.summary import damage_of, json_line
 from edge.errors import NoPins, SourceError
+from edge.examples import example_calibration
 from edge.frame import Pipeline
 from edge.rest.tare import TareParams, tare
 from edge.sources import open_source
@@ -73,7 +74,10 @@ def render(
     The first frames must show the untouched tip: they are the rest frame, unless --rest says another.
     """
     check_output(out, tuple(CODECS), filter(None, (recording, calibration_path)), overwrite)
-    style, calibration = Style(palette, rate_hz, height), load_calibration(calibration_path)
+    style, calibration = (
+        Style(palette, rate_hz, height),
+        load_calibration(calibration_path or example_calibration(recording)),
+    )
     with writing(out, overwrite) as unfinished:
         made = render_recording(recording, unfinished, calibration, style, not (quiet or as_json), rest)
     if as_json:
