@@ -94,8 +94,8 @@ def main() -> None:
         if path in RECORDINGS:
             make(path, RECIPES[RECORDINGS[path]])
         else:
-            name, *how = CALIBRATIONS[path]
-            calibrate(path, RECIPES[name], *how)
+            name, tool, n_frames, reach = CALIBRATIONS[path]
+            calibrate(path, RECIPES[name], tool, n_frames, reach)
         print(f"{path.name:20} {path.stat().st_size / 1e6:5.2f} MB")
 
 
