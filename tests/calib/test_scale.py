@@ -1,0 +1,118 @@
+"""A person who presses on a kitchen scale, against the simulator."""
+
+import itertools
+import json
+import os
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calib.commands.scale import UNITS, Loads, SerialScale, record
+from calib.errors import RigError
+from calib.rig.camera import SettledCamera
+from calib.sim import Camera, Simulator, Tip, ToolPose
+from edge.types import Clock, Frame
+from tests.calib.test_rig import FakeCamera
+from tests.support.commands import run_calib
+from tests.support.ptys import Ptys
+
+DEPTHS_MM = np.linspace(0.4, 3.0, 16)
+
+
+class Pressed(FakeCamera):
+    """A live camera of a simulated tip that somebody presses."""
+
+    name = "pressed"
+
+    def __init__(self) -> None:
+        super().__init__(Clock.DEVICE)
+        camera = Camera(tip=Tip(127, "hex", pin_radius_mm=0.8), size_px=(240, 240))
+        self.simulator, self.pose = Simulator(camera), ToolPose()
+
+    def __iter__(self) -> Iterator[Frame]:
+        while True:
+            yield self.simulator.frame((self.pose,) if self.pose.depth_mm > 0 else ())
+
+    def press(self, depth_mm: float) -> float:
+        """Returns what the scale shows, g."""
+        self.pose = ToolPose(depth_mm=depth_mm)
+        truth = self.simulator.frame((self.pose,)).truth or {}
+        return float(sum(truth["forces_n"])) / UNITS["g"]
+
+
+def test_a_dozen_typed_loads_make_a_calibration(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    finger, asked = Pressed(), itertools.count()
+
+    def ask(text: str) -> str:
+        if "nothing touch" in text:
+            return ""
+        if next(asked) == 3:
+            return "12,5 1"  # mistyped
+        if text.startswith(f"Load {len(DEPTHS_MM)} "):
+            return ""
+        depth_mm = DEPTHS_MM[int(text.split()[1]) - 1]
+        return f"{finger.press(depth_mm):.1f} {depth_mm:.2f}"
+
+    done = record(SettledCamera(finger, 0.0), Loads(ask, "g", True, len(DEPTHS_MM), None), tmp_path, 3)
+    assert done == len(DEPTHS_MM)  # the untouched tip, and all loads but the last
+    assert "'12,5' is not a number; write 12.5; type the load in g and the depth" in capsys.readouterr().err
+    table, tip = tmp_path / "targets.csv", tmp_path / "tip.json"
+    fit = run_calib("fit", table, "--frames", tmp_path, "-o", tip, "--json")
+    assert fit.code == 0, fit.err
+    rms = {tuple(row["outputs"]): row["rms_held_out"] for row in json.loads(fit.out)["models"]}
+    assert rms[("force_n",)] < 0.05
+    assert rms[("displacement_mm",)] < 0.05
+
+
+def test_a_serial_scale_counts_only_loads_that_stand_still(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    finger, line, stop = Pressed(), Ptys(tmp_path), threading.Event()
+    shown, presses = [0.0], iter((1.0, 1.5, 1.5))
+
+    def show() -> None:
+        with (tmp_path / "edge").open("wb", buffering=0) as port:
+            while not stop.wait(0.002):
+                port.write(b"ST,GS, +%07.1f g\r\n" % shown[0])
+
+    def ask(text: str) -> str:
+        if "nothing touch" not in text:
+            shown[0] = finger.press(next(presses))
+        return ""
+
+    class Sags(SettledCamera):
+        def frame(self) -> Frame:
+            shown[0] *= 0.9 if shown[0] > 80.0 and not sagged else 1.0
+            sagged.append(shown[0] > 80.0) if shown[0] > 80.0 else None
+            return super().frame()
+
+    sagged: list[bool] = []
+    writer = threading.Thread(target=show)
+    writer.start()
+    scale = SerialScale(str(tmp_path / "host"), 9600)
+    try:
+        loads = Loads(ask, "g", False, 2, scale)
+        assert record(Sags(finger, 0.0), loads, tmp_path, 2) == 3
+    finally:
+        stop.set()
+        writer.join()
+    assert "N: once more" in capsys.readouterr().err
+    rows = [row.split(",") for row in (tmp_path / "targets.csv").read_text().splitlines()]
+    assert rows[0] == ["sensor_image", "force_z"]
+    assert [float(row[1]) for row in rows[1::2]] == pytest.approx(
+        [0.0, *(UNITS["g"] * finger.press(d) for d in (1.0, 1.5))], abs=0.01
+    )
+    with pytest.raises(RigError, match="no reading for 2 s"):
+        scale.still()
+    line.close()
+    scale.close()
+    with pytest.raises(RigError, match="give the scale's port"):
+        SerialScale(os.devnull + "absent", 9600)
+
+
+def test_scale_refuses_a_folder_that_exists(tmp_path: Path) -> None:
+    done = run_calib("scale", "-o", tmp_path, "--camera", "sim:nothing")
+    assert (done.code, done.err) == (2, f"error: {tmp_path}: exists; give the name of a new folder\n")
