@@ -4,6 +4,7 @@ import itertools
 import json
 import os
 import threading
+import tty
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -17,7 +18,6 @@ from calib.sim import Camera, Simulator, Tip, ToolPose
 from edge.types import Clock, Frame
 from tests.calib.test_rig import FakeCamera
 from tests.support.commands import run_calib
-from tests.support.ptys import Ptys
 
 DEPTHS_MM = np.linspace(0.4, 3.0, 16)
 
@@ -70,13 +70,13 @@ def test_a_dozen_typed_loads_make_a_calibration(tmp_path: Path, capsys: pytest.C
 def test_a_serial_scale_counts_only_loads_that_stand_still(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    finger, line, stop = Pressed(), Ptys(tmp_path), threading.Event()
-    shown, presses = [0.0], iter((1.0, 1.5, 1.5))
+    finger, stop, (display, port) = Pressed(), threading.Event(), os.openpty()
+    tty.setraw(port)
+    shown, presses, sagged = [0.0], iter((1.0, 1.5, 1.5)), [False]
 
     def show() -> None:
-        with (tmp_path / "edge").open("wb", buffering=0) as port:
-            while not stop.wait(0.002):
-                port.write(b"ST,GS, +%07.1f g\r\n" % shown[0])
+        while not stop.wait(0.002):
+            os.write(display, b"ST,GS, +%07.1f g\r\n" % shown[0])
 
     def ask(text: str) -> str:
         if "nothing touch" not in text:
@@ -85,14 +85,13 @@ def test_a_serial_scale_counts_only_loads_that_stand_still(
 
     class Sags(SettledCamera):
         def frame(self) -> Frame:
-            shown[0] *= 0.9 if shown[0] > 80.0 and not sagged else 1.0
-            sagged.append(shown[0] > 80.0) if shown[0] > 80.0 else None
+            if shown[0] > 80.0 and not sagged[0]:  # the hand grows tired once
+                shown[0], sagged[0] = 0.9 * shown[0], True
             return super().frame()
 
-    sagged: list[bool] = []
     writer = threading.Thread(target=show)
     writer.start()
-    scale = SerialScale(str(tmp_path / "host"), 9600)
+    scale = SerialScale(os.ttyname(port), 9600)
     try:
         loads = Loads(ask, "g", False, 2, scale)
         assert record(Sags(finger, 0.0), loads, tmp_path, 2) == 3
@@ -107,8 +106,9 @@ def test_a_serial_scale_counts_only_loads_that_stand_still(
     )
     with pytest.raises(RigError, match="no reading for 2 s"):
         scale.still()
-    line.close()
     scale.close()
+    os.close(port)
+    os.close(display)
     with pytest.raises(RigError, match="give the scale's port"):
         SerialScale(os.devnull + "absent", 9600)
 
