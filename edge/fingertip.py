@@ -1,7 +1,7 @@
 """Image in, features out, without a bus: what `from edge import Fingertip` gives."""
 
 from collections.abc import Sequence
-from os import PathLike
+from pathlib import Path
 
 import numpy as np
 
@@ -16,22 +16,18 @@ class Fingertip:
     """One fingertip, read from its camera's images.
 
     untouched    images of the untouched tip, 8 as a rule: (h, w) uint8, grey; or uint16
-    calibration  file of this tip, or what was read of it, or example:NAME; None: values in px alone
+    calibration  of this tip, a file or example:NAME; None: values in px alone
     bits         significant in each pixel
-    Raises       TareRefused: no pins, a touch, or another tip; CalibrationError: the file cannot be read
+    Raises       EdgeError: no pins, a touch, another tip, or the file cannot be read
     """
 
     def __init__(
-        self,
-        untouched: Sequence[Image],
-        calibration: Calibration | str | PathLike[str] | None = None,
-        bits: int = 8,
+        self, untouched: Sequence[Image], calibration: str | Path | None = None, bits: int = 8
     ) -> None:
-        if isinstance(calibration, str | PathLike):
-            file = str(calibration)
-            calibration = Calibration.load(example_calibration(file) or file)
-        self.rest = take_rest_frame([_grey(image) for image in untouched], calibration=calibration).rest
-        self._pipeline = Pipeline(self.rest, calibration, ALL - {Feature.SURFACE})
+        file = calibration and (example_calibration(str(calibration)) or calibration)
+        loaded = Calibration.load(file) if file else None
+        self.rest = take_rest_frame([_grey(image) for image in untouched], calibration=loaded).rest
+        self._pipeline = Pipeline(self.rest, loaded, ALL - {Feature.SURFACE})
         self._bits, self._sequence = bits, 0
 
     def read(self, image: Image, time_s: float) -> Result:
@@ -47,8 +43,7 @@ class Fingertip:
         if _grey(image).shape != (height, width):
             raise ValueError(f"image of {image.shape[1]}x{image.shape[0]} px; give {width}x{height}")
         self._sequence += 1
-        frame = Frame(image, round(time_s * 1e9), self._sequence, bits=self._bits)
-        return self._pipeline.process(frame)
+        return self._pipeline.process(Frame(image, round(time_s * 1e9), self._sequence, bits=self._bits))
 
 
 def _grey(image: Image) -> Image:

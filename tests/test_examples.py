@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import hostlink
-from edge import Calibration, Fingertip, SourceError, open_source
+from edge import Calibration, EdgeError, Fingertip, open_source
 from edge.examples import example_file
 from edge.link.node import Node
 from edge.link.sinks import open_sink
@@ -120,5 +120,5 @@ def test_bad_images_and_files_are_refused_in_one_line() -> None:
     for wrong in (np.dstack([image] * 3), image[1:], image.astype(float)):
         with pytest.raises(ValueError, match=r"give a grey one|give 160x160"):
             tip.read(wrong, 0.0)
-    with pytest.raises(SourceError, match="no such example"):
+    with pytest.raises(EdgeError, match="no such example"):
         Fingertip([image], "example:absent")

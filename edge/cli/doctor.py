@@ -54,7 +54,7 @@ def doctor(
     from edge.runtime.calibration_store import CalibrationStore
 
     config = configured(config_path, sensor_name, sink_specs, source_spec)
-    chosen = calibration_path or example_calibration(config.source.spec)
+    chosen = example_calibration(str(calibration_path or config.source.spec)) or calibration_path
     chosen = chosen or (Path(config.calibration.file) if config.calibration.file else None)
     if config.state.directory and not calibration_path:
         stored = CalibrationStore(Path(config.state.directory)).path

@@ -11,7 +11,6 @@ from msgspec.structs import replace
 
 from edge.config import Config, load_config
 from edge.errors import InputError
-from edge.examples import SCHEME, example_file
 from edge.sensors import load_sensor
 from hostlink.cli_types import FiniteFloat
 from hostlink.output_file import check_output
@@ -37,21 +36,11 @@ sink_option = click.option(
     help="Where samples go; may be given more than once. can:can0, can:can0?fd=0, virtual:NAME, "
     "udp:239.0.0.1, serial:/dev/ttyACM0?baud=921600, slcan:/dev/ttyACM0, memory:",
 )
-
-
-class CalibrationPath(click.Path):
-    """A calibration file, or `example:NAME` of those that every installation has."""
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        example = example_file(value, ".json") if str(value).startswith(SCHEME) else value
-        return super().convert(example, param, ctx)
-
-
 calibration_option = click.option(
     "--calibration",
     "calibration_path",
-    type=CalibrationPath(path_type=Path),
-    help="Calibration file. A source that is an example has its own.",
+    type=PATH,
+    help="Calibration file; an example has its own.",
 )
 sensor_option = click.option(
     "--sensor",

@@ -74,10 +74,8 @@ def render(
     The first frames must show the untouched tip: they are the rest frame, unless --rest says another.
     """
     check_output(out, tuple(CODECS), filter(None, (recording, calibration_path)), overwrite)
-    style, calibration = (
-        Style(palette, rate_hz, height),
-        load_calibration(calibration_path or example_calibration(recording)),
-    )
+    style = Style(palette, rate_hz, height)
+    calibration = load_calibration(calibration_path or example_calibration(recording))
     with writing(out, overwrite) as unfinished:
         made = render_recording(recording, unfinished, calibration, style, not (quiet or as_json), rest)
     if as_json:

@@ -62,9 +62,8 @@ def replay(
             if not isinstance(speed, str):  # of the rest frame no image may be missed
                 source = Paced(source, speed=speed, loop=again, rest_n=config.tare.frames_n)
             stack.callback(source.close)
-            loop = make_loop(
-                stack, source, config, options.calibration_path or example_calibration(recording)
-            )
+            calibration_path = options.calibration_path or example_calibration(recording)
+            loop = make_loop(stack, source, config, calibration_path)
             _use_rest(loop, recording, rest, quiet)
         start_worker(stack, loop, options, listen, config)
         summary = Summary(source)
