@@ -1,6 +1,7 @@
 """Allowed imports between packages, and modules that a process must not load."""
 
 import ast
+import re
 import sys
 import tomllib
 from functools import cache
@@ -183,8 +184,12 @@ def test_the_edge_loads_no_heavy_libraries() -> None:
     assert not loaded & {"matplotlib", "skimage", "depthai", "aiohttp", "mcap", "pandas"}
 
 
-def test_the_running_finger_needs_no_scipy() -> None:
-    """It would take a third of the memory and of the start."""
+def test_the_finger_needs_no_scipy() -> None:
+    """A board does not install it: it would be a third of the disk, of the memory and of the start."""
+    named = [
+        f for f in (ROOT / "edge").rglob("*.py") if re.search(r"^\s*(from|import) scipy", f.read_text(), re.M)
+    ]
+    assert named == []
     play = (
         "import sys; sys.argv = ['edge', 'replay', 'tests/data/two_contacts.mcap', '--speed', 'max', '-q']\n"
         "from edge.cli.program import cli\ncli(standalone_mode=False)\n"

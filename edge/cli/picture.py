@@ -10,15 +10,13 @@ from math import tau
 
 import cv2
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import Delaunay, cKDTree
 
 from edge.cli.checks import Line, judged
 from edge.errors import NoPins
 from edge.faults.image_quality import HALF_REL, ONE_LEVEL, level_of
-from edge.geometry.lattice import N_RING, nearest
+from edge.geometry.lattice import N_RING, groups_of, inside_hull, nearest
 from edge.geometry.lattice import PARAMS as LATTICE
+from edge.geometry.neighbours import nearest_of
 from edge.limits import PINS_MIN
 from edge.params import ASTRAY_REL
 from edge.params import PARAMS as RUNTIME
@@ -99,21 +97,22 @@ def _holes(xy: Array) -> Array:
     pitch = np.median(step[:, :3], axis=1)
     row, column = np.nonzero(step < LATTICE.longest_edge * pitch[:, None])
     place, unit = 2 * xy[row] - xy[ring[row, column]], pitch[row]
-    inside = Delaunay(xy).find_simplex(place) >= 0
+    inside = inside_hull(xy, place)
     place, unit = place[inside], unit[inside]
     if len(place) == 0:
         return np.empty((0, 2))
-    free = cKDTree(xy).query(place)[0] > LATTICE.distance_min * unit
+    free = nearest_of(xy, place)[0][:, 0] > LATTICE.distance_min * unit
     if free.mean() > 1.0 - SHARED_MIN**2:  # too few places with a pin, or pins with a place: no lattice
         return np.empty((0, 2))
     place, unit = place[free], unit[free]
     found: list[Array] = []
     while len(place):
-        alike = cKDTree(place).query_ball_point(place, LATTICE.distance_min * unit)
-        most = max(alike, key=len)
-        if len(most) < 3:
+        apart, alike_row = nearest_of(place, place, N_RING)
+        alike = apart < LATTICE.distance_min * unit[:, None]
+        most = int(alike.sum(axis=1).argmax())
+        if alike[most].sum() < 3:
             break
-        found.append(np.median(place[most], axis=0))
+        found.append(np.median(place[alike_row[most, alike[most]]], axis=0))
         others = np.hypot(*(place - found[-1]).T) > unit
         place, unit = place[others], unit[others]
     return np.array(found).reshape(-1, 2)
@@ -122,12 +121,11 @@ def _holes(xy: Array) -> Array:
 def groups(rest: Rest) -> list[Index]:
     """Rows of the pins that stand together, the largest group first; a stray pin is a group too."""
     xy = rest.xy_img
-    step, row = cKDTree(xy).query(xy, min(len(xy), 1 + N_RING))
+    step, row = nearest_of(xy, xy, 1 + N_RING)
     unit = np.median(np.median(step[:, 1:4], axis=1)[row], axis=1)
     one, column = np.nonzero(step < LATTICE.longest_edge * unit[:, None])
-    links = coo_array((np.ones(len(one)), (one, row[one, column])), shape=(len(xy), len(xy)))
-    kind = connected_components(links)[1]
-    found = [np.flatnonzero(kind == k).astype(np.int32) for k in range(int(kind.max()) + 1)]
+    kind = groups_of(len(xy), one.astype(np.int32), row[one, column])
+    found = [np.flatnonzero(kind == k).astype(np.int32) for k in np.unique(kind)]
     return sorted(found, key=len, reverse=True)
 
 

@@ -15,7 +15,6 @@ from edge.examples import example_calibration
 from edge.runtime.loop import Loop
 from edge.sources import Paced, open_source
 from edge.types import LiveSource, RecordedSource, Result
-from hostlink.cli_exit import print_error
 from hostlink.cli_types import counted
 from hostlink.wire import FaultCode, State
 
@@ -74,16 +73,15 @@ def replay(
             statistics = loop.run()
         for failure in failures:
             raise failure
+        if damage := damage_of(source):
+            log.warning("%s: %s", recording, damage)
+        lost = _lost_to_tare(loop, summary.skipped_n, config.tare.frames_n)
+        if lost and summary.skipped_n is None:
+            raise InputError(f"{recording}: {loop.faults.active.get(FaultCode.TARE_IMPLAUSIBLE, lost)}")
         if not quiet or as_json:
             print_summary(statistics, loop.sinks, as_json, summary.report())
-        if message := damage_of(source):
-            log.warning("%s: %s", recording, message)
-        if message := _lost_to_tare(loop, summary.skipped_n, config.tare.frames_n):
-            if summary.skipped_n is None:
-                if refused := loop.faults.active.get(FaultCode.TARE_IMPLAUSIBLE):
-                    raise InputError(f"{recording}: {refused}")
-                raise SystemExit(print_error(f"{recording}: {message}", 1))
-            log.warning("%s: %s", recording, message)
+        if lost:
+            log.warning("%s: %s", recording, lost)
 
 
 def _use_rest(loop: Loop, recording: str, how: str | None, quiet: bool) -> None:

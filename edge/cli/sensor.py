@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 import click
-from scipy.spatial.distance import pdist
+import numpy as np
 
 from edge.cli.options import PATH, overwrite_option
 from edge.errors import InputError, NoPins
@@ -63,7 +63,8 @@ def _description(rest: Rest, title: str, across_mm: float | None, image: str) ->
     camera: dict[str, object] = {"size_px": rest.pattern.size_px}
     sources = {f"pins.{key}": seen for key in pins} | {"camera.size_px": seen}
     if across_mm is not None:
-        scale = across_mm / float(pdist(rest.xy_img).max())
+        away = rest.xy_img[:, None] - rest.xy_img
+        scale = across_mm / float(np.hypot(*away.T).max())
         pitch_px = rest.pattern.pitch_px if found is None else found[1].pitch_px
         pins["pitch_mm"], camera["mm_per_px"] = round(scale * pitch_px, 4), round(scale, 5)
         measured = f"{across_mm:g} mm across by ruler, {seen}"

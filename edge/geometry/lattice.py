@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from edge.errors import DegenerateLayout
 from edge.geometry.layout import spans
 from edge.geometry.neighbours import nearest_of
-from edge.types import Array, Index
+from edge.types import Array, Index, Mask
 
 __all__ = [
     "N_RING",
@@ -25,6 +25,8 @@ __all__ = [
     "THIRD_RING",
     "Lattice",
     "LatticeParams",
+    "groups_of",
+    "inside_hull",
     "nearest",
     "pitch_of",
     "residual_stencil",
@@ -90,6 +92,26 @@ def slope_stencil(xy: Array, pitch: float) -> tuple[Index, Array]:
     ring = nearest(xy, N_RING)
     plane = np.linalg.pinv(_terms((xy[ring] - xy[:, None]) / pitch, 1), rcond=RANK_TOLERANCE)
     return ring, np.ascontiguousarray(plane[:, 1:] / pitch)
+
+
+def groups_of(n: int, a: Index, b: Index) -> Index:
+    """(n,) the lowest row of the group that each of n belongs to; rows a (p,) and b (p,) are linked."""
+    label = np.arange(n, dtype=np.int32)
+    while True:
+        lowest = label.copy()
+        np.minimum.at(lowest, a, label[b])
+        np.minimum.at(lowest, b, label[a])
+        lowest = lowest[lowest]  # what a row has, those that point to it have
+        if np.array_equal(lowest, label):
+            return label
+        label = lowest
+
+
+def inside_hull(points: Array, xy: Array, margin: float = 0.0) -> Mask:
+    """(m,) which of the places xy (m, 2) are in the hull of points (n, 2), or within `margin` of it."""
+    hull = cv2.convexHull(points.astype(np.float32))
+    margin += float(np.abs(hull).max() * np.finfo(np.float32).eps)  # a place on the border is in it
+    return np.array([cv2.pointPolygonTest(hull, (float(x), float(y)), True) >= -margin for x, y in xy], bool)
 
 
 def residual_stencil(xy: Array, pitch: float) -> tuple[Index, Array]:

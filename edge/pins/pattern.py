@@ -9,10 +9,9 @@ Rules
   with another pin, is still a pin.
 """
 
-import cv2
 import numpy as np
 
-from edge.geometry.lattice import N_RING, pitch_of
+from edge.geometry.lattice import N_RING, groups_of, inside_hull, pitch_of
 from edge.geometry.lattice import PARAMS as LATTICE
 from edge.geometry.neighbours import nearest_of, pairs_within
 from edge.geometry.select import SIGMA_OF_MAD
@@ -56,7 +55,7 @@ def belongs(spots: Spots) -> Mask:
         if len(core) <= N_RING:
             return np.zeros(len(spots), bool)
         pitch = pitch_of(spots.xy_img[core])
-        inside = _inside_hull(spots.xy_img[core], xy, 0.5 * pitch)
+        inside = inside_hull(spots.xy_img[core], xy, 0.5 * pitch)
         near = nearest_of(spots.xy_img[core], xy)[0][:, 0] < PARAMS.link_pitches_outside * pitch
         fits = likely & (inside | (near & (outlierness < PARAMS.outlier_max_outside)))
         keep[index[~fits]] = False
@@ -80,7 +79,7 @@ def fills_gap(spots: Spots, pins: Spots) -> Mask:
         & (depth > 0.45)
         & (depth < 1.7)
     )
-    fits[fits] = _inside_hull(pins.xy_img, spots.xy_img[fits], 0.5 * pitch_of(pins.xy_img))
+    fits[fits] = inside_hull(pins.xy_img, spots.xy_img[fits], 0.5 * pitch_of(pins.xy_img))
     return fits
 
 
@@ -133,27 +132,7 @@ def _connected(xy_img: Array) -> Mask:
     own = nearest_of(xy_img, xy_img, 2)[0][:, 1]
     a, b = pairs_within(xy_img, LATTICE.longest_edge * float(np.quantile(own, 0.95))).T
     linked = np.hypot(*(xy_img[a] - xy_img[b]).T) < LATTICE.longest_edge * np.minimum(own[a], own[b])
-    label = _groups(n, a[linked], b[linked])
+    label = groups_of(n, a[linked], b[linked])
     size = np.bincount(label)
     member: Mask = size[label] >= N_RING
     return member
-
-
-def _groups(n: int, a: Index, b: Index) -> Index:
-    """(n,) the lowest row of the group that each of n belongs to; rows a (p,) and b (p,) are linked."""
-    label = np.arange(n, dtype=np.int32)
-    while True:
-        lowest = label.copy()
-        np.minimum.at(lowest, a, label[b])
-        np.minimum.at(lowest, b, label[a])
-        lowest = lowest[lowest]  # what a row has, those that point to it have
-        if np.array_equal(lowest, label):
-            return label
-        label = lowest
-
-
-def _inside_hull(pins: Array, xy_img: Array, margin_px: float) -> Mask:
-    hull = cv2.convexHull(pins.astype(np.float32))
-    return np.array(
-        [cv2.pointPolygonTest(hull, (float(x), float(y)), True) > -margin_px for x, y in xy_img], bool
-    )

@@ -26,7 +26,8 @@ def take_rest(images: Sequence[Image], polarity: Polarity = Polarity.FOUND, lens
 
     polarity  FOUND: as the first image that shows pins has them
     lens      whose distortion is removed from the pins' places
-    Raises    NoPins: no image, images of different size or another than the lens's, or no pins in them
+    Raises    NoPins: no image, images of different size or another than the lens's, no pins in them, or
+              all pins on one line
     """
     greys = [to_grey(image) for image in images]
     if not greys:
@@ -39,6 +40,10 @@ def take_rest(images: Sequence[Image], polarity: Polarity = Polarity.FOUND, lens
     pattern = replace(pattern, noise=float(np.median([noise_of(grey) for grey in greys])), dark=dark)
     order = np.lexsort((pins.xy_img[:, 0], np.rint(pins.xy_img[:, 1] / pattern.pitch_px)))
     rest = Rest(rows_of(pins, order), pattern)
+    away = rest.xy_img - rest.xy_img.mean(axis=0)
+    across = np.ptp(away @ np.linalg.svd(away, full_matrices=False)[2][1])
+    if across < pattern.pin_radius_px:
+        raise NoPins(f"{len(rest)} pins are found, all on one line; pins that span a plane are needed")
     return rest if lens is None else corrected_rest(rest, lens)
 
 

@@ -16,11 +16,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import RBFInterpolator
-from scipy.spatial import Delaunay, QhullError, cKDTree
 
-from edge.geometry.lattice import N_RING
+from edge.geometry.lattice import N_RING, inside_hull
 from edge.geometry.layout import LAYOUTS, pin_layout
+from edge.geometry.neighbours import nearest_of
+from edge.geometry.thin_plate import thin_plate_at
 from edge.rest.tip_match import SHARED_MIN
 from edge.sensors import KnownSensor
 from edge.types import Array, Complex, Mask, Rest
@@ -88,18 +88,28 @@ def _grow(z: Complex, sites: Complex, layout: str) -> tuple[NDArray[np.integer],
         on = np.flatnonzero(site_of >= 0)
         free = np.setdiff1d(np.arange(len(sites)), site_of[on])
         known = _xy(sites[site_of[on]])
-        near = free[cKDTree(known).query(_xy(sites[free]))[0] < 1.2] if len(free) else free
+        near = free[nearest_of(known, _xy(sites[free]))[0][:, 0] < 1.2]
         if len(near) == 0:
             break
         try:
-            model = RBFInterpolator(known, _xy(z[on]), neighbors=min(len(on), 2 * N_RING), degree=1)
-            placed = model(_xy(sites[near])) @ (1, 1j)
-        except (ValueError, np.linalg.LinAlgError):  # too few, or on a line: no prediction
+            placed = _predicted(known, z[on], _xy(sites[near]))
+        except np.linalg.LinAlgError:  # too few, or on a line: no prediction
             break
         taken = _assign(z, near, placed, site_of, error)
         if len(taken) == 0 or np.median(error[taken]) > CLEAR:
             break
     return site_of, error
+
+
+def _predicted(known: Array, at: Complex, sites: Array) -> Complex:
+    """Where sites are, by splines through the places of their nearest neighbours."""
+    rows = nearest_of(known, sites, 2 * N_RING)[1]
+    return np.array(
+        [
+            thin_plate_at(known[row], _xy(at[row]), site[None], 0.0)[0] @ (1, 1j)
+            for row, site in zip(rows, sites, strict=True)
+        ]
+    )
 
 
 def _xy(z: Complex) -> Array:
@@ -113,8 +123,8 @@ def _assign(
     free = np.flatnonzero(site_of < 0)
     if len(free) == 0:
         return []
-    distance, pin = cKDTree(_xy(z[free])).query(_xy(placed))
-    pin = free[pin]
+    away, row = nearest_of(_xy(z[free]), _xy(placed))
+    distance, pin = away[:, 0], free[row[:, 0]]
     taken = []
     for k in np.argsort(distance, kind="stable"):
         if distance[k] < 0.5 and site_of[pin[k]] < 0:
@@ -125,20 +135,14 @@ def _assign(
 
 def _first_turn(first: Complex, middle: Complex, symmetry: int) -> complex:
     """The rotation that lays the middle sites over the first pins best."""
-    tree = cKDTree(_xy(middle))
     turns = np.exp(2j * np.pi / symmetry * np.arange(60) / 60)
-    turned = first / turns[:, None]
-    distance = tree.query(np.stack([turned.real, turned.imag], axis=-1))[0]
-    return complex(turns[(distance**2).mean(axis=1).argmin()])
+    apart = np.abs((first / turns[:, None])[..., None] - middle).min(axis=2)
+    return complex(turns[(apart**2).mean(axis=1).argmin()])
 
 
 def _among(sites: Complex, seen: Complex) -> Mask:
     """Which sites are inside the hull of those that have a pin, its border included."""
-    try:
-        hull = Delaunay(_xy(seen) * (1 + 1e-9))
-    except QhullError:
-        return np.ones(len(sites), bool)
-    return np.asarray(hull.find_simplex(_xy(sites)) >= 0)
+    return inside_hull(_xy(seen), _xy(sites))
 
 
 @dataclass(frozen=True, slots=True)

@@ -317,3 +317,12 @@ def test_a_pin_that_half_of_the_images_show_is_taken_though_their_mean_lacks_it(
     others = truth[np.hypot(*(truth - rest.xy_img[0]).T) > 1.0]
     without = [expose(draw((320, 320), others, 6.0, 0.9, 110.0, 30.0), 1.0, rng) for _ in range(3)]
     assert len(with_voted([greys[0], *without], rest.pattern, lacking)[1]) == len(truth) - 1
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3, np.pi / 2])
+def test_pins_on_one_line_are_refused(angle: float) -> None:
+    along = np.array([np.cos(angle), np.sin(angle)])
+    truth = 240.0 + 28.0 * (np.arange(14.0)[:, None] - 6.5) * along
+    clean = draw((480, 480), truth, 6.0, 0.9, 120.0, 40.0)
+    with pytest.raises(NoPins, match="14 pins are found, all on one line"):
+        take_rest([expose(clean, 2.0, np.random.default_rng(3))])
