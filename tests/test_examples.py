@@ -3,9 +3,8 @@
 import runpy
 import subprocess
 import sys
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable
+from contextlib import nullcontext
 from math import nan
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,43 +14,26 @@ import numpy as np
 import pytest
 
 import hostlink
-from edge import Calibration, EdgeError, Fingertip, open_source
-from edge.examples import example_file
-from edge.link.node import Node
-from edge.link.sinks import open_sink
-from edge.runtime.device import LoopDevice
-from edge.runtime.loop import Loop
-from edge.sources import Paced
+from edge import EdgeError, Fingertip, open_source
 from hostlink import State, Status
 
 EXAMPLES = Path(__file__).resolve().parent.parent / "docs" / "examples"
 
 
-@contextmanager
-def finger(address: str) -> Iterator[None]:
-    """The example recording on a bus, over and over."""
-    calibration = Calibration.load(example_file("example:press", ".json"))
-    source, sink = Paced(open_source("example:press"), loop=True, rest_n=8), open_sink(address)
-    loop = Loop(source, [], calibration)
-    loop.sinks.append(Node(sink, LoopDevice(loop, "example")))  # type: ignore[arg-type]
-    thread = threading.Thread(target=loop.run)
-    thread.start()
-    try:
-        yield
-    finally:
-        loop.stop()
-        thread.join()
-        sink.close()
-        source.close()
+def hand_of(program: dict[str, Any], states: list[State]) -> None:
+    """Have a program find a hand whose finger 3 sends these samples, and then no more."""
+    samples = [SimpleNamespace(finger=3, state=state) for state in states]
+    hand = nullcontext(SimpleNamespace(samples=lambda timeout_s: iter(samples)))
+    link = {"NO_CONTROL": hostlink.NO_CONTROL, "Status": Status, "connect": lambda address: hand}
+    program["main" if "main" in program else "on_link"].__globals__["hostlink"] = SimpleNamespace(**link)
 
 
 def read_a_finger(of: dict[str, Any], capsys: pytest.CaptureFixture[str]) -> None:
-    with finger("virtual:read?node=3"):
-        of["main"]("virtual:read", samples_max=40)
+    hand_of(of, [State(displacement_mm=k / 10, force_n=nan) for k in range(3)])
+    of["main"]("can:can0")
     lines = capsys.readouterr().out.splitlines()
-    assert len(lines) == 40
-    assert all(line.startswith("finger 3: depth ") for line in lines)
-    assert np.nanmax([float(line.split()[3]) for line in lines]) > 1.0
+    assert [line.split()[3] for line in lines] == ["0.00", "0.10", "0.20"]
+    assert lines[0].startswith("finger 3: depth 0.00 mm, force nan N, shear nan")
 
 
 def features_of_images(of: dict[str, Any], capsys: pytest.CaptureFixture[str]) -> None:
@@ -71,11 +53,7 @@ def gentle_grip(of: dict[str, Any], capsys: pytest.CaptureFixture[str]) -> None:
     grip = of["Grip"]()
     assert [grip.speed_mm_s(x, nan, nan) for x in (nan, 0.7, 0.8, 0.9)] == [2.0, 2.0, 0.0, 0.0]
     seen = ((Status(0), 0.3), (Status.SATURATED, 2.0), (Status.NOT_LIVE, 0.3), (Status(0), 0.9))
-    samples = [SimpleNamespace(state=State(status=status, displacement_mm=mm)) for status, mm in seen]
-    hand = nullcontext(SimpleNamespace(samples=lambda timeout_s: iter(samples)))
-    of["on_link"].__globals__["hostlink"] = SimpleNamespace(
-        NO_CONTROL=hostlink.NO_CONTROL, Status=Status, connect=lambda address: hand
-    )
+    hand_of(of, [State(status=status, displacement_mm=mm) for status, mm in seen])
     moves: list[float] = []
     of["on_link"]("can:can0", moves.append)
     assert moves == [2.0, 2.0, 0.0, 0.0, 0.0]

@@ -12,18 +12,15 @@ import sys
 import hostlink
 
 
-def main(address: str, samples_max: int = 0) -> None:
-    """samples_max  end after so many samples; 0: never"""
+def main(address: str) -> None:
     with hostlink.connect(address) as hand:
-        for n, sample in enumerate(hand.samples(timeout_s=5.0), 1):
+        for sample in hand.samples(timeout_s=5.0):
             state = sample.state
             # NaN: not valid in this sample. A status bit says why: camera, pins, calibration, ...
             print(
                 f"finger {sample.finger}: depth {state.displacement_mm:.2f} mm, force {state.force_n:.2f} N, "
                 f"shear {state.shear_x_mm:.2f}, {state.shear_y_mm:.2f} mm, margin {state.slip_margin:.2f}"
             )
-            if n == samples_max:
-                return
 
 
 if __name__ == "__main__":
