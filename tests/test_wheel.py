@@ -106,3 +106,4 @@ def test_the_source_archive_makes_the_same_wheel(wheel: Path, tmp_path: Path) ->
     with tarfile.open(made) as source:
         names = {name.partition("/")[2] for name in source.getnames()}
     assert {"LICENSE", "CITATION.cff", "CHANGELOG.md", "constraints.txt"} <= names
+    assert {"deploy/install.sh", "tests/conftest.py", "docs/examples/read_a_finger.py"} <= names
