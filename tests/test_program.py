@@ -25,6 +25,7 @@ from hostlink.errors import ConnectError, LinkError
 from hostlink.output_file import find_unfinished
 from hostlink.wire import CanIds, Kind
 from tests.bench.soak import CALIBRATION
+from tests.support.fingers import free_port
 from tests.support.seeds import SEED
 from tests.support.waiting import SOON_S
 
@@ -58,9 +59,7 @@ class Running:
 @contextmanager
 def running(folder: Path) -> Iterator[Running]:
     """Started with its state in this folder; killed at the end."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
-        free.bind(("", 0))
-        port = int(free.getsockname()[1])
+    port = free_port()
     address = f"udp:{GROUP}?port={port}&ttl=0&node={NODE}"
     config = folder / "edge.toml"
     config.write_text(

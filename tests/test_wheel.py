@@ -32,9 +32,7 @@ print(edge.frame.__file__, float(areas[0]))
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("wheel")
-    for old in (ROOT / "build").glob(
-        "lib*"
-    ):  # setuptools would include files that were removed from the source
+    for old in (ROOT / "build").glob("lib*"):  # with files that were removed from the source
         shutil.rmtree(old)
     command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps"]
     subprocess.run([*command, "-w", str(folder), "."], cwd=ROOT, check=True, timeout=900)

@@ -124,8 +124,3 @@ def test_no_old_word_is_left_in_sentences() -> None:
         text = " ".join(path.read_text(encoding="utf-8").lower().split())
         found = [text[max(one.start() - 40, 0) : one.end() + 40] for one in phrases.finditer(text)]
         assert not found, path.relative_to(ROOT)
-
-
-def test_parts_of_a_name_are_found_in_both_styles() -> None:
-    assert parts_of("_torn_neighboursRel") == {"torn", "neighbours", "rel"}
-    assert parts_of("TornNeighbours") == {"torn", "neighbours"}

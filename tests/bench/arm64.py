@@ -71,9 +71,8 @@ class Board:
 
     def __init__(self, folder: Path) -> None:
         if not made():
-            raise NoCounter(
-                f"emulation needs {', '.join(TOOLS)}, and once deploy/sbc/counting.sh (see its head)"
-            )
+            what = f"{', '.join(TOOLS)}, and once deploy/sbc/counting.sh (see its head)"
+            raise NoCounter(f"emulation needs {what}")
         wheel = run([sys.executable, "deploy/sbc/cross_wheel.py", str(folder)], ENVIRONMENT).splitlines()[-1]
         self._packages = folder / "packages"
         with zipfile.ZipFile(wheel) as packed:
@@ -87,13 +86,8 @@ class Board:
             "PYTHONPATH": ":".join(map(str, path)), "PYTHONPYCACHEPREFIX": str(MADE / "bytecode"),
             "OPENBLAS_CORETYPE": "ARMV8",
         }  # fmt: skip
-        emulator = [
-            "qemu-aarch64",
-            "-cpu",
-            "cortex-a72",
-            "-plugin",
-            f"{MADE / 'count_blocks.so'},out={blocks}",
-        ]
+        plugin = f"{MADE / 'count_blocks.so'},out={blocks}"
+        emulator = ["qemu-aarch64", "-cpu", "cortex-a72", "-plugin", plugin]
         python = ["-L", str(MADE / "root"), str(MADE / "root/usr/bin/python3.11")]
         run([*emulator, *python, "-m", *child, str(maps)], environment, self._packages)
         return of_blocks(blocks, places_of(maps), frames)

@@ -203,12 +203,9 @@ class SecondTip:
             xy = self.gel.project(self.gel.caps_mm((ball,)))[own]
             noisy = xy + CENTROID_PX * rng.standard_normal(xy.shape)
             rows.append(self._row(pipeline, noisy))
-        values = {
-            "displacement_mm": np.array([b.depth_mm for b in balls]),
-            "contact_x_mm": np.array([b.x_mm for b in balls]),
-            "contact_y_mm": np.array([b.y_mm for b in balls]),
-            "contact_depth_mm": np.array([b.depth_mm for b in balls]),
-        }
+        x, y, depth = np.array([(b.x_mm, b.y_mm, b.depth_mm) for b in balls]).T
+        names = ("displacement_mm", "contact_x_mm", "contact_y_mm", "contact_depth_mm")
+        values = dict(zip(names, (depth, x, y, depth), strict=True))
         frames = tuple(Path(f"press-{i}") for i in range(presses))
         kinds = frozenset({ModelKind.PLAIN, ModelKind.POLYNOMIAL})  # a process takes minutes to fit
         targets = Targets(f"a ball of {radius_mm:.1f} mm", frames, values, "")
@@ -324,13 +321,9 @@ def _mean(errors: Sequence[Errors], name: str) -> float:
 
 
 @click.command(name="contacts", help="Contacts on a second, independent simulator, against their bounds.")
-@click.option(
-    "--scenes", "n_scenes", default=8, show_default=True, help="Of each kind.", type=click.IntRange(1)
-)
+@click.option("--scenes", "n_scenes", default=8, show_default=True, type=click.IntRange(1), help="A kind.")
 @click.option("--bars", "n_bars", default=16, show_default=True, type=click.IntRange(1))
-@click.option(
-    "--untouched", "n_untouched", default=100, show_default=True, help="Frames.", type=click.IntRange(1)
-)
+@click.option("--untouched", "n_untouched", default=100, show_default=True, type=click.IntRange(1))
 @click.option("--seed", default=1, show_default=True)
 @writes_results
 def command(n_scenes: int, n_bars: int, n_untouched: int, seed: int, out: Path) -> None:
@@ -342,13 +335,8 @@ def command(n_scenes: int, n_bars: int, n_untouched: int, seed: int, out: Path) 
         for i, scene in enumerate(track(SCENES, f"{n_pins} pins")):
             n = counts.get(scene.name, n_scenes)
             found = measure(tip, scene, n, seed + i)
-            row: dict[str, object] = {
-                "tip": f"{n_pins} pins",
-                "scene": scene.name,
-                "scenes": n,
-                **found.known(),
-            }
-            rows.append(row | {"holds": found.keeps(scene.bounds)})
+            row: dict[str, object] = {"tip": f"{n_pins} pins", "scene": scene.name, "scenes": n}
+            rows.append(row | found.known() | {"holds": found.keeps(scene.bounds)})
     write_json(out / "contacts.json", rows)
     show([{"scene": scene.name, **scene.bounds.known()} for scene in SCENES], "bounds")
     show(rows, "right: share of the scenes; mm, deg")

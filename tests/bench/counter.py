@@ -72,11 +72,7 @@ class Counts:
 
 
 def counted(
-    child: list[str],
-    frames: int,
-    folder: Path,
-    *,
-    environment: Mapping[str, str] = ENVIRONMENT,
+    child: list[str], frames: int, folder: Path, *, environment: Mapping[str, str] = ENVIRONMENT
 ) -> Counts:
     """Count what a module does between its marks, on this machine.
 
@@ -90,18 +86,11 @@ def counted(
     folder.mkdir(exist_ok=True)
     plain = ("--compress-strings=no", "--compress-pos=no", "--instr-atstart=no")
     out = folder / "callgrind"
-    command = [
-        "valgrind",
-        "--tool=callgrind",
-        *plain,
-        *CACHES,
-        f"--callgrind-out-file={out}",
-    ]
+    command = ["valgrind", "--tool=callgrind", *plain, *CACHES, f"--callgrind-out-file={out}"]
     run([*command, sys.executable, "-m", *child], environment)
     functions, misses = Functions(), 0
-    for n in range(
-        2, 1 + len(list(folder.glob("callgrind.*"))), 2
-    ):  # each first one was written where a mark begins
+    # Each first one was written where a mark begins.
+    for n in range(2, 1 + len(list(folder.glob("callgrind.*"))), 2):
         found, missed = of_callgrind(Path(f"{out}.{n}"))
         functions += found
         misses += missed

@@ -14,7 +14,6 @@ Source  Fitzgibbon, Simultaneous linear estimation of multiple view geometry and
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
@@ -43,34 +42,20 @@ _BASE = np.vstack(
 _WEIGHTS = np.array([1 / 4, *[1 / 8] * 6])
 
 
-@dataclass(frozen=True)
 class FlatGel:
     """One tip; `seed` decides how its caps differ."""
 
-    n_pins: int
-    seed: int = 0
-    roots_mm: Array = field(init=False)
-    pitch_mm: float = field(init=False)
-    _radius_px: Array = field(init=False)
-    _level: Array = field(init=False)
-    _falloff: Array = field(init=False)
-
-    def __post_init__(self) -> None:
-        rng = np.random.default_rng(self.seed)
-        roots = RADIUS_MM * pin_layout("hex", self.n_pins)
-        pitch = float(np.hypot(*(roots[1] - roots[0])))
-        radius = CAP_PITCHES * pitch * self._px_per_mm()
-        light = (1.0 + SPREAD_LEVEL * rng.standard_normal(self.n_pins)) * (CAP - SKIN)
+    def __init__(self, n_pins: int, seed: int = 0) -> None:
+        rng, self.n_pins = np.random.default_rng(seed), n_pins
+        roots = RADIUS_MM * pin_layout("hex", n_pins)
+        self.pitch_mm = float(np.hypot(*(roots[1] - roots[0])))
+        radius = CAP_PITCHES * self.pitch_mm * self._px_per_mm()
+        self._level = (1.0 + SPREAD_LEVEL * rng.standard_normal(n_pins)) * (CAP - SKIN)
         x, y = np.meshgrid(*(np.arange(n) - (n - 1) / 2.0 for n in SIZE_PX))
         ray2 = (x * x + y * y) / (self._px_per_mm() * (HEIGHT_MM - PIN_MM)) ** 2
-        for name, value in {
-            "roots_mm": roots + SPREAD_PITCHES * pitch * rng.standard_normal(roots.shape),
-            "pitch_mm": pitch,
-            "_radius_px": radius * (1.0 + SPREAD_SIZE * rng.standard_normal(self.n_pins)),
-            "_level": light,
-            "_falloff": (1.0 + ray2) ** -2.0,
-        }.items():
-            object.__setattr__(self, name, value)
+        self.roots_mm = roots + SPREAD_PITCHES * self.pitch_mm * rng.standard_normal(roots.shape)
+        self._radius_px = radius * (1.0 + SPREAD_SIZE * rng.standard_normal(n_pins))
+        self._falloff = (1.0 + ray2) ** -2.0
 
     @staticmethod
     def _px_per_mm() -> float:

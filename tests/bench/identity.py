@@ -11,10 +11,12 @@ blob.
 """
 
 import time
+from collections import Counter
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from itertools import combinations_with_replacement
 from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
@@ -28,7 +30,7 @@ from edge.sources import read_image
 from edge.tracking import Tracker
 from edge.tracking.search import Identifier
 from edge.tracking.tip import TrackedTip
-from edge.types import Array, Mask, PinPattern, Pins, Rest, Tracks
+from edge.types import Array, Mask, PinPattern, Rest, Tracks
 from tests.bench.output import show, write_json, writes_results
 from tests.bench.recordings import REAL, TIP_331, poses_of_stills
 from tests.support import layouts
@@ -36,6 +38,7 @@ from tests.support import layouts
 AGREE_PX = 4.0
 CONFIDENCES = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.97, 1.0)  # between which jumps are counted
 HIDDEN = 0.65  # share of a tip that is out of sight, at most
+COUNTS = ("n_trusted", "silent", "flagged", "swapped", "false_taken", "missed")
 Owners = NDArray[np.int_]
 
 
@@ -126,11 +129,6 @@ def off_the_pose(jumps: list[Jump], folder: Path) -> Array:
     return off
 
 
-def _pins(xy: Array) -> Pins:
-    n = len(xy)
-    return Pins(xy, np.full(n, 0.05), np.full(n, 5.0), np.full(n, 150.0))
-
-
 def simulated_rest(n_pins: int) -> tuple[Camera, Rest]:
     """A tip of the simulator at rest, with exact positions: identity alone is measured, not detection."""
     camera = Camera(tip=Tip(n_pins=n_pins))
@@ -139,7 +137,7 @@ def simulated_rest(n_pins: int) -> tuple[Camera, Rest]:
     np.fill_diagonal(gap, np.inf)
     pitch = float(np.median(gap.min(1)))
     pattern = PinPattern(5.0, pitch, xy.mean(0), camera.radius_px + 5, 10.0, 150.0, 1.0, camera.size_px)
-    return camera, Rest(_pins(xy), pattern)
+    return camera, Rest(layouts.pins_at(xy, 5.0, 150.0), pattern)
 
 
 def random_contact(rng: np.random.Generator) -> ToolPose:
@@ -178,9 +176,8 @@ def spoil(xy: Array, hazard: Hazard, reach_px: float, rng: np.random.Generator) 
     return blob[order], owner[order]
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """Many simulated jumps of one kind.
+def simulated(n_pins: int, frames: int, seed: int) -> Iterator[dict[str, Any]]:
+    """Many simulated jumps of each kind.
 
     n_trusted    frames whose confidence allows use
     silent       of those: frames with a tenth of the pins or more given to another pin
@@ -189,20 +186,6 @@ class Outcome:
     false_taken  blobs that are no pin (or two) taken as one, in trusted frames
     missed       pins without a blob though one is theirs, in trusted frames
     """
-
-    tip: str
-    hazard: str
-    frames: int
-    n_trusted: int
-    silent: int
-    flagged: int
-    swapped: int
-    false_taken: int
-    missed: int
-    ms: float
-
-
-def simulated(n_pins: int, frames: int, seed: int) -> Iterator[Outcome]:
     camera, rest = simulated_rest(n_pins)
     rng = np.random.default_rng(seed)
     places = [
@@ -210,27 +193,21 @@ def simulated(n_pins: int, frames: int, seed: int) -> Iterator[Outcome]:
         for _ in track(range(frames), f"{n_pins} pins: presses", transient=True)
     ]
     for hazard in HAZARDS:
-        total = Outcome(f"{n_pins} pins", hazard.name, frames, 0, 0, 0, 0, 0, 0, 0.0)
+        total, ms = Counter[str](), 0.0
         for xy in places:
             blob, owner = spoil(xy, hazard, camera.radius_px + 10, rng)
             tracker = Tracker(rest)
             began = time.process_time()
-            tracks = tracker.identify(_pins(blob))
-            spent = (time.process_time() - began) * 1e3 / frames
+            tracks = tracker.identify(layouts.pins_at(blob, 5.0, 150.0))
+            ms += (time.process_time() - began) * 1e3 / frames
             swapped, false, missed = evaluate(tracks, blob, owner)
             wrong = swapped > 0.1 * tracks.n_seen
             trusted = tracks.confidence >= Tracks.LOW_CONFIDENCE
-            total = replace(
-                total,
-                n_trusted=total.n_trusted + trusted,
-                silent=total.silent + (wrong and trusted),
-                flagged=total.flagged + (wrong and not trusted),
-                swapped=total.swapped + swapped * trusted,
-                false_taken=total.false_taken + false * trusted,
-                missed=total.missed + missed * trusted,
-                ms=total.ms + spent,
-            )
-        yield total
+            total.update(silent=wrong and trusted, flagged=wrong and not trusted)
+            if trusted:
+                total.update(n_trusted=1, swapped=swapped, false_taken=false, missed=missed)
+        counts = {name: int(total[name]) for name in COUNTS}
+        yield {"tip": f"{n_pins} pins", "hazard": hazard.name, "frames": frames, **counts, "ms": ms}
 
 
 def evaluate(tracks: Tracks, blob: Array, owner: Owners) -> tuple[int, int, int]:
@@ -354,7 +331,7 @@ def command(every: int, frames: int, jumps: int, seed: int, out: Path) -> None:
         honest["stills with a side hidden"] = honesty(list(judged_stills(folder, every, seed)))
     else:
         click.echo(f"no recordings at {folder}: real frames left out")
-    outcomes = [asdict(o) for n in (127, 331) for o in simulated(n, frames, seed)]
+    outcomes = [outcome for n in (127, 331) for outcome in simulated(n, frames, seed)]
     show(outcomes)
     for kind, rows in honest.items():
         show(rows, f"confidence, {kind}")

@@ -38,7 +38,7 @@ from edge.types import Clock, Frame, Lens, Polarity, Region  # noqa: E402
 from edge.worker import WorkerClient, WorkerConfig  # noqa: E402
 from hostlink.web import parse_listen  # noqa: E402
 from hostlink.wire import State, unpack_state  # noqa: E402
-from tests.bench.usage import cpu_s, memory_mb  # noqa: E402
+from tests.support.processes import cpu_s, memory_mb  # noqa: E402
 
 NO_CARRIER = Path("/sys/class/net/paced/carrier")  # looked at when a bus is off; ours never is
 LISTEN_S = 0.05
@@ -85,13 +85,9 @@ class Meter:
 
     def __init__(self, size: int, loop: Loop) -> None:
         self._loop = loop
-        self.tare_dropped_n = 0
-        self.tare_n = 0
         self.age_us = np.zeros(size, dtype=np.float32)
-        self.n = 0
-        self.first_s = self.values_s = 0.0
-        self.cpu_s = 0.0
-        self.since_s = 0.0
+        self.n = self.tare_dropped_n = 0
+        self.first_s = self.values_s = self.cpu_s = self.since_s = 0.0
 
     @property
     def counters(self) -> SinkCounters:
@@ -102,7 +98,6 @@ class Meter:
             self.cpu_s, self.since_s = time.process_time(), time.monotonic()
             self.first_s = self.first_s or self.since_s
             self.tare_dropped_n = self._loop.source.dropped_n
-            self.tare_n += 1
             return True
         self.values_s = self.values_s or time.monotonic()
         if self.n < len(self.age_us):
@@ -192,12 +187,8 @@ def beside(loop: Loop, viewers_n: int, record: str, seconds: float) -> Iterator[
         return
     worker = WorkerClient(loop, WorkerConfig(parse_listen("127.0.0.1:0"), Path(record) if record else None))
     worker.start()
-    look = [
-        "tests.support.viewers",
-        f"http://127.0.0.1:{worker.port}/live",
-        str(viewers_n),
-        str(seconds),
-    ]
+    page = f"http://127.0.0.1:{worker.port}/live"
+    look = ["tests.support.viewers", page, str(viewers_n), str(seconds)]
     # Browsers run on another machine: they must not take the loop's processor.
     with subprocess.Popen(["nice", "-n", "19", sys.executable, "-m", *look]) as viewers:
         yield worker
@@ -235,27 +226,17 @@ def main(options: dict[str, Any]) -> dict[str, Any]:
     age_us = meter.age_us[1 : meter.n]  # the first one was delayed by freeing the tare's memory
     p50, p99, p999 = np.percentile(age_us, (50, 99, 99.9))
     return {
-        "frames_offered": source.received_n,
-        "dropped_at_tare": meter.tare_dropped_n,
+        "frames_offered": source.received_n, "dropped_at_tare": meter.tare_dropped_n,
         "dropped_after": statistics.dropped_n - meter.tare_dropped_n,
-        "frames_accepted": statistics.frames_n,
-        "keepalives": statistics.keepalives_n,
-        "samples_sent": node.counters.sent,
-        "samples_received": listener.samples_n,
-        "gaps": listener.gaps_n,
-        "p50_us": float(p50),
-        "p99_us": float(p99),
-        "p999_us": float(p999),
-        "max_us": float(age_us.max()),
+        "frames_accepted": statistics.frames_n, "keepalives": statistics.keepalives_n,
+        "samples_sent": node.counters.sent, "samples_received": listener.samples_n, "gaps": listener.gaps_n,
+        "p50_us": float(p50), "p99_us": float(p99), "p999_us": float(p999), "max_us": float(age_us.max()),
         "cpu_share": (used_s - listener.cpu_s - meter.cpu_s) / (ended_s - meter.since_s),
         "startup_s": meter.first_s - options["started_s"],
         "values_s": meter.values_s - options["started_s"],
-        "rss_mb": rss_mb,
-        "rss_first_mb": weights.mb[0] if weights.mb else rss_mb,
-        "pss_mb": weights.pss_mb,
-        "frames_mb": images.nbytes / 2**20,
-        **page,
-    }
+        "rss_mb": rss_mb, "rss_first_mb": weights.mb[0] if weights.mb else rss_mb,
+        "pss_mb": weights.pss_mb, "frames_mb": images.nbytes / 2**20, **page,
+    }  # fmt: skip
 
 
 if __name__ == "__main__":

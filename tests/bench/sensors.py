@@ -28,7 +28,7 @@ from tests.bench.recordings import real_option
 
 PAGE = ROOT / "docs" / "sensors.md"
 CASES = "cases/sensors"
-PRESSED = f"{CASES}/press_hides_dots_gelslim"
+PRESSED, BINARY = f"{CASES}/press_hides_dots_gelslim", "real/tactip331_binary"
 HEAD = "| recording | pins by eye | found | more than by eye | held | touched |"
 SIDE_PX = 320
 TITLE_PX = 28
@@ -51,20 +51,13 @@ class Row:
 
 
 CATALOGUE = (
-    Row(
-        "TacTip, 331 pins, thresholded", 331, "real/tactip331_binary/frames", "real/tactip331_binary/rest.png"
-    ),
+    Row("TacTip, 331 pins, thresholded", 331, f"{BINARY}/frames", f"{BINARY}/rest.png"),
     Row("TacTip, 331 pins", 331, "real/tactip331_gray/frames"),
     Row("home-made tip, spokes", 0, "real/video/Movement4.avi"),
     Row("flat skin, square grid, fisheye", 0, "real/video/flatSkin.avi"),
     Row("GelSight Mini, dark dots", 70, "real/gelsight_mini/press.avi"),
     Row("FingerVision dome", 36, "real/fingervision_dome/frames"),
-    Row(
-        "GelSlim, ghosted dots",
-        285,
-        f"{CASES}/press_hides_dots_gelslim",
-        f"{CASES}/press_hides_dots_gelslim/000_rest.png",
-    ),
+    Row("GelSlim, ghosted dots", 285, PRESSED, f"{PRESSED}/000_rest.png"),
     Row("GelSlim, small dots", 530, "", f"{CASES}/false_gelsight_mini/000.png"),
     Row("Tactile insertion, ghosted dots", 330, "", f"{CASES}/ghosted_dots_one_marker_two_pins/000.png"),
     Row("FingerVision, flat", 180, "", f"{CASES}/pin_split_by_glint/whole.png"),

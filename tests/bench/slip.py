@@ -13,7 +13,7 @@ slides.
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import click
@@ -23,24 +23,21 @@ import numpy as np
 from calib.sim import Camera, Simulator, Tip, Tool, ToolPose, deform
 from edge.frame import Pipeline
 from edge.pins import take_rest
-from edge.types import Array, Feature, Frame, Rest, Tracks
+from edge.types import Array, Feature, Frame, Rest
 from tests.bench.output import show, write_json, writes_results
 from tests.bench.recordings import REAL
 from tests.bench.videos import TARE_FRAMES, read, untouched
+from tests.support.layouts import tracks_of
 
 RATE_HZ = 60.0
-NOISE_PX = 0.05
+NOISE_PX = 0.05  # as tracks_of has it
 SEED = 1  # parameters were set on 0
 PRESS_N, HOLD_N = 12, 30  # frames
 WAY_STEPS = 20  # solutions of the contact to the motion at which a contact of this depth usually slides
 FALSE_BELOW, GLIDES = 0.25, 0.98  # share of the area that slides
 PROBABLE = 0.5
 DEMAND = frozenset({Feature.SLIP})
-TOOLS = (
-    Tool("flat"),
-    Tool("sphere", radius_mm=10.0),
-    Tool("sphere", radius_mm=4.0),
-)
+TOOLS = (Tool("flat"), Tool("sphere", radius_mm=10.0), Tool("sphere", radius_mm=4.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,10 +147,8 @@ class Bench:
         return Announced(drag.tool, slid_s, load, false_n, quiet_n / RATE_HZ)
 
     def _probability(self, pipeline: Pipeline, xy: Array, rng: np.random.Generator) -> float:
-        n = len(xy)
-        noisy = xy + rng.normal(0.0, NOISE_PX, (n, 2))
-        tracks = Tracks.of(noisy, np.full(n, NOISE_PX), np.ones(n, dtype=np.bool_))
-        return pipeline.features(tracks).slip_probability or 0.0
+        noisy = xy + rng.normal(0.0, NOISE_PX, xy.shape)
+        return pipeline.features(tracks_of(noisy)).slip_probability or 0.0
 
 
 def _between(way: Array, ways: Array, places: Array) -> Iterator[Array]:
@@ -164,19 +159,8 @@ def _between(way: Array, ways: Array, places: Array) -> Iterator[Array]:
         yield (1 - share) * places[k] + share * places[k + 1]
 
 
-@dataclass(frozen=True, slots=True)
-class Watched:
-    """Alarms of one recording."""
-
-    name: str
-    untouched_s: float
-    untouched_n: int
-    touched_s: float
-    touched_n: int
-
-
-def watch(path: Path) -> Watched:
-    """Play a recording; its rest frame is where it stays most of the time."""
+def watch(path: Path) -> dict[str, object]:
+    """Alarms of a recording; its rest frame is where it stays most of the time."""
     rate_hz = cv2.VideoCapture(str(path)).get(cv2.CAP_PROP_FPS)
     images = read(path)
     pipeline = Pipeline(untouched(images), demand=DEMAND)
@@ -191,7 +175,10 @@ def watch(path: Path) -> Watched:
         frames[features.in_contact] += 1
         alarms[features.in_contact] += probable and not before
         before = probable
-    return Watched(path.stem, frames[False] / rate_hz, alarms[False], frames[True] / rate_hz, alarms[True])
+    return {
+        "name": path.stem, "untouched_s": frames[False] / rate_hz, "untouched_n": alarms[False],
+        "touched_s": frames[True] / rate_hz, "touched_n": alarms[True],
+    }  # fmt: skip
 
 
 def summary(announced: Sequence[Announced]) -> dict[str, float]:
@@ -226,7 +213,7 @@ def command(number: int, out: Path) -> None:
         rows[kind] = summary([a for a in announced if a.tool == kind])
     show([{"tool": kind, **figures} for kind, figures in rows.items()])
     found = sorted(REAL.glob("video/*.avi")) + sorted(REAL.glob("gelsight_mini/*.avi"))
-    watched = [asdict(watch(path)) for path in found]
+    watched = [watch(path) for path in found]
     if watched:
         show(watched)
     report = {"seed": SEED, "simulated": rows, "recordings": watched}

@@ -25,9 +25,11 @@ import threading
 import time
 from bisect import bisect_left
 from collections import Counter, defaultdict
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import click
 import cv2
@@ -53,20 +55,8 @@ from hostlink.client import Sample
 from hostlink.wire import FaultCode, State, Status
 from hostlink.wire.address import parse_address
 from tests.bench.output import ROOT, show, writes_results
-from tests.bench.usage import memory_mb
-from tests.support.fault_injection import (
-    BOARD,
-    CAMERA,
-    EXPECTED,
-    LENGTH_S,
-    LINK,
-    PAUSE_S,
-    Episode,
-    FaultyBoard,
-    FaultySource,
-    faulty_medium,
-    schedule,
-)
+from tests.support import fault_injection as faults
+from tests.support.processes import memory_mb
 
 CALIBRATION = ROOT / "tests" / "data" / "rings331_ball.json"
 SCENE = "sim:tour?width=320&height=320&paced=0"
@@ -83,6 +73,7 @@ UNUSABLE = (
     Status.CAMERA_FAULT | Status.IMAGE_FAULT | Status.PINS_LOST | Status.TRACKER_LOST | Status.TARE_FAULT
     | Status.CAMERA_MOVED | Status.CLOCK_STEP
 )  # fmt: skip
+KINDS = {"camera": faults.CAMERA, "link": faults.LINK, "board": faults.BOARD}
 BRISK_S = (0.3, 0.5)  # episodes and pauses of a short run
 VALUES = ("displacement_mm", "shear_x_mm", "shear_y_mm")
 
@@ -136,19 +127,17 @@ class Row:
 
     def cells(self, kind: str) -> dict[str, object]:
         """A row of the table; medians, and the worst."""
-        known = bool(EXPECTED[kind])
+        announced, cleared = (self.announced, self.cleared) if faults.EXPECTED[kind] else ("-", "-")
+
+        def ms(of: Callable[[Any], float], values: list[float]) -> int | None:
+            return round(float(of(values))) if values else None
+
         return {
-            "fault": kind,
-            "injected": self.injected,
-            "announced": self.announced if known else "-",
-            "cleared": self.cleared if known else "-",
-            "not visible": self.unseen or None,
-            "announce ms": round(float(np.median(self.announce_ms))) if self.announce_ms else None,
-            "worst": round(max(self.announce_ms)) if self.announce_ms else None,
-            "less machine": round(max(self.announce_net_ms)) if self.announce_net_ms else None,
-            "clear ms": round(float(np.median(self.clear_ms))) if self.clear_ms else None,
-            "worst to clear": round(max(self.clear_ms)) if self.clear_ms else None,
-        }
+            "fault": kind, "injected": self.injected, "announced": announced, "cleared": cleared,
+            "not visible": self.unseen or None, "announce ms": ms(np.median, self.announce_ms),
+            "worst": ms(max, self.announce_ms), "less machine": ms(max, self.announce_net_ms),
+            "clear ms": ms(np.median, self.clear_ms), "worst to clear": ms(max, self.clear_ms),
+        }  # fmt: skip
 
 
 @dataclass
@@ -206,26 +195,26 @@ class Soak:
         kept = SceneSource(scene._simulator, "tour", keep=True)  # rendered once, in memory
         self.truth = undisturbed(kept, self.calibration)
         self.started_s: float | None = None
-        length_s, pause_s = (BRISK_S, BRISK_S) if brisk else (LENGTH_S, PAUSE_S)
+        length_s, pause_s = (BRISK_S, BRISK_S) if brisk else (faults.LENGTH_S, faults.PAUSE_S)
         until_s = outcome.seconds - 2.0
-        self.rows: dict[str, list[Episode]] = {
-            name: schedule(outcome.seed * 10 + i, until_s, kinds, length_s=length_s, pause_s=pause_s)
-            for i, (name, kinds) in enumerate((("camera", CAMERA), ("link", LINK), ("board", BOARD)))
+        self.rows: dict[str, list[faults.Episode]] = {
+            name: faults.schedule(outcome.seed * 10 + i, until_s, kinds, length_s=length_s, pause_s=pause_s)
+            for i, (name, kinds) in enumerate(KINDS.items())
         }
-        self.source = FaultySource(
+        self.source = faults.FaultySource(
             Paced(kept, rate_hz, loop=True), self.rows["camera"], self.clock, outcome.seed
         )
-        self.board = FaultyBoard(self.rows["board"], self.clock)
+        self.board = faults.FaultyBoard(self.rows["board"], self.clock)
         self.announced: defaultdict[FaultCode, list[tuple[float, float]]] = defaultdict(list)  # from, to
         self.registry = FaultRegistry()
         self.registry.listeners.append(self.on_fault)
         monitor = BoardMonitor(self.registry, self.board.temperature, [self.board.storage])
         self.loop = Loop(self.source, [], self.calibration, faults=self.registry, board=monitor)
         address = parse_address(f"virtual:soak{outcome.seed}")
-        self.refused_s: dict[Episode, float] = {}  # when it first took no sample
-        self.back_s: dict[Episode, float] = {}  # when the first sample arrived after it
+        self.refused_s: dict[faults.Episode, float] = {}  # when it first took no sample
+        self.back_s: dict[faults.Episode, float] = {}  # when the first sample arrived after it
         self.disturbed = list(self.rows["link"])  # of which no sample has arrived yet
-        faulty = faulty_medium(
+        faulty = faults.faulty_medium(
             opener(address, ()), self.rows["link"], self.clock, outcome.seed, self.on_refused
         )
         self.node = Node(CanFdSink(str(address), faulty, NODE), LoopDevice(self.loop, "soak"), SettingsFile())
@@ -262,7 +251,7 @@ class Soak:
         if episode is not None:
             self.refused_s.setdefault(episode, at_s)
 
-    def episode(self, row: str, now_s: float) -> Episode | None:
+    def episode(self, row: str, now_s: float) -> faults.Episode | None:
         for episode in self.rows[row]:
             if episode.start_s <= now_s < episode.end_s:
                 return episode
@@ -319,14 +308,14 @@ class Soak:
                     continue
                 entry = outcome.rows[e.kind]
                 entry.injected += 1
-                if EXPECTED[e.kind]:
+                if faults.EXPECTED[e.kind]:
                     self.check_announced(e, entry)
                 if row == "link":
                     self.check_link(e)
 
-    def check_announced(self, e: Episode, entry: Row) -> None:
+    def check_announced(self, e: faults.Episode, entry: Row) -> None:
         since_s = e.start_s
-        if e.kind in LINK:  # it cannot be observed before a sample is sent
+        if e.kind in faults.LINK:  # it cannot be observed before a sample is sent
             since_s = self.refused_s.get(e, math.inf)
             if since_s > e.end_s - ANNOUNCED_S:
                 entry.unseen += 1
@@ -358,29 +347,29 @@ class Soak:
         assert self.started_s is not None
         return self.started_s + clock_s
 
-    def announced_at(self, e: Episode) -> float | None:
+    def announced_at(self, e: faults.Episode) -> float | None:
         """When the first of the expected faults was active; it may have been so before."""
         times = [
             max(begun_s, e.start_s)
-            for code in EXPECTED[e.kind]
+            for code in faults.EXPECTED[e.kind]
             for begun_s, ended_s in self.announced[code]
             if ended_s > e.start_s and begun_s <= e.end_s + ANNOUNCED_S
         ]
         return min(times, default=None)
 
-    def cleared_at(self, e: Episode) -> float | None:
+    def cleared_at(self, e: faults.Episode) -> float | None:
         """When, after its end, none of the expected faults was active."""
         held_s = self.metronome.held_up_s(self.at(e.end_s), self.at(e.end_s + CLEARED_S))
         times = [
             ended_s
-            for code in EXPECTED[e.kind]
+            for code in faults.EXPECTED[e.kind]
             for begun_s, ended_s in self.announced[code]
             if begun_s <= e.end_s < ended_s
         ]
         latest_s = max(times, default=e.end_s)
         return latest_s if latest_s <= e.end_s + CLEARED_S + held_s else None
 
-    def check_link(self, e: Episode) -> None:
+    def check_link(self, e: faults.Episode) -> None:
         back_s = self.back_s.get(e, math.inf) - e.end_s
         held_s = self.metronome.held_up_s(self.at(e.end_s), self.at(e.end_s + BACK_S))
         self.outcome.counts["link faults"] += 1

@@ -16,15 +16,8 @@ from edge.cells import Tessellator, cell_polygons
 from edge.cells.mesh import Mesh
 from edge.types import Cells
 from tests.bench.output import markdown, show, writes_results
-from tests.support import exact
-from tests.support.cell_checks import (
-    Points,
-    bounded_polygon_area,
-    points_of,
-    polygon_area,
-    random_walks,
-    worst_relative,
-)
+from tests.support import cell_checks, exact
+from tests.support.cell_checks import Points, points_of, random_walks, worst_relative
 from tests.support.layouts import HARD_SETS, TIPS, bounded, moved, pressed, rest_of, tracks_of
 
 SCALES = (1e-9, 1e-6, 1e-3, 1.0, 1e3, 1e6, 1e9)
@@ -47,6 +40,11 @@ class Row:
         return bool(self.error <= self.bound)
 
 
+def worst_error(areas: Points, points: Points) -> float:
+    """Largest relative error of the areas of the first points, exactly."""
+    return float(exact.relative_errors(areas, exact.cell_areas(points, len(areas))).max())
+
+
 def cells_of(rest: Points, now: Points) -> Cells:
     return Tessellator(rest_of(rest)).cells(tracks_of(now))
 
@@ -63,10 +61,9 @@ def hard_sets(seeds: int) -> Iterator[Row]:
                     points = bounded(pins) * scale + offset * np.array([1.0, -0.7])
                     areas = np.empty(n)
                     Mesh(n, len(points) - n).update(points, areas)
-                    worst = max(worst, float(exact.relative_errors(areas, exact.cell_areas(points, n)).max()))
-        yield Row(
-            f"{name}, scales 1e-9..1e9, offsets 0 and 1e6", "area against rational arithmetic", worst, 1e-13
-        )
+                    worst = max(worst, worst_error(areas, points))
+        case = f"{name}, scales 1e-9..1e9, offsets 0 and 1e6"
+        yield Row(case, "area against rational arithmetic", worst, 1e-13)
 
 
 def degenerate_motion(seeds: int) -> Iterator[Row]:
@@ -79,7 +76,7 @@ def degenerate_motion(seeds: int) -> Iterator[Row]:
             points = bounded(rng.integers(-4, 5, (20, 2)) / 6.0)
             areas = np.empty(20)
             mesh.update(points, areas)
-            worst = max(worst, float(exact.relative_errors(areas, exact.cell_areas(points, 20)).max()))
+            worst = max(worst, worst_error(areas, points))
     yield Row("20 pins jumping on a 9x9 grid, kept mesh", "area against rational arithmetic", worst, 1e-13)
 
 
@@ -107,23 +104,15 @@ def tips() -> Iterator[Row]:
         now = pressed(rest)
         for state, xy in (("at rest", rest), ("pressed", now)):
             cells = cells_of(rest, xy)
-            error = exact.relative_errors(cells.area_px2, exact.cell_areas(points_of(cells), len(rest))).max()
-            yield Row(f"{name} tip, {state}", "area against rational arithmetic", float(error), 1e-13)
-            polygon = float(bounded_polygon_area(cells))
-            yield Row(
-                f"{name} tip, {state}",
-                "sum of areas against the bounded polygon",
-                abs(float(cells.area_px2.sum()) - polygon) / polygon,
-                1e-12,
-            )
+            error = worst_error(cells.area_px2, points_of(cells))
+            yield Row(f"{name} tip, {state}", "area against rational arithmetic", error, 1e-13)
+            polygon = float(cell_checks.bounded_polygon_area(cells))
+            error = abs(float(cells.area_px2.sum()) - polygon) / polygon
+            yield Row(f"{name} tip, {state}", "sum of areas against the bounded polygon", error, 1e-12)
         cells = cells_of(rest, now)
-        drawn = np.array([polygon_area(p) for p in cell_polygons(cells)])
-        yield Row(
-            f"{name} tip, pressed",
-            "drawn polygons against areas",
-            worst_relative(drawn, cells.area_px2),
-            1e-9,
-        )
+        drawn = np.array([cell_checks.polygon_area(p) for p in cell_polygons(cells)])
+        error = worst_relative(drawn, cells.area_px2)
+        yield Row(f"{name} tip, pressed", "drawn polygons against areas", error, 1e-9)
         order = np.random.default_rng(0).permutation(len(rest))
         error = worst_relative(cells_of(rest[order], now[order]).area_px2, cells.area_px2[order])
         yield Row(f"{name} tip, pressed", "pins in another order", error, 1e-10)
@@ -135,9 +124,8 @@ def tips() -> Iterator[Row]:
             yield Row(f"{name} tip, pressed", what, error, 1e-10)
         turned = cells_of(rest, moved(rest, 0.3, 1.05, 20.0))
         error = worst_relative(turned.area_px2, turned.rest_area_px2 * 1.05**2)
-        yield Row(
-            f"{name} tip, turned, scaled, shifted", "area change against the scale's square", error, 1e-10
-        )
+        case = f"{name} tip, turned, scaled, shifted"
+        yield Row(case, "area change against the scale's square", error, 1e-10)
 
 
 def lost_pins(seeds: int) -> Iterator[Row]:
@@ -158,12 +146,8 @@ def lost_pins(seeds: int) -> Iterator[Row]:
             error = np.abs(cells.area_px2 - whole)[~lost] / cells.rest_area_px2[~lost]
             loaded = max(loaded, float(error.max() / signal))
         yield Row(f"{name} tip at rest, 30 % of the pins lost", "area change of the others", still, 1e-12)
-        yield Row(
-            f"{name} tip pressed, 5 % of the pins lost",
-            "area change that this adds, over the largest signal",
-            loaded,
-            0.1,
-        )
+        case = f"{name} tip pressed, 5 % of the pins lost"
+        yield Row(case, "area change that this adds, over the largest signal", loaded, 0.1)
 
 
 def walks(count: int) -> Iterator[Row]:
@@ -178,10 +162,8 @@ def walks(count: int) -> Iterator[Row]:
     yield Row(case, "kept against fresh triangulation", difference, 1e-12)
     yield Row(case, "largest area change over what the motion explains", share, 1.0)
     jumps = random_walks(max(1, count // 20), WALK_STEPS, 6.0, seed=0, explain=False)
-    case = (
-        f"{jumps.walks} walks of 331 pins, {WALK_STEPS} steps of 6 px, {jumps.flips} flips, "
-        f"{jumps.builds} rebuilds"
-    )
+    counts = f"{jumps.flips} flips, {jumps.builds} rebuilds"
+    case = f"{jumps.walks} walks of 331 pins, {WALK_STEPS} steps of 6 px, {counts}"
     yield Row(case, "kept against fresh triangulation", jumps.worst_difference, 1e-12)
 
 

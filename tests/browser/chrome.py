@@ -1,7 +1,7 @@
 """Headless Chromium for tests, by the DevTools protocol over a pair of pipes; no driver, no port.
 
-    with Chrome() as chrome:
-        page = chrome.open("http://127.0.0.1:8765/", size=(1280, 800))
+    with closing(Chrome()) as chrome:
+        page = chrome.open("http://127.0.0.1:8765/")
         page.until("document.body.dataset.state === 'live'")
         page.press("t"); page.evaluate("...")
         page.requests, page.sockets, page.errors
@@ -18,8 +18,7 @@ import shutil
 import subprocess
 import tempfile
 import threading
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from tests.support.waiting import SOON_S
 
@@ -83,14 +82,14 @@ class Chrome:
         self._reader.start()
         self.call("Browser.getVersion", timeout_s=START_S)
 
-    def open(self, url: str, size: tuple[int, int] = (1280, 800), phone: bool = False) -> "Page":
+    def open(self, url: str, phone: bool = False) -> "Page":
         """A new page, loading `url`."""
         target = self.call("Target.createTarget", {"url": "about:blank"})["targetId"]
         session = self.call("Target.attachToTarget", {"targetId": target, "flatten": True})["sessionId"]
         page = self._pages[session] = Page(self, session, target)
         for domain in ("Page", "Runtime", "Network", "Log"):
             page.call(f"{domain}.enable")
-        metrics = PHONE if phone else {"width": size[0], "height": size[1], "deviceScaleFactor": 1}
+        metrics = PHONE if phone else {"width": 1280, "height": 800, "deviceScaleFactor": 1}
         page.call("Emulation.setDeviceMetricsOverride", {"mobile": False, **metrics})
         page.call("Emulation.setTouchEmulationEnabled", {"enabled": phone})
         page.call("Page.navigate", {"url": url})
@@ -145,14 +144,6 @@ class Chrome:
         os.close(self._write)
         self._profile.cleanup()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
 
 class Page:
     """One tab.
@@ -185,11 +176,8 @@ class Page:
 
     def evaluate(self, script: str, timeout_s: float = SOON_S) -> Any:
         """Value of an expression in the page; a promise is waited for."""
-        answer = self.call(
-            "Runtime.evaluate",
-            {"expression": script, "awaitPromise": True, "returnByValue": True},
-            timeout_s,
-        )
+        given = {"expression": script, "awaitPromise": True, "returnByValue": True}
+        answer = self.call("Runtime.evaluate", given, timeout_s)
         assert "exceptionDetails" not in answer, answer["exceptionDetails"]
         return answer["result"].get("value")
 
@@ -223,13 +211,6 @@ class Page:
             self.call(
                 "Input.dispatchMouseEvent", {"type": kind, "x": x, "y": y, "button": "left", "clickCount": 1}
             )
-
-    def offline(self, off: bool) -> None:
-        """Cut the page's network, or restore it."""
-        self.call(
-            "Network.emulateNetworkConditions",
-            {"offline": off, "latency": 0, "downloadThroughput": -1, "uploadThroughput": -1},
-        )
 
     def close(self) -> None:
         self._chrome.call("Target.closeTarget", {"targetId": self._target})

@@ -1,6 +1,7 @@
 """One browser for all tests of pages; they are skipped if there is none."""
 
 from collections.abc import Iterator
+from contextlib import closing
 
 import pytest
 
@@ -11,5 +12,5 @@ from tests.browser.chrome import Chrome, chromium
 def chrome() -> Iterator[Chrome]:
     if chromium() is None:
         pytest.skip("no Chromium: apt-get install --no-install-recommends chromium")
-    with Chrome() as running:
+    with closing(Chrome()) as running:
         yield running

@@ -10,6 +10,7 @@ import io
 import sys
 import tempfile
 import threading
+from contextlib import closing
 from pathlib import Path
 
 import cv2
@@ -45,7 +46,7 @@ def moving(path: Path) -> None:
 
 def page(path: Path) -> None:
     pause = threading.Event()
-    with Chrome() as chrome, Live(DATA / "press_shear.mcap", DATA / "hex127_flat.json") as live:
+    with closing(Chrome()) as chrome, Live(DATA / "press_shear.mcap", DATA / "hex127_flat.json") as live:
         shown = chrome.open(live.url)
         for n in range(round(FULL_S / STEP_S)):
             live.show(n % 2 - 1)

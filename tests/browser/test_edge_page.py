@@ -7,7 +7,6 @@ import re
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
@@ -76,10 +75,7 @@ def red(image: np.ndarray) -> np.ndarray:
 
 
 def until_red(page: Page) -> None:
-    """Wait until pressed cells are in the picture."""
-    end_s = time.monotonic() + SOON_S
-    while not red(pixels(page)).any():
-        assert time.monotonic() < end_s, f"no red; {page.about()}"
+    until(lambda: red(pixels(page)).any(), "pressed cells in the picture")
 
 
 def orange(image: np.ndarray) -> np.ndarray:

@@ -1,9 +1,8 @@
 """The host's page in a real browser: several fingers as a hand, from frames on a bus."""
 
 import os
-import time
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import closing, contextmanager
 
 import pytest
 
@@ -12,28 +11,20 @@ from hostlink.view import HandView
 from hostlink.web import parse_listen
 from hostlink.wire import Contact, State, Status
 from tests.browser.chrome import Chrome, Page
-from tests.support.fingers import Fingers
+from tests.support.fingers import Fingers, state
 
 BUS = f"udp:239.0.0.8?port={21_000 + os.getpid() % 20_000}"
-TOKEN = "a-token-for-tests"
+LISTEN = parse_listen("127.0.0.1:0", "a-token-for-tests")
 FINGERS = (1, 2, 3, 5)  # the ring finger is missing
 
 
 def sample(n: int, k: int) -> State:
     """Each pressed by its number in tenths of a millimetre or more."""
     contacts = (Contact(-4.0, 3.0, 1.0), Contact(5.0, -2.0, 0.5))[: 2 if n == 3 else 1]
-    return State(
-        sample=k,
-        status=Status.TOUCHED,
-        capture_time_us=time.monotonic_ns() // 1000 - 3000,
-        latency_us=3000.0,
-        displacement_mm=1 + n / 10,
-        force_n=n / 2,
-        shear_x_mm=0.3,
-        shear_y_mm=0.4,
-        contact_n=len(contacts),
-        contacts=contacts,
-    )
+    return state(
+        k, status=Status.TOUCHED, displacement_mm=1 + n / 10, force_n=n / 2, shear_x_mm=0.3, shear_y_mm=0.4,
+        contact_n=len(contacts), contacts=contacts,
+    )  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -42,18 +33,22 @@ def hand() -> Iterator[Fingers]:
         yield made
 
 
+@contextmanager
+def opened(bus: str, chrome: Chrome) -> Iterator[Page]:
+    """The page of the fingers on a bus."""
+    with hostlink.connect(bus) as connection, closing(HandView(connection, LISTEN)) as view:
+        view.start()
+        with closing(chrome.open(view.server.url)) as page:
+            page.until("document.body.dataset.state === 'live'")
+            yield page
+            assert page.errors == []
+
+
 @pytest.fixture
 def page(hand: Fingers, chrome: Chrome) -> Iterator[Page]:
-    with hostlink.connect(BUS) as connection:
-        view = HandView(connection, parse_listen("127.0.0.1:0", TOKEN))
-        view.start()
-        opened = chrome.open(view.server.url)
-        opened.until("document.body.dataset.state === 'live'")
-        opened.until("document.querySelectorAll('.finger canvas').length === 4")
-        yield opened
-        assert opened.errors == []
-        opened.close()
-        view.close()
+    with opened(BUS, chrome) as made:
+        made.until("document.querySelectorAll('.finger canvas').length === 4")
+        yield made
 
 
 def test_fingers_lie_as_a_hand(page: Page) -> None:
@@ -72,14 +67,7 @@ def test_fingers_lie_as_a_hand(page: Page) -> None:
 
 def test_one_finger_has_its_charts_beside_it_on_one_screen(chrome: Chrome) -> None:
     bus = f"udp:239.0.0.8?port={41_000 + os.getpid() % 20_000}"  # the other tests use its port
-    with ExitStack() as stack:
-        stack.enter_context(Fingers(bus, (2,), sample))
-        connection = stack.enter_context(hostlink.connect(bus))
-        view = HandView(connection, parse_listen("127.0.0.1:0", TOKEN))
-        view.start()
-        stack.callback(view.close)
-        page = chrome.open(view.server.url)
-        stack.callback(page.close)
+    with Fingers(bus, (2,), sample), opened(bus, chrome) as page:
         page.until("document.querySelectorAll('.finger canvas').length === 1")
         # A force has its chart with its first value.
         page.until("document.querySelectorAll('.chart:not([hidden])').length === 6")
@@ -91,7 +79,6 @@ def test_one_finger_has_its_charts_beside_it_on_one_screen(chrome: Chrome) -> No
         assert all(left > finger[2] for left, *_ in charts)
         assert max(bottom for *_, bottom in (finger, *charts)) <= page.evaluate("innerHeight")
         assert page.evaluate("document.getElementById('next').disabled")
-        assert page.errors == []
 
 
 def test_an_optional_chart_is_shown_once_it_has_a_value(page: Page) -> None:

@@ -55,65 +55,37 @@ def test_recording_and_table_hold_every_frame_with_its_pose(tmp_path: Path) -> N
     assert len(frames[-1].truth["pins_img"]) == 37
 
 
-def test_read_capture_pairs_frames_with_rows(tmp_path: Path) -> None:
-    path = tmp_path / "short.mcap"
-    capture(simulated, PLAN, path)
-    pairs = list(read_capture(path))
-    assert len(pairs) == 9
-    for frame, row in pairs:
-        assert frame.truth is not None
-        if row["role"] == "sample":
-            assert pose_of(row) == Pose(**frame.truth["pose"])
-    path.with_suffix(".csv").unlink()
-    with pytest.raises(CaptureError, match="--resume"):
-        list(read_capture(path))
-    with pytest.raises(CaptureError, match=r"none\.mcap: no such recording"):
-        list(read_capture(tmp_path / "none.mcap"))
-
-
-@pytest.mark.parametrize("after", [0, 2, 3, 4, 5, 7, 8])
-def test_resumed_capture_equals_one_that_ran_through(tmp_path: Path, after: int) -> None:
+@pytest.mark.parametrize(
+    ("breaks", "kept", "frames"),
+    [
+        *(([after], 1.0, (after - 2, after)) for after in (0, 2, 3, 4, 5, 7, 8)),
+        ([7], 0.6, (0, 6)),
+        ([3, 2], 1.0, (5, 5)),
+    ],
+)
+def test_resumed_capture_equals_one_that_ran_through(
+    tmp_path: Path, breaks: list[int], kept: float, frames: tuple[int, int]
+) -> None:
+    """After so many frames before each break; of the file a share was written, like after a kill."""
     through, broken = tmp_path / "through.mcap", tmp_path / "broken.mcap"
     capture(simulated, PLAN, through)
-    with pytest.raises(RigError, match="cable"):
-        capture(breaking_after(after), PLAN, broken)
-    assert not broken.with_suffix(".csv").exists()
+    for n, after in enumerate(breaks):
+        with pytest.raises(RigError, match="cable"):
+            capture(breaking_after(after), PLAN, broken, resume=n > 0)
+        assert not broken.with_suffix(".csv").exists()
+    data = broken.read_bytes()
+    broken.write_bytes(data[: int(len(data) * kept)])
     complete = progress_of(broken, PLAN).frames
-    assert complete <= after
-    assert after - complete < 3
+    assert frames[0] <= complete <= frames[1]
     assert capture(simulated, PLAN, broken, resume=True) == 9 - complete
-    assert len(parts(broken)) == 2
+    names = ["broken.mcap", "broken.2.mcap", "broken.3.mcap"]
+    assert [part.name for part in parts(broken)] == names[: 1 + len(breaks)]
     whole, joined = list(read_capture(through)), list(read_capture(broken))
     assert len(joined) == 9
     for (a, row_a), (b, row_b) in zip(whole, joined, strict=True):
         np.testing.assert_array_equal(a.image, b.image)
-        assert {k: v for k, v in row_a.items() if k != "recording"} == {
-            k: v for k, v in row_b.items() if k != "recording"
-        }
-
-
-def test_resume_after_two_breaks_and_after_the_end(tmp_path: Path) -> None:
-    path = tmp_path / "short.mcap"
-    with pytest.raises(RigError):
-        capture(breaking_after(3), PLAN, path)
-    with pytest.raises(RigError):
-        capture(breaking_after(2), PLAN, path, resume=True)
-    assert capture(simulated, PLAN, path, resume=True) == 4
-    assert [p.name for p in parts(path)] == ["short.mcap", "short.2.mcap", "short.3.mcap"]
-    assert capture(simulated, PLAN, path, resume=True) == 0
-    assert len(rows_of(path)) == 9
-
-
-def test_a_truncated_recording_is_resumed_from_its_last_complete_step(tmp_path: Path) -> None:
-    path = tmp_path / "short.mcap"
-    with pytest.raises(RigError):
-        capture(breaking_after(7), PLAN, path)
-    data = path.read_bytes()
-    path.write_bytes(data[: int(len(data) * 0.6)])  # like after a kill
-    before = progress_of(path, PLAN).frames
-    assert before < 7
-    assert capture(simulated, PLAN, path, resume=True) == 9 - before
-    assert len(rows_of(path)) == 9
+        assert row_a | {"recording": ""} == row_b | {"recording": ""}
+    assert capture(simulated, PLAN, broken, resume=True) == 0
 
 
 def test_nothing_is_overwritten_and_no_other_protocol_s_recording_is_continued(tmp_path: Path) -> None:
@@ -194,10 +166,14 @@ def test_a_damaged_table_is_one_line(tmp_path: Path, content: bytes, message: st
     assert str(caught.value).isprintable()
 
 
-def test_rows_that_were_sorted_otherwise_keep_their_frames(tmp_path: Path) -> None:
+def test_frames_have_their_rows_however_these_are_sorted(tmp_path: Path) -> None:
     path = tmp_path / "short.mcap"
     capture(simulated, PLAN, path)
-    before = [(frame.sequence, row) for frame, row in read_capture(path)]
+    pairs = list(read_capture(path))
+    assert len(pairs) == 9
+    poses = [pose_of(row) for _, row in pairs if row["role"] == "sample"]
+    assert poses == [Pose(**(frame.truth or {})["pose"]) for frame, _ in pairs[3:]]
+    before = [(frame.sequence, row) for frame, row in pairs]
     head, *lines = path.with_suffix(".csv").read_text().splitlines()
     path.with_suffix(".csv").write_text("\n".join([head, *lines[::-1]]))
     assert read_rows(path) == [row for _, row in before]
@@ -205,3 +181,7 @@ def test_rows_that_were_sorted_otherwise_keep_their_frames(tmp_path: Path) -> No
     path.with_suffix(".csv").write_text("\n".join([head, *lines, lines[-1].replace(",8,", ",999,", 1)]))
     with pytest.raises(CaptureError, match=r"frame 999 is not in short\.mcap; leave out its row"):
         list(read_capture(path))
+    path.with_suffix(".csv").unlink()
+    for missing, message in ((path, "--resume"), (tmp_path / "none.mcap", r"none\.mcap: no such recording")):
+        with pytest.raises(CaptureError, match=message):
+            list(read_capture(missing))

@@ -123,11 +123,6 @@ def test_the_effect_of_lost_pins_is_carried_over_to_few_frames() -> None:
         assert after.lost.scale == pytest.approx(lost.scale + np.log(ratio), abs=0.01)
 
 
-def test_the_same_frames_give_the_same_calibration() -> None:
-    first, second = (_carried(_first(), *_second(12, 1)) for _ in range(2))
-    assert first.content.models == second.content.models
-
-
 @pytest.mark.parametrize(
     ("prior", "expected"),
     [("curve.json", "has no process and no polynomial"), ("absent.json", "cannot be read")],

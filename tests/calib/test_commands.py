@@ -35,7 +35,10 @@ from tests.support.commands import Done, run_calib
         ("fit {data}/press.mcap -o {out}/tip.json --mm-per-px 1e300", "is out of range; give a"),
         ("fit {data}/press.mcap -o {out}/tip.json --mm-per-px inf", "'inf' is not finite; give"),
         ("capture --rig sim --protocol surface -o {out}/c.mcap --resume", "leave --resume out to begin one"),
-        ("capture --rig gcode:/dev/absent --protocol surface -o {out}/c.mcap", "stage /dev/absent: "),
+        (
+            "capture --rig gcode:/dev/absent --protocol surface -o {out}/c.mcap",
+            "stage /dev/absent: No such file",
+        ),
         ("fit {data}/README.md.mcap -o {out}/tip.json", "README.md.mcap: no such recording"),
         ("scale -o {out}", "exists; give the name of a new folder"),
         ("scale -o {out}/new --scale /dev/absent", "give the scale's port, e.g. /dev/ttyUSB0"),
@@ -49,7 +52,12 @@ from tests.support.commands import Done, run_calib
         ("simulate digitac -o {out}/tip.json", "digitac cannot be simulated: its file has no pins.layout"),
         ("simulate thumb -o {out}/tip.json", "sensor 'thumb' is unknown; one of digitac, "),
         ("demo --data {out}/absent --out {out}/demo", "no such folder of recordings"),
-        ("capture --rig robot --protocol surface -o {out}/c.mcap", "manual"),
+        *(
+            (f"capture --rig {rig} --protocol surface -o {{out}}/c.mcap", "is unknown; one of sim, sim:")
+            for rig in ("robot", "robot:1", "simulator", "gcode:")
+        ),
+        ("capture --rig sim:digitac --protocol surface -o {out}/c.mcap", "its file has no pins.layout"),
+        ("capture --rig sim --protocol none.toml -o {out}/c.mcap", "none.toml"),
         ("capture --rig sim --protocol dance -o {out}/c.mcap", "displacement"),
         ("capture --rig sim --protocol surface -o {out}/c.avi", "c.avi: give a name that ends in .mcap"),
         ("capture --rig sim --protocol surface -o {out}/c.mcap --colour red", "--colour"),

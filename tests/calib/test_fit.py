@@ -14,7 +14,7 @@ from calib.fit import Choice, ModelKind, Prefer, Search, fit
 from calib.fit_params import PARAMS
 from edge.calibration import Calibration
 from edge.calibration.file import Curve, Polynomial
-from edge.calibration.inputs import FRAME_INPUTS, MODES
+from edge.calibration.inputs import FRAME_INPUTS
 from edge.types import Array
 from tests.support.refusals import one_line
 from tests.support.synthetic import REST, make, of_inputs, targets
@@ -113,21 +113,6 @@ def test_progress_is_reported_from_the_first_model_tried() -> None:
     assert parts[0] < 0.2
 
 
-def test_turning_tip_and_touch_turns_the_shear() -> None:
-    extract, _, calibration, _ = _fitted()
-    turned = extract.inputs.copy()
-    angle = np.exp(1j * np.radians(50.0))
-    turned[:, 1] *= angle
-    for name in MODES:
-        turned[:, FRAME_INPUTS.index(name)] *= angle ** (1 - int(name[1]) + int(name[2]))
-    before, _ = predict(calibration, extract)
-    after, _ = predict(calibration, of_inputs(turned))
-    a = before["shear_x_mm"] + 1j * before["shear_y_mm"] - (0.1 - 0.05j)
-    b = after["shear_x_mm"] + 1j * after["shear_y_mm"] - (0.1 - 0.05j)
-    inside = np.abs(a) < 1.5
-    assert np.abs(b - a * angle)[inside].mean() < 0.02
-
-
 def test_a_sweep_along_x_calibrates_every_direction() -> None:
     extract, _ = make(120)
     inputs = extract.inputs * 0
@@ -149,17 +134,6 @@ def test_sigma_is_that_of_held_out_frames() -> None:
     for name in true:
         assert 0.55 < np.mean(np.abs(read[name] - true[name]) <= sigma[name]) < 0.8
         assert np.median(sigma[name]) == pytest.approx(0.1, rel=0.35)
-
-
-def test_the_file_comes_back_as_it_was() -> None:
-    extract, _, calibration, _ = _fitted()
-    again = Calibration.parse(calibration.encoded, "cal.json")
-    assert again.content == calibration.content
-    assert again.content.sensor.serial == "A7"
-    read, _ = predict(calibration, extract)
-    same, _ = predict(again, extract)
-    for name, column in read.items():
-        np.testing.assert_array_equal(column, same[name])
 
 
 def test_untouched_and_uncertain_frames_are_not_fitted() -> None:

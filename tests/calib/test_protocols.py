@@ -111,9 +111,3 @@ def test_wrong_file_is_one_line_with_the_key(tmp_path: Path, text: str, word: st
     message = one_line(ProtocolError, load_protocol, str(path))
     assert re.search(word, message)
     assert str(path) in message
-
-
-@pytest.mark.parametrize("spec", ["displace", "missing.toml"])
-def test_an_unknown_protocol_is_answered_with_the_known_ones(spec: str) -> None:
-    with pytest.raises(ProtocolError, match=r"missing\.toml|displacement"):
-        load_protocol(spec)

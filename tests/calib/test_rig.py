@@ -2,8 +2,10 @@
 
 import time
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -82,27 +84,6 @@ def rig_on(config: StageFile) -> GcodeRig:
     return GcodeRig(GcodeStage(config), FakeCamera(step_ns=1 << 61, n=3), quiet)
 
 
-def test_simulated_rig_shows_the_pose_it_was_moved_to() -> None:
-    rig = open_rig("sim")
-    rig.mount(Tool("sphere", 3.0))
-    rig.move(Pose(x_mm=2.0, depth_mm=1.5))
-    truth = rig.frame().truth
-    assert truth is not None
-    assert truth["places_mm"] == [[2.0, 0.0]]
-    assert truth["contacts"][0]["tool"]["kind"] == "sphere"
-    rig.move(CLEAR)
-    truth = rig.frame().truth
-    assert truth is not None
-    assert truth["places_mm"] == []
-    rig.close()
-
-
-def test_the_simulated_rig_continues_at_the_given_frame() -> None:
-    through, later = SimulatedRig(), SimulatedRig(first_sequence=2)
-    frames = [through.frame() for _ in range(3)]
-    assert later.frame().image.tobytes() == frames[2].image.tobytes()
-
-
 def test_simulation_file_sets_tip_camera_and_look(tmp_path: Path) -> None:
     path = tmp_path / "tip.toml"
     path.write_text(
@@ -157,19 +138,6 @@ def test_a_wrong_file_is_one_line_with_the_key(
     assert all(word in message for word in [str(path), *parts])
 
 
-@pytest.mark.parametrize(
-    ("spec", "message"),
-    [
-        *((spec, r"sim.*gcode.*manual") for spec in ("simulator", "gcode:", "robot:1", "")),
-        ("sim:digitac", "sim:digitac: sensor digitac cannot be simulated: its file has no"),
-        ("gcode:/dev/nope", "^stage /dev/nope: No such file or directory; give the stage's serial port$"),
-    ],
-)
-def test_an_unknown_rig_is_answered_with_the_known_ones(spec: str, message: str) -> None:
-    with pytest.raises(RigError, match=message):
-        open_rig(spec)
-
-
 def test_frames_before_the_skin_has_settled_are_discarded() -> None:
     now = 10_000_000
     camera = SettledCamera(FakeCamera(Clock.DRIVER), settle_s=0.005, now_ns=lambda: now)
@@ -222,75 +190,61 @@ def test_stage_axes_have_origin_sign_and_travel_that_is_checked_before_sending(s
     stage.close()
 
 
-def test_alarms_and_errors_are_reported_with_their_texts(stage_at: StageAt) -> None:
-    _, config = stage_at(travel=(-5.0, 5.0))
-    stage = GcodeStage(config)
-    with pytest.raises(RigError, match=r"G5\.1.*error:20.*unsupported"):
-        stage.command("G5.1")
-    with pytest.raises(RigError, match=r"ALARM:2.*travel"):
-        stage.go(X=6.0)
-    with pytest.raises(RigError, match=r"error:9.*home"):
-        stage.go(X=1.0)
-    stage.close()
+@pytest.mark.parametrize(
+    ("keys", "board", "line", "message"),
+    [
+        ({}, {}, "G5.1", r"G5\.1.*error:20.*unsupported"),
+        ({"travel": (-5.0, 5.0)}, {}, "G1 X6", r"ALARM:2.*travel"),
+        ({}, {"locked": True}, "G1 X1", r"error:9.*home"),
+        ({}, {"homing_fails": True}, "", r"ALARM:9.*no limit switch"),
+        ({"answer_s": 0.3}, {"mute": "G1"}, "G1 X1", r"no answer.*G1"),
+        ({}, {"reset_on": "G1"}, "G1 X1", "restarted"),
+    ],
+)
+def test_errors_of_a_board_are_reported_with_their_texts(
+    stage_at: StageAt, keys: dict[str, Any], board: dict[str, Any], line: str, message: str
+) -> None:
+    fake, config = stage_at(**keys)
+    fake.homing_fails = "homing_fails" in board
+
+    def send() -> None:
+        with closing(GcodeStage(config)) as stage:
+            vars(fake).update(board)
+            stage.command(line)
+
+    with pytest.raises(RigError, match=message):
+        send()
+
+
+def test_another_dialect_is_no_greeting(stage_at: StageAt) -> None:
     _, config = stage_at("marlin")
-    wrong = StageFile(stage=StageTable(port=config.stage.port, boot_s=0.3))
     with pytest.raises(RigError, match="no grbl greeting"):
-        GcodeStage(wrong)
+        GcodeStage(StageFile(stage=StageTable(port=config.stage.port, boot_s=0.3)))
 
 
-def test_failed_homing_silence_and_a_restart_are_errors(stage_at: StageAt) -> None:
-    fake, config = stage_at()
-    fake.homing_fails = True
-    with pytest.raises(RigError, match=r"ALARM:9.*no limit switch"):
-        GcodeStage(config)
-    fake, config = stage_at(answer_s=0.3)
-    stage = GcodeStage(config)
-    fake.mute = "G1"
-    with pytest.raises(RigError, match=r"no answer.*G1"):
-        stage.go(X=1.0)
-    stage.close()
-    fake, config = stage_at()
-    stage = GcodeStage(config)
-    fake.reset_on = "G1"
-    with pytest.raises(RigError, match="restarted"):
-        stage.go(X=1.0)
-    stage.close()
-
-
-def test_every_new_place_is_reached_over_a_clear_tip_and_pressed_before_sheared(stage_at: StageAt) -> None:
+def test_the_tool_lifts_off_where_the_history_of_friction_would_count(stage_at: StageAt) -> None:
+    """Every new place is reached over a clear tip; it is pressed before it is sheared."""
     fake, config = stage_at()
     rig = rig_on(config)
     rig.mount(Tool("flat"))
     rig.move(Pose(depth_mm=2.0, shear_x_mm=1.0))
     assert fake.moves[-2:] == [{"X": 0.0, "Y": 0.0, "Z": -2.0}, {"X": 1.0, "Y": 0.0, "Z": -2.0}]
-    fake.moves.clear()
-    rig.move(Pose(depth_mm=2.0, shear_y_mm=1.0))  # another direction: lifts off in between
-    assert max(move["Z"] for move in fake.moves) == 5.0
-    assert fake.moves[-2] == {"X": 0.0, "Y": 0.0, "Z": -2.0}
-    fake.moves.clear()
-    rig.close()
-    assert fake.moves[-1]["Z"] == 5.0
-
-
-def test_deeper_and_further_poses_need_no_lifting(stage_at: StageAt) -> None:
-    fake, config = stage_at()
-    rig = rig_on(config)
-    rig.mount(Tool("flat"))
-    rig.move(Pose(depth_mm=1.0))
-    fake.moves.clear()
-    for pose in (
-        Pose(depth_mm=1.1),
-        Pose(depth_mm=3.0),
-        Pose(depth_mm=3.0, shear_x_mm=0.1),
-        Pose(depth_mm=3.0, shear_x_mm=0.2),
+    for depth_mm, shear_x_mm, shear_y_mm, lifts in (
+        (2.0, 0.0, 1.0, True),  # another direction
+        (1.0, 0.0, 0.0, True),
+        (1.1, 0.0, 0.0, False),
+        (3.0, 0.0, 0.0, False),
+        (3.0, 0.1, 0.0, False),
+        (3.0, 0.2, 0.0, False),
+        (2.0, 0.0, 0.0, True),  # back
     ):
-        rig.move(pose)
-    assert [move["Z"] for move in fake.moves] == [-1.1, -3.0, -3.0, -3.0]
-    fake.moves.clear()
-    rig.move(Pose(depth_mm=2.0))  # back: would depend on the history of friction
-    assert max(move["Z"] for move in fake.moves) == 5.0
+        fake.moves.clear()
+        rig.move(Pose(depth_mm=depth_mm, shear_x_mm=shear_x_mm, shear_y_mm=shear_y_mm))
+        assert fake.moves[-1] == {"X": shear_x_mm, "Y": shear_y_mm, "Z": -depth_mm}
+        assert (max(move["Z"] for move in fake.moves) == 5.0) == lifts
     assert rig.frame().sequence == 1
     rig.close()
+    assert fake.moves[-1]["Z"] == 5.0
 
 
 def test_a_ball_comes_down_along_the_dome_s_normal() -> None:
@@ -348,5 +302,3 @@ def test_a_known_sensor_is_a_simulated_rig() -> None:
     pressed = rig.frame()
     assert pressed.truth is not None
     assert pressed.truth["depth_mm"] == 1.0
-    again = open_rig("sim:gelsight-mini")
-    assert np.array_equal(again.frame().image, open_rig("sim:gelsight-mini").frame().image)

@@ -7,6 +7,7 @@ same table, same code, same pixels.
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from calib.sim import Appearance, Camera, Simulator, Tip
 from calib.sim.mechanics import Tool
@@ -52,15 +53,10 @@ def make(path: Path, recipe: Recipe) -> None:
     """Write one recording."""
     camera = Camera(tip=recipe.tip, size_px=recipe.size_px)
     simulator = Simulator(camera, recipe.appearance, recipe.seed, recipe.rate_hz)
-    about = {
-        "serial": f"SIM-{recipe.tip.n_pins}",
-        "pins": str(recipe.tip.n_pins),
-        "layout": recipe.tip.kind,
-        "seed": str(recipe.seed),
-    }
-    with Recorder(
-        path, image="png", compression="zstd", tip=about, rate_hz=recipe.rate_hz, offset_ns=0, overwrite=True
-    ) as recorder:
+    n, kind = recipe.tip.n_pins, recipe.tip.kind
+    about = {"serial": f"SIM-{n}", "pins": str(n), "layout": kind, "seed": str(recipe.seed)}
+    stored: dict[str, Any] = {"image": "png", "compression": "zstd", "offset_ns": 0, "overwrite": True}
+    with Recorder(path, tip=about, rate_hz=recipe.rate_hz, **stored) as recorder:
         for contacts in play(SCENES[recipe.scene]):
             if not recorder.frame(simulator.frame(contacts)):
                 raise SystemExit(f"{path}: {recorder.fault or 'the disk is too slow'}")

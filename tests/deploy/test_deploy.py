@@ -16,6 +16,7 @@ from edge.cli.run import run as run_command
 from edge.config import Config, load_config
 from hostlink.web import TOKEN_VARIABLE
 from tests.conftest import ROOT
+from tests.support.processes import program
 
 DEPLOY = ROOT / "deploy"
 UNIT = "voronoi-touch@.service"
@@ -32,10 +33,7 @@ def tool(name: str, package: str) -> str:
 
 def run(*command: str | Path, umask: int = -1, **environment: str) -> subprocess.CompletedProcess[str]:
     inherited = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    return subprocess.run(
-        list(map(str, command)), capture_output=True, text=True, check=False, umask=umask,
-        env={**inherited, **environment},
-    )  # fmt: skip
+    return program(*command, umask=umask, env={**inherited, **environment})
 
 
 @pytest.fixture

@@ -33,21 +33,14 @@ def test_keys_are_read_and_an_empty_file_is_the_defaults(tmp_path: Path) -> None
         ("[source]\nrate_hz = nan\n", "source.rate_hz: must be a number from 0 to 1000000, is NaN"),
         ("[tare]\nsteady_px = 0\n", "tare.steady_px: must be a number from 0.01 to 100, is 0"),
         ("[tare]\nsteady_px = inf\n", "tare.steady_px: must be a number from 0.01 to 100, is Infinity"),
-        ("[source]\nspec = " + "[" * 20_000, "nested too deeply"),
         ("#" * (FILE_BYTES + 1), "larger than 2048 KiB"),
-        ('"a\\nb" = 1\n', r"unknown key 'a\nb'; known: "),
         ("[link]\nsinks = 'can:can0'\n", 'link.sinks: must be a list, each of it text, is "can:can0"'),
         ("[link]\nsinks = ['memory:', 2]\n", "link.sinks[1]: must be text, is 2"),
         (
             "[features]\ndemand = ['taste']\n",
-            "features.demand[0]: unknown value 'taste'; known: displacement, ",
-        ),
-        (
-            "[features]\ndemand = 2020-01-01\n",
-            "features.demand: must be a list, each of it one of displacement, ",
+            "demand[0]: unknown value 'taste'; known: displacement, ",
         ),
         ("[sensor\n", "not TOML"),
-        ("\x00", "not TOML"),
     ],
 )
 def test_a_mistake_is_one_line_with_file_and_key(tmp_path: Path, text: str, expected: str) -> None:

@@ -1,8 +1,6 @@
 """The stages together: what is computed, what is refused, how a rest frame is taken."""
 
-from contextlib import closing
 from dataclasses import replace
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from calib.sim import Camera, Tip
 from edge.calibration import Calibration
 from edge.calibration.checks import outputs_of
 from edge.calibration.file import Polynomial
@@ -21,6 +20,7 @@ from edge.rest.tare import tare
 from edge.rest.tip_match import in_order_of
 from edge.sources import open_source
 from edge.types import Array, Feature, Frame, Image, Rest
+from tests.bench.hazards import measure
 
 TARE = 8
 
@@ -169,14 +169,9 @@ def test_fits_of_several_contacts_can_be_left_out(data_dir: Path, several: bool)
     assert any(contact.fitted is not None for contacts in pairs for contact in contacts) is several
 
 
-def grey_frames(path: Path, n: int = 10_000) -> list[Image]:
-    with closing(open_source(str(path))) as source:
-        return [frame.image for frame in islice(source, n)]
-
-
 @pytest.mark.real
 def test_dark_dots_are_held_through_a_press_and_contact_shows_it(real_dir: Path) -> None:
-    images = grey_frames(real_dir / "gelsight_mini" / "press.avi")
+    images = [frame.image for frame in open_source(str(real_dir / "gelsight_mini" / "press.avi"))]
     rest = take_rest(images[:TARE])
     assert rest.pattern.dark
     assert 70 <= len(rest) <= 74
@@ -186,3 +181,18 @@ def test_dark_dots_are_held_through_a_press_and_contact_shows_it(real_dir: Path)
     touched = np.array([result.features is not None and result.features.in_contact for result in results])
     assert not touched[:50].any()
     assert touched[65:].all()
+
+
+#: Rendered, short.
+HOLDS = (
+    "30 % blinking", "50 false blobs", "30 % dark, 50 false blobs", "a reflection runs across",
+    "dark for a while", "a hand over the lens",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("hazard", HOLDS)
+def test_no_pin_is_swapped_and_no_false_touch(hazard: str) -> None:
+    outcome = measure(Camera(tip=Tip(n_pins=127), size_px=(320, 240)), None, hazard, seed=3)
+    assert outcome.swapped == 0
+    assert outcome.touches == 0
+    assert outcome.unsure <= 14  # the dark frames, and the search after them

@@ -1,6 +1,5 @@
 """Objects asked of a node whose answers are late or lost, while others ask on the same bus."""
 
-import socket
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -25,86 +24,12 @@ from hostlink.errors import LinkTimeout, ObjectAborted
 from hostlink.finger import Finger
 from hostlink.hand_file import HandFile
 from hostlink.objects import ObjectClient, SdoObjects, SerialObjects
-from hostlink.wire import Abort, CanIds, Kind, Message, ObjectReply, unpack_message
+from hostlink.wire import Abort, CanIds, Message, ObjectReply, unpack_message
 from hostlink.wire.serial import decode_frame
-from tests.support.fingers import Application, make_node, need_multicast, state
+from tests.support.fingers import Application, free_port, make_node, need_multicast, state
 from tests.support.waiting import SOON_S
 
 NODE, INDEX = 5, 0x2030
-ABORT = 0x80
-
-
-class Store:
-    """One object that can be written and read."""
-
-    refusal = ""
-
-    def __init__(self) -> None:
-        self.value = b""
-        self.writes_n = 0
-
-    def read(self, index: int, sub: int) -> bytes:
-        return self.value
-
-    def write(self, index: int, sub: int, data: bytes) -> None:
-        self.value = data
-        self.writes_n += 1
-
-
-class LateNode:
-    """Answers a request when it comes for the second time, and then answers both."""
-
-    def __init__(self) -> None:
-        self.store = Store()
-        server: Any = self.store
-        self.server = SdoServer(server, self.deliver, lambda block: None)
-        self.waiting = b""
-        ids = CanIds()
-        self.objects = SdoObjects(
-            NODE, ids.of(Kind.SDO_REQUEST, NODE), ids.of(Kind.SDO_RESPONSE, NODE), self.take
-        )
-
-    def deliver(self, data: bytes) -> None:
-        self.objects.answer(data)
-
-    def take(self, can_id: int, data: bytes) -> None:
-        if data[0] == ABORT:
-            raise AssertionError("the client gave up")
-        if data != self.waiting:
-            self.waiting = data
-            return
-        self.waiting = b""
-        for _ in range(2):
-            self.server.request(data)
-
-
-@pytest.mark.parametrize("size", [2, 30])
-def test_late_answers_disturb_no_transfer(monkeypatch: pytest.MonkeyPatch, size: int) -> None:
-    monkeypatch.setattr(objects, "TIMEOUT_S", 0.01)
-    monkeypatch.setattr(objects, "TRIES", 1000)  # on a busy machine
-    node = LateNode()
-    value = bytes(range(size))
-    node.objects.write(INDEX, 0, value)
-    assert node.store.value == value
-    assert node.objects.read(INDEX, 0) == value
-
-
-def test_an_answer_that_comes_after_its_transfer_is_not_taken_for_another(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(objects, "TIMEOUT_S", 0.01)
-    late: list[bytes] = []
-
-    def send(can_id: int, data: bytes) -> None:
-        for answer in late:
-            client.answer(answer)
-
-    client = SdoObjects(NODE, 0x605, 0x585, send)
-    with pytest.raises(LinkTimeout):
-        client.read(0x1018, 1)
-    late += [bytes((0x4B, 0x18, 0x10, 1, 7, 0, 0, 0)), bytes((0x80, 0x18, 0x10, 1, 0, 0, 0, 6))]
-    with pytest.raises(LinkTimeout):
-        client.read(INDEX, 0)
 
 
 kinds = st.sampled_from([0x00, 0x01, 0x10, 0x20, 0x30, 0x41, 0x43, 0x4F, 0x60, 0x70, 0x80, 0xA0, 0xC0])
@@ -260,10 +185,10 @@ def test_a_finger_that_another_host_keeps_busy_gives_that_as_the_reason(
 class SharedBus:
     """A finger and hosts on a bus. Whose frame comes next is random; the frames of each keep their order.
 
-    Host k loses a share of the answers.
+    Each host loses a share of the answers. late: each request comes again, and is answered, after the next.
     """
 
-    def __init__(self, hosts_n: int, seed: int, lost: float) -> None:
+    def __init__(self, hosts_n: int, lost: float, late: bool) -> None:
         self.application = Application("VT-0042 of the left hand")
         self.application.touched = True
         server = ObjectServer(self.application, SettingsFile(), NODE, CanIds(), lambda _: None, dict)
@@ -271,7 +196,7 @@ class SharedBus:
         self._queues = [deque[bytes]() for _ in range(1 + hosts_n)]
         self._changed = threading.Condition()
         self._ended = False
-        self._rng, self._lost = Random(seed), lost
+        self._rng, self._lost, self._late = Random(1), lost, late
         self.hosts = [self._host(k) for k in range(1, 1 + hosts_n)]
         self._thread = threading.Thread(target=self._carry)
         self._thread.start()
@@ -289,6 +214,7 @@ class SharedBus:
             self._put(0, data)
 
     def _carry(self) -> None:
+        before: list[bytes] = []
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._ended or any(self._queues))
@@ -302,7 +228,10 @@ class SharedBus:
                 elif sender not in (0, k):
                     host.overhear(data)
             if sender:
+                for again in before:
+                    self._server.request(again)
                 self._server.request(data)
+                before = [data] * self._late
 
     def close(self) -> None:
         with self._changed:
@@ -348,15 +277,17 @@ def ask_at_once(fingers: list[Finger], serial_number: str, n: int) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    ("hosts_n", "lost", "n"), [(2, 0.0, 1000), (3, 0.0, 100), (2, 0.01, 30)], ids=["two", "three", "losses"]
+    ("hosts_n", "lost", "late", "n"),
+    [(2, 0.0, False, 1000), (3, 0.0, False, 100), (2, 0.01, False, 30), (1, 0.0, True, 100)],
+    ids=["two", "three", "losses", "late answers"],
 )
 def test_hosts_on_one_bus_read_and_tare_correctly(
-    monkeypatch: pytest.MonkeyPatch, hosts_n: int, lost: float, n: int
+    monkeypatch: pytest.MonkeyPatch, hosts_n: int, lost: float, late: bool, n: int
 ) -> None:
     if lost:
         monkeypatch.setattr(objects, "TIMEOUT_S", 0.05)
         monkeypatch.setattr(objects, "TRIES", 200)  # on a busy machine
-    with closing(SharedBus(hosts_n, 1, lost)) as bus:
+    with closing(SharedBus(hosts_n, lost, late)) as bus:
         clients: list[ObjectClient] = [*bus.hosts]
         fingers = [Finger(HandFile().mount(NODE), client, not_needed, not_needed) for client in clients]
         assert ask_at_once(fingers, bus.application.serial, n) == []
@@ -369,10 +300,7 @@ def test_two_connections_to_one_finger_read_and_tare_correctly(
 ) -> None:
     if kind == "udp":
         need_multicast()
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-            probe.bind(("", 0))
-            port = probe.getsockname()[1]
-    bus = f"virtual:{request.node.name}?" if kind == "virtual" else f"udp:239.0.0.5?port={port}&"
+    bus = f"virtual:{request.node.name}?" if kind == "virtual" else f"udp:239.0.0.5?port={free_port()}&"
     node, application = make_node(f"{bus}node={NODE}")
     application.touched = True
     with (

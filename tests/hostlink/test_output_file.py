@@ -66,18 +66,6 @@ def test_an_unusable_name_is_refused_with_a_usable_one(tmp_path: Path, name: str
         check_output("/dev/null", (), overwrite=True)
 
 
-def test_file_appears_whole_and_only_at_the_end(tmp_path: Path) -> None:
-    path = tmp_path / "a.b.json"
-    with writing(path) as unfinished:
-        assert unfinished.parent == tmp_path
-        assert unfinished.suffix == ".json"
-        unfinished.write_text("new")
-        assert not path.exists()
-        assert find_unfinished(path) == [unfinished]
-    assert path.read_text() == "new"
-    assert list(tmp_path.iterdir()) == [path]
-
-
 def write_and_raise(
     path: Path, error: BaseException, overwrite: bool = False, keep_partial: bool = False
 ) -> None:

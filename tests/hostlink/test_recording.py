@@ -21,6 +21,7 @@ from hostlink.errors import LinkError, LogError, UsageError
 from hostlink.log_formats import HEAD_N
 from hostlink.recording import LogWriter, SerialWriter, decode_recording, read_log, read_serial
 from hostlink.wire import Message, State, encode_frame, pack_parts, pack_state, unpack_state
+from tests.support.bus import message
 from tests.support.memory import bounded_memory
 from tests.support.seeds import SEED
 from tests.support.states import random_state
@@ -35,16 +36,11 @@ def traffic(n: int) -> list[can.Message]:
     for i in range(n):
         time_s = round(START_S + i * 0.004167, 6)
         state = random_state(rng, i)
-        frames = [(0x181, pack_state(state, i), True)]
-        frames += [(0x82 + 0x100 * tpdo, part, False) for tpdo, part in pack_parts(state, i)]
-        frames.append((0x701, b"\x05", False))
-        for k, (can_id, data, fd) in enumerate(frames):
-            messages.append(
-                can.Message(
-                    timestamp=round(time_s + k * 1e-6, 6), arbitration_id=can_id, data=data,
-                    is_extended_id=False, is_fd=fd, bitrate_switch=fd, channel=0, is_rx=True,
-                )
-            )  # fmt: skip
+        frames = [(0x181, pack_state(state, i)), (0x701, b"\x05")]
+        frames += [(0x82 + 0x100 * tpdo, part) for tpdo, part in pack_parts(state, i)]
+        for k, (can_id, data) in enumerate(frames):
+            messages.append(message(can_id, data, round(time_s + k * 1e-6, 6)))
+            messages[-1].bitrate_switch, messages[-1].channel = messages[-1].is_fd, 0
     return messages
 
 
@@ -341,13 +337,9 @@ def write_buses(path: Path, finger_of: dict[int, int], late: int = 0, samples_n:
         order = [(k, 0) for k in range(late)] + [(k, 1) for k in range(samples_n)]
     for n, (k, channel) in enumerate(order):
         state = State(sample=k, capture_time_us=k * 4000, displacement_mm=channel + 1)
-        write(
-            can.Message(
-                timestamp=START_S + n * 0.002, arbitration_id=0x180 + finger_of[channel],
-                data=pack_state(state, k & 0xFF), is_extended_id=False, is_fd=True,
-                channel=f"can{channel}" if path.suffix == ".log" else channel,
-            )
-        )  # fmt: skip
+        sent = message(0x180 + finger_of[channel], pack_state(state, k & 0xFF), START_S + n * 0.002)
+        sent.channel = f"can{channel}" if path.suffix == ".log" else channel
+        write(sent)
     writer.stop() if isinstance(writer, can.ASCWriter) else writer.close()
 
 

@@ -3,8 +3,8 @@
 import asyncio
 import json
 import os
-import time
 from collections.abc import Awaitable, Callable, Iterator
+from contextlib import closing
 from typing import Any
 
 import aiohttp
@@ -18,62 +18,37 @@ from hostlink.web import pack_packet, parse_listen
 from hostlink.wire import Contact, State
 from tests.edge.worker.test_page import unpack
 from tests.support.commands import run_host
-from tests.support.fingers import Application, make_node
+from tests.support.fingers import Fingers, state
 from tests.support.waiting import SOON_S, until
 
 BUS = f"udp:239.0.0.8?port={23_000 + os.getpid() % 20_000}"
 TOKEN = "a-token-for-tests"
+LISTEN = parse_listen("127.0.0.1:0", TOKEN)
 
 
-class Setup:
-    """Two fingers on a bus, and the page of a connection to it."""
-
-    def __init__(self) -> None:
-        pairs = {n: make_node(f"{BUS}&node={n}") for n in (1, 4)}
-        self.nodes = {n: node for n, (node, _) in pairs.items()}
-        self.applications: dict[int, Application] = {n: one for n, (_, one) in pairs.items()}
-        self.connection = hostlink.connect(BUS)
-        self.view = HandView(self.connection, parse_listen("127.0.0.1:0", TOKEN))
-        self.view.start()
-        self.sent_n = 0
-
-    def send(self, n: int = 1) -> None:
-        """So many samples of each finger."""
-        for _ in range(n):
-            self.sent_n += 1
-            for number, node in self.nodes.items():
-                node.send(
-                    State(
-                        sample=self.sent_n,
-                        capture_time_us=time.monotonic_ns() // 1000 - 2000,
-                        latency_us=2000.0,
-                        displacement_mm=self.sent_n / 100 * number,
-                        shear_x_mm=0.25,
-                        contact_n=1,
-                        contacts=(Contact(1.0, -2.0, 0.5),),
-                    )
-                )
-            time.sleep(0.002)  # like a finger: one sample a frame
-
-    def close(self) -> None:
-        self.view.close()
-        self.connection.close()
-        for node in self.nodes.values():
-            node.close()
+def sample(n: int, k: int) -> State:
+    contacts = (Contact(1.0, -2.0, 0.5),)
+    return state(k, displacement_mm=n + k % 200 / 100, shear_x_mm=0.25, contact_n=1, contacts=contacts)
 
 
 @pytest.fixture
-def setup() -> Iterator[Setup]:
-    made = Setup()
-    made.send()
-    until(lambda: len(made.connection.fingers) == 2, "both fingers are heard")
-    yield made
-    made.close()
+def fingers() -> Iterator[Fingers]:
+    with Fingers(BUS, (1, 4), sample) as made:
+        yield made
 
 
-def watch(setup: Setup, token: str, then: Callable[[Any, dict[str, Any]], Awaitable[Any]]) -> Any:
+@pytest.fixture
+def view(fingers: Fingers) -> Iterator[HandView]:
+    """The page of a connection to both fingers."""
+    with hostlink.connect(BUS) as connection, closing(HandView(connection, LISTEN)) as made:
+        made.start()
+        until(lambda: len(connection.fingers) == 2, "both fingers are heard")
+        yield made
+
+
+def watch(view: HandView, token: str, then: Callable[[Any, dict[str, Any]], Awaitable[Any]]) -> Any:
     async def run() -> Any:
-        url = f"http://127.0.0.1:{setup.view.server.port}/live"
+        url = f"http://127.0.0.1:{view.server.port}/live"
         async with (
             asyncio.timeout(SOON_S),
             aiohttp.ClientSession() as session,
@@ -95,40 +70,40 @@ async def packets(socket: Any, enough: Callable[[dict[str, Any]], object]) -> li
     return taken
 
 
-def test_every_sample_of_every_finger(setup: Setup, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_sample_of_every_finger(view: HandView, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(hand, "OVERLAP_S", SOON_S)  # a packet may be arbitrarily late
+    monkeypatch.setattr(hand, "RECENT", 1 << 20)
     monkeypatch.setattr(Board, "STALE_S", SOON_S)
 
     async def look(socket: Any, hello: dict[str, Any]) -> list[dict[str, Any]]:
-        await packets(socket, lambda p: len(p["fingers"]) == 2)
-        await asyncio.to_thread(setup.send, 50)
-        return await packets(socket, lambda p: all(f["rows_n"] >= 50 for f in p["fingers"]))
+        return await packets(socket, lambda p: sum(f["rows_n"] >= 50 for f in p["fingers"]) == 2)
 
-    taken = watch(setup, "", look)
+    taken = watch(view, "", look)
     for number in (1, 4):
-        seen_n, depths = 0, []
+        depths: list[float] = []
         for packet in taken:
-            finger = next(f for f in packet["fingers"] if f["node"] == number)
-            rows = packet["arrays"][f"rows{number}"].reshape(-1, len(hand.CHART))
-            first = finger["rows_n"] - len(rows)
-            assert first <= seen_n, "rows were skipped"
-            depths += rows[seen_n - first :, 1].tolist()
-            seen_n = finger["rows_n"]
-        expected = [k / 100 * number for k in range(2, 52)]
-        assert np.allclose(depths[-50:], expected, atol=0.002)
-    state = taken[-1]["fingers"][0]["state"]
-    assert state["shear_x_mm"] == pytest.approx(0.25, abs=0.002)
-    assert state["shear_y_mm"] is None
-    assert state["contacts"] == [{"x_mm": 1.0, "y_mm": -2.0, "depth_mm": 0.5}]
+            for finger in packet["fingers"]:
+                if finger["node"] == number:
+                    rows = packet["arrays"][f"rows{number}"].reshape(-1, len(hand.CHART))
+                    first = finger["rows_n"] - len(rows)
+                    assert first <= len(depths), "rows were skipped"
+                    depths += rows[len(depths) - first :, 1].tolist()
+        counted = np.round(100 * (np.array(depths) - number))
+        assert len(counted) >= 50
+        assert (np.diff(counted) % 200 == 1).all()
+    shown = taken[-1]["fingers"][0]["state"]
+    assert shown["shear_x_mm"] == pytest.approx(0.25, abs=0.002)
+    assert shown["shear_y_mm"] is None
+    assert shown["contacts"] == [{"x_mm": 1.0, "y_mm": -2.0, "depth_mm": 0.5}]
 
 
-def test_nobody_watching_costs_nothing(setup: Setup) -> None:
-    setup.send(20)
-    assert not setup.view._series
-    assert setup.view.server.sent_n == 0
+def test_nobody_watching_costs_nothing(view: HandView) -> None:
+    until(lambda: min(s.received_n for s in view._connection.statistics.values()) > 20, "samples")
+    assert not view._series
+    assert view.server.sent_n == 0
 
 
-def test_tare_needs_the_token(setup: Setup) -> None:
+def test_tare_needs_the_token(view: HandView, fingers: Fingers) -> None:
     async def ask(socket: Any, hello: dict[str, Any]) -> Any:
         await socket.send_json({"do": "tare", "finger": 4})
         while True:
@@ -136,14 +111,14 @@ def test_tare_needs_the_token(setup: Setup) -> None:
             if message.type is aiohttp.WSMsgType.TEXT:
                 return hello["may"], json.loads(message.data)
 
-    may, answer = watch(setup, "", ask)
+    may, answer = watch(view, "", ask)
     assert (may, answer["ok"]) == ([], False)
-    assert setup.applications[4].tares == []
-    may, answer = watch(setup, TOKEN, ask)
+    assert fingers.applications[4].tares == []
+    may, answer = watch(view, TOKEN, ask)
     assert (may, answer["ok"]) == (["tare"], True)
-    assert setup.applications[4].tares == [False]
-    setup.applications[4].touched = True
-    _, answer = watch(setup, TOKEN, ask)
+    assert fingers.applications[4].tares == [False]
+    fingers.applications[4].touched = True
+    _, answer = watch(view, TOKEN, ask)
     assert not answer["ok"]
     assert answer["message"].startswith("finger 4: ")
 

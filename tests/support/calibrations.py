@@ -21,38 +21,26 @@ _CONTENT: dict[str, Any] = {
     "format": "voronoi-touch-calibration",
     "version": 1,
     "sensor": {
-        "serial": "A1",
-        "size_px": [640, 480],
-        "pin_radius_px": 4.0,
-        "pitch_px": 20.0,
-        "centre_px": [320.0, 240.0],
-        "tip_radius_px": 46.0,
-        "background": 10.0,
-        "brightness": 180.0,
-        "noise": 2.0,
-        "rest_xy_px": PINS,
+        "serial": "A1", "size_px": [640, 480], "pin_radius_px": 4.0, "pitch_px": 20.0,
+        "centre_px": [320.0, 240.0], "tip_radius_px": 46.0, "background": 10.0, "brightness": 180.0,
+        "noise": 2.0, "rest_xy_px": PINS,
     },
     "mm_per_px": 0.1,
     "models": [
         {
-            "type": "curve",
-            "output": "displacement_mm",
-            "input": "volume",
-            "knots": [[0.0, 0.0], [0.1, 2.0], [0.4, 5.0]],
-            "sigma": 0.02,
+            "type": "curve", "output": "displacement_mm", "input": "volume",
+            "knots": [[0.0, 0.0], [0.1, 2.0], [0.4, 5.0]], "sigma": 0.02,
         },
         {
-            "type": "moments",
-            "outputs": ["shear_x_mm", "shear_y_mm"],
+            "type": "moments", "outputs": ["shear_x_mm", "shear_y_mm"],
             "terms": [[], ["shear"], ["shear*", "volume"]],
             "weights": [[0.1, 0.0], [50.0, 0.0], [0.0, 3.0]],
-            "valid": [[-2.0, 2.0], [-2.0, 2.0]],
-            "sigma": [0.03, 0.04],
+            "valid": [[-2.0, 2.0], [-2.0, 2.0]], "sigma": [0.03, 0.04],
             "spread": [[[0.0, 0.0], [30.0, 0.0], [0.0, 0.0]]],
         },
     ],
     "data": {"source": "test", "sha256": "", "n_frames": 0, "created": "2026-01-01"},
-}
+}  # fmt: skip
 
 
 def calibration_content() -> dict[str, Any]:

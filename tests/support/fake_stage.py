@@ -51,18 +51,15 @@ class FakeStage:
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
-    def _send_line(self, text: str) -> None:
-        os.write(self._mine, text.encode() + b"\r\n")
+    def _send_lines(self, *lines: str) -> None:
+        os.write(self._mine, "".join(f"{line}\r\n" for line in lines).encode())
 
     def _banner(self) -> None:
         if self.dialect == "marlin":
-            self._send_line("start")
-            self._send_line("echo:Marlin 2.1.2")
+            self._send_lines("start", "echo:Marlin 2.1.2")
             return
         self.locked = True
-        self._send_line("")
-        self._send_line("Grbl 1.1h ['$' for help]")
-        self._send_line("[MSG:'$H'|'$X' to unlock]")
+        self._send_lines("", "Grbl 1.1h ['$' for help]", "[MSG:'$H'|'$X' to unlock]")
 
     def _run(self) -> None:
         pending = b""
@@ -98,37 +95,34 @@ class FakeStage:
             return
         if line in ("$H", "G28"):
             if self.homing_fails:
-                self._send_line("ALARM:9")
+                self._send_lines("ALARM:9")
                 return
             self.locked = False
-            self._send_line("ok")
+            self._send_lines("ok")
         elif self.locked and self.dialect == "grbl":
-            self._send_line("error:9")
+            self._send_lines("error:9")
         elif line.startswith("G1"):
             self._move({k: float(v) for k, v in WORD.findall(line) if k in "XYZA"})
         elif re.match(r"G21|G90|G4 P", line) or (line == "M400" and self.dialect == "marlin"):
-            self._send_line("ok")
+            self._send_lines("ok")
         elif line == "M115" and self.dialect == "marlin":
-            self._send_line("FIRMWARE_NAME:Marlin 2.1.2 SOURCE_CODE_URL:github.com/MarlinFirmware/Marlin")
-            self._send_line("ok")
+            self._send_lines(
+                "FIRMWARE_NAME:Marlin 2.1.2 SOURCE_CODE_URL:github.com/MarlinFirmware/Marlin", "ok"
+            )
         elif self.dialect == "marlin":
-            self._send_line(f'echo:Unknown command: "{line}"')
-            self._send_line("ok")
+            self._send_lines(f'echo:Unknown command: "{line}"', "ok")
         else:
-            self._send_line("error:20")
+            self._send_lines("error:20")
 
     def _move(self, target: dict[str, float]) -> None:
         low, high = self.travel
         if self.dialect == "grbl" and any(not low <= v <= high for k, v in target.items() if k != "A"):
             self.locked = True
-            self._send_line("ALARM:2")
-            self._send_line("[MSG:Reset to continue]")
+            self._send_lines("ALARM:2", "[MSG:Reset to continue]")
             return
-        if self.dialect == "marlin":
-            self._send_line("echo:busy: processing")
         self._at |= target
         self.moves.append(dict(self._at))
-        self._send_line("ok")
+        self._send_lines(*["echo:busy: processing"] * (self.dialect == "marlin"), "ok")
 
     def close(self) -> None:
         """The thread ends first: a descriptor closed under it may be reused before it reads."""

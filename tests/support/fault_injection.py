@@ -23,7 +23,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from edge.link.medium import Medium, MediumError, MediumFull
+from edge.link.medium import CanFrame, Medium, MediumError, MediumFull
 from edge.sources.live import ThreadedSource, Watch
 from edge.types import Frame
 from hostlink.wire import FaultCode
@@ -180,12 +180,9 @@ class FaultySource(ThreadedSource):
         """The frame that arrives; None: none."""
         if kind != "freeze":
             self._frozen = None
-        if kind == "clock":
-            if not self._stepped:
-                self._clock_ns += round(CLOCK_S * 1e9)
-            self._stepped = True
-        else:
-            self._stepped = False
+        if kind == "clock" and not self._stepped:
+            self._clock_ns += round(CLOCK_S * 1e9)
+        self._stepped = kind == "clock"
         frame = replace(frame, capture_ns=frame.capture_ns + self._clock_ns)
         if kind in ("lost", "stall") or (kind == "drop" and self._random.random() < DROP_SHARE):
             return None
@@ -239,7 +236,7 @@ _PICTURES: dict[str, Callable[[Any, Any], Any]] = {
 
 
 class FaultyMedium:
-    """A bus or line that fails; made anew by every opening, while the schedule goes on."""
+    """A bus that fails; made anew by every opening, while the schedule goes on."""
 
     def __init__(self, medium: Medium, row: _Row, random: Random, refused: Callable[[float], None]) -> None:
         self._medium, self._row, self._random, self._refused = medium, row, random, refused
@@ -266,16 +263,12 @@ class FaultyMedium:
         self._medium.close()
 
 
-def _flipped(item: Any, random: Random) -> Any:
-    """The message or the bytes, with one bit flipped, every second time."""
-    if random.random() < 0.5:
-        return item
-    data = bytearray(item if isinstance(item, bytes) else item.data)
-    if data:
+def _flipped(frame: CanFrame, random: Random) -> CanFrame:
+    """The frame with one bit flipped, every second time."""
+    data = bytearray(frame.data)
+    if data and random.random() >= 0.5:
         data[random.randrange(len(data))] ^= 1 << random.randrange(8)
-    if isinstance(item, bytes):
-        return bytes(data)
-    return item._replace(data=bytes(data))
+    return frame._replace(data=bytes(data))
 
 
 def faulty_medium(

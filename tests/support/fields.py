@@ -4,9 +4,9 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import Voronoi
 
 from edge.types import Array, Cells, ContactRegion, PinPattern, Pins, Rest, Tracks
+from tests.bench.reference import cell_areas
 from tests.support import layouts
 
 SIZE = (640, 480)
@@ -39,12 +39,7 @@ def areas(xy: Array, rest: Rest) -> Array:
     turn = np.linspace(0.0, 2.0 * np.pi, int(2.0 * np.pi * reach / (0.5 * p.pitch_px)), endpoint=False)
     ring = np.column_stack([np.cos(turn), np.sin(turn)])
     hull = np.vstack([CENTRE + (reach + k * 0.9 * p.pitch_px) * ring for k in (1, 2, 3)])
-    voronoi = Voronoi(np.vstack([xy, hull]))
-    out = np.empty(len(xy))
-    for i in range(len(xy)):
-        x, y = voronoi.vertices[voronoi.regions[voronoi.point_region[i]]].T  # in order round the cell
-        out[i] = 0.5 * abs(x[:-1] @ y[1:] - y[:-1] @ x[1:] + x[-1] * y[0] - y[-1] * x[0])
-    return out
+    return cell_areas(xy, hull)
 
 
 @lru_cache
@@ -63,14 +58,8 @@ def frame(
     gone = np.where(seen, 0.0, np.nan)
     tracks = Tracks.of(xy + gone[:, None], np.full(len(xy), sigma) + gone, seen)
     none = np.empty((0, 3), dtype=np.int32)
-    cells = Cells(
-        areas(xy, rest) + gone,
-        _rest_areas(rest.xy_img.tobytes(), rest.pattern.pitch_px),
-        xy,
-        none,
-        np.empty((0, 2)),
-    )
-    return tracks, cells
+    at_rest = _rest_areas(rest.xy_img.tobytes(), rest.pattern.pitch_px)
+    return tracks, Cells(areas(xy, rest) + gone, at_rest, xy, none, np.empty((0, 2)))
 
 
 def clamp(rest: Rest) -> Array:
@@ -113,11 +102,9 @@ def contact_region(
     place: tuple[float, float],
     peak: float,
     area_px2: float,
-    orientation_rad: float = float("nan"),
+    along_rad: float = np.nan,
     elongation: float = 1.0,
 ) -> ContactRegion:
     """A contact of one peak, without shear."""
-    at = np.array(place)
-    return ContactRegion(
-        at, peak, area_px2, orientation_rad, elongation, at[None], at, np.zeros(2), np.zeros(2)
-    )
+    at, none = np.array(place), np.zeros(2)
+    return ContactRegion(at, peak, area_px2, along_rad, elongation, at[None], at, none, none.copy())

@@ -3,8 +3,9 @@
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping
-from typing import Self
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import closing, contextmanager
+from typing import Any, Self
 
 import pytest
 
@@ -15,6 +16,12 @@ from edge.link.sinks import CanSink, SerialSink, open_sink
 from hostlink import RestFrameOutcome, RestFrameState
 from hostlink.wire import FaultCode, State
 from tests.support.waiting import SOON_S
+
+
+def free_port(kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("", 0))
+        return int(probe.getsockname()[1])
 
 
 def need_multicast() -> None:
@@ -85,11 +92,11 @@ class Application:
         self.faults[code] = active
 
 
-def state(sample: int, age_s: float = 0.0) -> State:
+def state(sample: int, age_s: float = 0.0, **values: Any) -> State:
+    """Captured 3 ms before it is sent; its displacement is its number, unless `values` say otherwise."""
     now_us = time.monotonic_ns() // 1000 - round(age_s * 1e6)
-    return State(
-        sample=sample, capture_time_us=now_us - 3000, latency_us=3000.0, displacement_mm=sample / 100
-    )
+    given: dict[str, Any] = {"latency_us": 3000.0, "displacement_mm": sample / 100} | values
+    return State(sample=sample, capture_time_us=now_us - 3000, **given)
 
 
 def make_node(address: str) -> tuple[Node, Application]:
@@ -97,6 +104,14 @@ def make_node(address: str) -> tuple[Node, Application]:
     assert isinstance(sink, CanSink | SerialSink)
     application = Application(f"VT-{address[-1]}")
     return Node(sink, application, SettingsFile()), application
+
+
+@contextmanager
+def node_at(address: str) -> Iterator[tuple[Node, Application]]:
+    """A finger's node until the block ends."""
+    node, application = make_node(address)
+    with closing(node):
+        yield node, application
 
 
 class Fingers:

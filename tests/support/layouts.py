@@ -1,6 +1,7 @@
 """Point sets that are hard on a tessellation, and tips made of them."""
 
 from collections.abc import Callable
+from dataclasses import fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,12 +69,20 @@ def moved(xy: Points, angle: float = 0.0, scale: float = 1.0, shift: float = 0.0
     return now
 
 
+def pins_at(xy: Points, radius_px: float = 4.0, brightness: float = 100.0) -> Pins:
+    """Equal pins, with a centroid's sigma."""
+    return Pins(xy, *(np.full(len(xy), value) for value in (0.05, radius_px, brightness)))
+
+
 def rest_of(xy: Points) -> Rest:
     """An untouched tip with pins at `xy`."""
-    n = len(xy)
-    pins = Pins(xy, np.full(n, 0.05), np.full(n, 4.0), np.full(n, 100.0))
     radius = float(np.hypot(*(xy - xy.mean(axis=0)).T).max())
-    return Rest(pins, PinPattern(4.0, PITCH_PX, xy.mean(axis=0), radius, 20.0, 100.0, 2.0, (640, 480)))
+    return Rest(pins_at(xy), PinPattern(4.0, PITCH_PX, xy.mean(axis=0), radius, 20.0, 100.0, 2.0, (640, 480)))
+
+
+def only(rest: Rest, rows: NDArray[np.generic]) -> Rest:
+    """The same tip with these of its pins, by number or mask."""
+    return Rest(Pins(*(getattr(rest.pins, f.name)[rows] for f in fields(Pins))), rest.pattern)
 
 
 def tracks_of(xy: Points) -> Tracks:

@@ -2,8 +2,6 @@
 
 from typing import Any
 
-__all__ = ["Wire"]
-
 
 class Wire:
     """A medium that accepts everything, and receives nothing."""

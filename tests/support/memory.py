@@ -4,8 +4,6 @@ import tracemalloc
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-__all__ = ["bounded_memory"]
-
 
 @contextmanager
 def bounded_memory(most_bytes: int) -> Iterator[None]:

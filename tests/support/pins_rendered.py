@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.special import erfc
 
-from edge.types import Array, Image, PinPattern, Pins, Rest
+from edge.types import Array, Image, PinPattern, Rest
 from tests.support import layouts
 
 #: Places within a pixel and their weights (Gauss and Legendre): exact for polynomials of the fifth degree.
@@ -59,7 +59,6 @@ def known_rest(
     size: tuple[int, int],
 ) -> Rest:
     """The rest frame of a known tip, without detection."""
-    n = len(xy_img)
     pattern = PinPattern(
         pin_radius_px=radius_px,
         pitch_px=pitch_px,
@@ -71,8 +70,7 @@ def known_rest(
         size_px=size,
         edge_px=float(np.hypot(blur_px, 12**-0.5)),  # a pixel is a box of one pixel: variance 1/12
     )
-    pins = Pins(xy_img, np.full(n, 0.05), np.full(n, radius_px), np.full(n, brightness))
-    return Rest(pins, pattern)
+    return Rest(layouts.pins_at(xy_img, radius_px, brightness), pattern)
 
 
 def cramer_rao_px(radius_px: float, blur_px: float, brightness: float, noise: float) -> float:

@@ -1,10 +1,14 @@
 """Random samples: for property tests (hypothesis) and for long runs (seeded)."""
 
+from collections.abc import Iterable
 from math import inf, isnan, nan
 from random import Random
+from typing import Any
 
 from hypothesis import strategies as st
 
+from hostlink.decoder import CanDecoder, Sample, SerialDecoder
+from hostlink.errors import VersionMismatch
 from hostlink.wire import Contact, State, Status
 from hostlink.wire.fields import CONTACTS_MAX, FIELDS, LAYOUT, field_named
 
@@ -31,6 +35,19 @@ def random_state(rng: Random, sample: int) -> State:
         contacts=contacts,
         **values,
     )
+
+
+def mismatches(
+    decoder: CanDecoder | SerialDecoder, calls: Iterable[tuple[Any, ...]]
+) -> list[VersionMismatch]:
+    """What the decoder raises, given this; no sample may come out."""
+    raised = []
+    for call in calls:
+        try:
+            assert not any(isinstance(event, Sample) for event in decoder.receive(*call))
+        except VersionMismatch as error:
+            raised.append(error)
+    return raised
 
 
 _ANY = st.floats(allow_nan=True, allow_infinity=True)

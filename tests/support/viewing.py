@@ -103,15 +103,13 @@ class Live:
     def show(self, frame: int) -> None:
         """Show this frame of the recording from now on; returns when it was measured."""
         self.source.aim = frame % len(self.source.frames)
-        wanted, last = self.source.frames[frame].truth, self.loop.measurement.last
-        self.until(
-            lambda: (
-                self.loop.measurement.last is not last
-                and self.loop.measurement.last
-                and self.loop.measurement.last.frame.truth is wanted
-            ),
-            f"frame {frame} measured",
-        )
+        wanted, before = self.source.frames[frame].truth, self.loop.measurement.last
+
+        def measured() -> bool:
+            last = self.loop.measurement.last
+            return last is not None and last is not before and last.frame.truth is wanted
+
+        self.until(measured, f"frame {frame} measured")
 
     def hold(self) -> None:
         self.source.going.clear()

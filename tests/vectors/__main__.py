@@ -6,18 +6,8 @@ from math import inf, nan
 from pathlib import Path
 from typing import Any
 
-from hostlink.wire import (
-    SCHEMA_HASH,
-    VERSION,
-    Contact,
-    Message,
-    State,
-    Status,
-    encode_frame,
-    pack_detail,
-    pack_parts,
-    pack_state,
-)
+from hostlink import wire
+from hostlink.wire import Contact, State, Status
 
 FILE = Path(__file__).with_name("frames.json")
 
@@ -53,16 +43,16 @@ def plain(value: Any) -> Any:
 def vectors() -> dict[str, Any]:
     """The contents of the file."""
     return {
-        "version": VERSION,
-        "schema": f"0x{SCHEMA_HASH:08X}",
+        "version": wire.VERSION,
+        "schema": f"0x{wire.SCHEMA_HASH:08X}",
         "samples": [
             {
                 "name": name,
                 "counter": counter,
                 "state": plain(asdict(state)),
-                "frame": pack_state(state, counter).hex(),
-                "parts": [[tpdo, part.hex()] for tpdo, part in pack_parts(state, counter)],
-                "serial": encode_frame(Message.STATE, pack_state(state, counter)).hex(),
+                "frame": wire.pack_state(state, counter).hex(),
+                "parts": [[tpdo, part.hex()] for tpdo, part in wire.pack_parts(state, counter)],
+                "serial": wire.encode_frame(wire.Message.STATE, wire.pack_state(state, counter)).hex(),
             }
             for name, state, counter in CASES
         ],
@@ -70,7 +60,7 @@ def vectors() -> dict[str, Any]:
             "sample": 77,
             "counter": 250,
             "rows": plain(PINS),
-            "segments": [segment.hex() for segment in pack_detail(77, PINS, 250)],
+            "segments": [segment.hex() for segment in wire.pack_detail(77, PINS, 250)],
         },
     }
 

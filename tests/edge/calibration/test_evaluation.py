@@ -197,20 +197,13 @@ LOST = {"scale": 0.1, "gap_power": 1.0, "volume_power": 0.5, "gap_max": 2.0}
 
 def _with_process(**changes: Any) -> dict[str, Any]:
     table = calibration_content()
-    table["models"][1] = {
-        "type": "process",
-        "outputs": ["shear_x_mm", "shear_y_mm"],
-        "terms": [[], ["c00"], ["p", "p*", "c00"]],
-        "weights": [[0.1, 0.0], [50.0, 0.0], [0.0, 3.0]],
-        "valid": [[-2.0, 2.0], [-2.0, 2.0]],
-        "sigma": [0.03, 0.04],
-        "factor": [[[0.0, 0.0], [30.0, 0.0], [0.0, 0.0]]],
-        "far": 10.0,
-        "noise_terms": [[], ["volume"]],
-        "noise_weights": [0.1, -2.0],
-        "noise_range": [-1.0, 1.0],
-        "lost": LOST,
-    } | changes
+    moments = table["models"][1]
+    del moments["spread"]
+    table["models"][1] = moments | {
+        "type": "process", "terms": [[], ["c00"], ["p", "p*", "c00"]],
+        "factor": [[[0.0, 0.0], [30.0, 0.0], [0.0, 0.0]]], "far": 10.0, "noise_terms": [[], ["volume"]],
+        "noise_weights": [0.1, -2.0], "noise_range": [-1.0, 1.0], "lost": LOST,
+    } | changes  # fmt: skip
     return table
 
 

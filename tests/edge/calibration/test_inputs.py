@@ -17,14 +17,9 @@ XY = np.array([0.3, -0.4])
 
 def test_inputs_are_free_of_resolution() -> None:
     f = touched_features(0.05, (4.0, -2.0))
-    doubled = Features(
-        area_change=f.area_change,
-        displacement_px=f.displacement_px,
-        in_contact=True,
-        shear_px=2 * f.shear_px if f.shear_px is not None else None,
-        contacts=f.contacts,
-        volume_px2=4 * f.volume_px2 if f.volume_px2 is not None else None,
-    )
+    assert f.shear_px is not None
+    assert f.volume_px2 is not None
+    doubled = replace(f, shear_px=2 * f.shear_px, volume_px2=4 * f.volume_px2)
     larger = replace(PATTERN, tip_radius_px=2 * PATTERN.tip_radius_px)
     np.testing.assert_allclose(frame_inputs(f, PATTERN), frame_inputs(doubled, larger))
 

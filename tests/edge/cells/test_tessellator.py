@@ -9,6 +9,7 @@ from edge.cells import Tessellator, cell_polygons
 from edge.errors import DegenerateLayout
 from edge.types import Cells
 from tests.bench import stability
+from tests.bench.stability import cells_of
 from tests.support.cell_checks import Points, bounded_polygon_area, random_walks, worst_relative
 from tests.support.layouts import (
     CENTRE,
@@ -20,10 +21,6 @@ from tests.support.layouts import (
     square,
     tracks_of,
 )
-
-
-def cells_of(rest: Points, now: Points) -> Cells:
-    return Tessellator(rest_of(rest)).cells(tracks_of(now))
 
 
 def test_the_tips_of_the_stability_report_hold() -> None:
@@ -198,26 +195,17 @@ def test_a_rest_frame_without_a_plane_is_refused(rest: Points, message: str) -> 
         Tessellator(rest_of(rest))
 
 
-@pytest.mark.parametrize("seen", [[], [3], [3, 4], [0, 1, 2, 3, 4]])
-def test_too_few_pins_in_view_are_refused(seen: list[int]) -> None:
-    """The last case: a whole row of the grid, and nothing else."""
+@pytest.mark.parametrize("seen", [[], [3], [3, 4], [0, 1, 2, 3, 4], "one place", "on a line"])
+def test_too_few_pins_in_view_and_collapsed_ones_are_refused(seen: list[int] | str) -> None:
+    """The last case of few: a whole row of the grid, and nothing else."""
     rest = square(8)
-    now = np.full_like(rest, np.nan)
-    now[seen] = rest[seen]
+    now = np.full_like(rest, 5.0) if seen == "one place" else rest @ np.array([[0.3, 0.4], [0.0, 0.0]])
+    if isinstance(seen, list):
+        now[:], now[seen] = np.nan, rest[seen]
     tessellator = Tessellator(rest_of(rest))
-    with pytest.raises(DegenerateLayout, match="seen pins"):
+    with pytest.raises(DegenerateLayout, match=seen if isinstance(seen, str) else "seen pins"):
         tessellator.cells(tracks_of(now))
     assert np.isfinite(tessellator.cells(tracks_of(rest)).area_px2).all()  # and it works again afterwards
-
-
-def test_collapsed_pins_are_refused_while_tracking() -> None:
-    rest = square(8)
-    tessellator = Tessellator(rest_of(rest))
-    with pytest.raises(DegenerateLayout, match="one place"):
-        tessellator.cells(tracks_of(np.full((64, 2), 5.0)))
-    with pytest.raises(DegenerateLayout, match="on a line"):
-        tessellator.cells(tracks_of(rest @ np.array([[0.3, 0.4], [0.0, 0.0]])))
-    assert np.isfinite(tessellator.cells(tracks_of(rest)).area_px2).all()
 
 
 def test_merged_pins_share_their_cell_and_part_again() -> None:

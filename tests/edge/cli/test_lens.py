@@ -13,11 +13,9 @@ from edge.types import Array, Image, Lens
 from tests.support.commands import run_edge as command
 
 TRUE = Lens(
-    size_px=(480, 360),
-    focal_px=(390.0, 386.0),
-    centre_px=(233.0, 184.0),
+    size_px=(480, 360), focal_px=(390.0, 386.0), centre_px=(233.0, 184.0),
     distortion=(-0.22, 0.06, 0.001, -0.0005, 0.0),
-)
+)  # fmt: skip
 FINE = 2
 TILTS = [(0, 0), (25, 0), (-25, 0), (0, 25), (0, -25), (20, 20), (-20, 20), (15, -20)]
 PLACES = [(0, 0), (2, 1.3), (-2, 1.3), (2, -1.3), (-2, -1.3), (1, 0), (-1, 0.6), (0, -1)]

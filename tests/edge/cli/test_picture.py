@@ -12,7 +12,8 @@ from calib.sim import Camera, Simulator, Tip
 from edge.cli import picture
 from edge.pins import take_rest
 from edge.sources import open_source
-from edge.types import Frame, Image, Pins, Rest
+from edge.types import Frame, Image
+from tests.support.layouts import only
 
 
 @lru_cache
@@ -56,21 +57,16 @@ def test_the_length_and_direction_of_a_motion_are_found(degrees: float) -> None:
     assert "motion" in levels(moved)
 
 
-def kept(rest: Rest, rows: np.ndarray) -> Rest:
-    p = rest.pins
-    return Rest(Pins(p.xy_img[rows], p.sigma_px[rows], p.radius_px[rows], p.brightness[rows]), rest.pattern)
-
-
 def test_holes_are_counted_where_there_is_a_lattice() -> None:
     rest = take_rest([frame().image])
     assert len(picture.holes(rest)) == 0
     gone = [40, 63, 77]
-    found = picture.holes(kept(rest, np.delete(np.arange(127), gone)))
+    found = picture.holes(only(rest, np.delete(np.arange(127), gone)))
     assert len(found) == len(gone)
     away = np.hypot(*(rest.xy_img[gone][:, None] - found).transpose(2, 0, 1)).min(axis=1)
     assert (away < 0.3 * rest.pattern.pitch_px).all()
     strewn = np.random.default_rng(3).permutation(127)[:80]
-    assert len(picture.holes(kept(rest, strewn))) == 0
+    assert len(picture.holes(only(rest, strewn))) == 0
 
 
 def test_separate_groups_of_pins_are_each_offered_as_a_region(tmp_path: Path) -> None:

@@ -109,17 +109,12 @@ def test_many_threads_leave_a_consistent_set() -> None:
     assert {code for code, n in balance.items() if n} == set(registry.active)
 
 
-def zone(root: Path, number: int, text: str) -> None:
-    folder = root / f"thermal_zone{number}"
-    folder.mkdir(parents=True)
-    (folder / "temp").write_text(text)
-
-
 def test_the_hottest_readable_zone_counts(tmp_path: Path) -> None:
     assert math.isnan(Thermometer(tmp_path)())
-    zone(tmp_path, 0, "41200\n")
-    zone(tmp_path, 1, "56100\n")
-    zone(tmp_path, 2, "\n")
+    for number, text in enumerate(("41200\n", "56100\n", "\n")):
+        folder = tmp_path / f"thermal_zone{number}"
+        folder.mkdir()
+        (folder / "temp").write_text(text)
     assert Thermometer(tmp_path)() == 56.1
 
 

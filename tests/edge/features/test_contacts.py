@@ -7,6 +7,7 @@ from calib.sim import Camera, Tip, Tool, ToolPose, deform
 from edge.features.contacts import ContactFinder
 from edge.features.params import CONTACTS_MAX
 from edge.features.surface import Surface
+from edge.geometry.thin_plate import thin_plate_operators
 from edge.types import Array, ContactRegion, Rest
 from tests.support.fields import CENTRE, bar, frame, make_rest, plane, push, tip
 
@@ -139,3 +140,41 @@ def test_a_single_touch_stays_one_with_poorly_seen_pins() -> None:
         motion = push(rest, (20.0, -30.0), 50.0, 0.25) + rng.normal(0.0, 0.4, (127, 2))
         motion[rng.choice(127, 6, replace=False)] += rng.normal(0.0, 2.0, (6, 2))
         assert len(contacts(rest, motion, seed=seed)) == 1
+
+
+def finder_of(rest: Rest, xy: Array) -> ContactFinder:
+    """Regions of pins at xy, whose cells have grown by a tenth each."""
+    surface = Surface(rest)
+    made = ContactFinder(surface, xy)
+    made.field.set_area_change(np.full(127, 0.1))
+    made.field.find(xy)
+    made.peaks.set_field(made.field.divergence, made.field.active, made.field.n_active)
+    made.peaks.find(surface.divergence_noise, 0.1, 0.01)
+    made.regions.merge(surface.divergence_noise, 0.05)
+    return made
+
+
+def test_moments_are_sums_over_the_points_nearest_to_each_contact() -> None:
+    rest = tip(127)
+    pitch = rest.pattern.pitch_px
+    turning = (rest.xy_img - CENTRE) @ np.array([[0.0, 0.03], [-0.03, 0.0]])
+    xy = rest.xy_img + push(rest, (60.0, -15.0), 40.0, 0.2) + push(rest, (-50.0, 30.0), 40.0, 0.15) + turning
+    near = finder_of(rest, xy)
+    regions, points_img = near.regions, np.asarray(near.field.points)
+    assert regions.n_contacts == 2
+    near.find_moments()
+    _, along_x, along_y = thin_plate_operators(rest.xy_img, points_img)
+    u, v = (xy - rest.xy_img).T
+    divergence, curl = along_x @ u + along_y @ v, along_x @ v - along_y @ u
+    assert np.median(curl) == pytest.approx(0.06, rel=1e-3)
+    middles = np.array(regions.middle)[:2]
+    apart = points_img[:, None] - middles
+    distance = np.hypot(*apart.transpose(2, 0, 1))
+    for i in range(2):
+        radius = max(2.0 * pitch, 1.25 * regions.semi_axis[i])
+        weight = np.maximum(1.0 - (distance[:, i] / radius) ** 2, 0.0)
+        weight[distance[:, 1 - i] < distance[:, i]] = 0.0
+        total = weight @ np.maximum(divergence, 0.0)
+        moment, turned = (weight * divergence) @ apart[:, i] / total, (weight * curl) @ apart[:, i] / total
+        np.testing.assert_allclose(near.divergence_moment[i], moment, atol=2e-3 * pitch)
+        np.testing.assert_allclose(near.curl_moment[i], [-turned[1], turned[0]], atol=2e-3 * pitch)

@@ -1,6 +1,5 @@
 """The extractor: contact detector, demand, lost pins, and the whole of it against the paper's method."""
 
-import csv
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,23 +13,18 @@ from edge.features import FeatureExtractor, FeaturePlan
 from edge.pins import detect, take_rest
 from edge.tracking import Tracker
 from edge.types import Array, Cells, Feature, Features, Rest, Tracks
+from tests.bench.recordings import poses_of_stills
 from tests.bench.reference import Reference
 from tests.support.fields import CENTRE, areas, clamp, frame, push, tip
 from tests.support.images import read_grey
+from tests.support.layouts import tracks_of
 
 pytestmark = [pytest.mark.kernels, pytest.mark.compiled]
 
 ALL = FeaturePlan(frozenset(Feature))
 OPTIONAL = (
-    "shear_px",
-    "modes_px",
-    "volume_px2",
-    "surface",
-    "contacts",
-    "torsion_rad",
-    "slip_px",
-    "vibration_px",
-)
+    "shear_px", "modes_px", "volume_px2", "surface", "contacts", "torsion_rad", "slip_px", "vibration_px",
+)  # fmt: skip
 
 
 def extractor(rest: Rest) -> Any:  # a test knows which features are there
@@ -161,10 +155,8 @@ def test_a_probe_under_lost_pins_is_detected() -> None:
     """Only the cells of lost pins are larger; the seen ones round them have only moved."""
     rest = tip(127)
     xy = rest.xy_img + push(rest, (0.0, 0.0), 0.7 * rest.pattern.pitch_px, 0.2)
-    seen = np.ones(127, dtype=np.bool_)
-    seen[np.argsort(np.hypot(*(rest.xy_img - CENTRE).T))[:4]] = False
-    gone = np.where(seen, 0.0, np.nan)
-    tracks = Tracks.of(xy + gone[:, None], gone + 0.05, seen)
+    xy[np.argsort(np.hypot(*(rest.xy_img - CENTRE).T))[:4]] = np.nan
+    tracks = tracks_of(xy)
     tessellator = Tessellator(rest)
     cells = tessellator.cells(tracks)
     made: Any = FeatureExtractor(rest, tessellator.rest_area_px2)
@@ -195,7 +187,7 @@ def test_all_pins_lost_is_survived() -> None:
     rest = tip(127)
     made = extractor(rest)
     gone = np.full_like(rest.xy_img, np.nan)
-    tracks = Tracks.of(gone, gone[:, 0], np.zeros(127, dtype=np.bool_), 0.0)
+    tracks = tracks_of(gone)
     _, cells = frame(rest, rest.xy_img)
     dark = Cells(gone[:, 0], cells.rest_area_px2, rest.xy_img, cells.triangles, cells.boundary_img)
     for given in (dark, None):
@@ -243,12 +235,9 @@ def test_real_flat_contacts_are_one_contact_each(real_dir: Path) -> None:
     folder = real_dir / "tactip331_binary"
     rest = take_rest([read_grey(folder / "rest.png")])
     tracker, tessellator = Tracker(rest), Tessellator(rest)
-    still = Tracks.of(rest.xy_img, rest.pins.sigma_px, np.ones(len(rest), dtype=np.bool_))
-    made: Any = FeatureExtractor(rest, tessellator.cells(still).rest_area_px2)
-    with (folder / "targets.csv").open() as file:
-        names = [row["sensor_image"] for row in csv.DictReader(file)][::24]
-    for name in names:
-        image = read_grey(next(folder.rglob(name)))
+    made: Any = FeatureExtractor(rest, tessellator.rest_area_px2)
+    for name in list(poses_of_stills(folder))[::24]:
+        image = read_grey(folder / "frames" / name)
         tracks = tracker.identify(detect(image, rest.pattern))
         got = made.extract(tracks, tessellator.cells(tracks), ALL)
         assert len(got.contacts) == 1, name

@@ -1,11 +1,11 @@
-"""Mean motion, noise, contact pins, torsion and planes of motion fields with known truth."""
+"""Mean motion, noise, contact pins and torsion of motion fields with known truth; the volume."""
 
 import numpy as np
 import pytest
 
-from edge.features.pin_motion import PinMotion, PinNoise
+from edge.features.pin_motion import AreaChange, PinMotion, PinNoise
 from edge.types import Array, Index, Rest
-from tests.support.fields import CENTRE, make_rest, push, tip
+from tests.support.fields import CENTRE, frame, make_rest, push, tip
 
 
 def turned(xy: Array, angle: float, about: Array) -> Array:
@@ -86,3 +86,24 @@ def test_pin_noise_is_measured_under_load_and_with_bad_pins() -> None:
         xy[rng.choice(331, 4, replace=False)] += 6.0
         assert noise.sigma_px(xy, seen) < 2.0 * sigma
     assert noise.sigma_px(rest.xy_img, np.zeros(331, dtype=np.bool_)) == 0.0
+
+
+@pytest.mark.kernels
+def test_volume_of_noise_is_zero_and_noise_adds_none_to_a_bump() -> None:
+    rest = tip(331)
+    areas = frame(rest, rest.xy_img)[1].rest_area_px2
+    changes = AreaChange(rest.xy_img, rest.pattern.pitch_px, areas)
+    rng = np.random.default_rng(3)
+    width, noise = 40.0, 0.002
+    clean = 0.3 * np.exp(-0.5 * ((rest.xy_img - CENTRE) ** 2).sum(axis=1) / width**2)
+
+    def volume(change: Array, threshold: float = 3.0 * noise) -> float:
+        changes.fill(change, rest.xy_img)
+        return changes.volume(threshold)
+
+    draws = rng.normal(0.0, noise, (50, 331))
+    full = 0.3 * 2.0 * np.pi * width**2
+    assert np.mean([volume(d, 0.0) for d in draws]) > 0.01 * full  # of noise without a threshold
+    assert np.mean([volume(d) for d in draws]) < 4e-4 * full
+    assert abs(volume(clean) / full - 1.0) < 0.03
+    assert abs(np.mean([volume(clean + d) for d in draws]) / volume(clean) - 1.0) < 0.01

@@ -142,9 +142,14 @@ def test_values_of_all_lengths_pass(
     assert bench.objects.written == [(LONG, value)]
 
 
-@pytest.mark.parametrize("lost", [[1], [5], [126], [128], [3, 130, 131, 260]])
-def test_a_read_has_its_lost_segments_sent_again(bench: Bench, lost: Collection[int]) -> None:
-    assert Client(bench, from_node=lambda n, data: n in lost).read() == VALUE
+@pytest.mark.parametrize("writes", [False, True])
+@pytest.mark.parametrize("lost", [[1], [5], [29, 30], [126], [1, 2, 3, 40, 150], [3, 130, 131, 260]])
+def test_lost_segments_are_sent_again(bench: Bench, writes: bool, lost: Collection[int]) -> None:
+    if writes:
+        Client(bench, lambda n, data: n in lost).write(VALUE)
+        assert bench.objects.written == [(LONG, VALUE)]
+    else:
+        assert Client(bench, from_node=lambda n, data: n in lost).read() == VALUE
     assert serves(bench)
 
 
@@ -157,13 +162,6 @@ def test_a_read_goes_on_behind_the_last_segment_received(bench: Bench, received_
     at = received_n * 7
     assert bench.answers[-2:] == [b"\1" + VALUE[at : at + 7], b"\2" + VALUE[at + 7 : at + 14]]
     assert len(bench.answers) == 1 + 127 + 2
-
-
-@pytest.mark.parametrize("lost", [[1], [5], [29, 30], [1, 2, 3, 40, 150]])
-def test_a_write_sends_its_lost_segments_again(bench: Bench, lost: Collection[int]) -> None:
-    Client(bench, lambda n, data: n in lost).write(VALUE)
-    assert bench.objects.written == [(LONG, VALUE)]
-    assert serves(bench)
 
 
 def test_the_end_of_a_write_is_answered_again(bench: Bench) -> None:

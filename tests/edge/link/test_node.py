@@ -11,7 +11,6 @@ from pathlib import Path
 import can
 import canopen
 import pytest
-from canopen.objectdictionary import ObjectDictionary
 
 from edge.errors import CalibrationError
 from edge.link.medium import CanFrame, Medium, MediumError, opener
@@ -20,28 +19,12 @@ from edge.link.node import Node
 from edge.link.object_server import Aborted
 from edge.link.settings import NodeSettings, SettingsFile
 from edge.link.sinks import CanFdSink, SerialSink, open_sink
-from hostlink.wire import (
-    OBJECTS,
-    Abort,
-    CanIds,
-    DetailAssembler,
-    FaultCode,
-    Message,
-    ObjectReply,
-    ObjectRequest,
-    Op,
-    State,
-    Status,
-    object_named,
-    pack_value,
-    unpack_emergency,
-    unpack_segment,
-    unpack_state,
-    unpack_value,
-)
+from hostlink import wire
+from hostlink.wire import Abort, FaultCode, Message, Op, State, Status, object_named
 from hostlink.wire.address import parse_address
 from hostlink.wire.process_data import FRAME_DATA, SAMPLE_DATA
 from tests.support.fingers import Application
+from tests.support.media import Wire
 from tests.support.waiting import SOON_S, until
 
 NODE = 5
@@ -80,13 +63,9 @@ class Bench:
         self.network = canopen.Network()
         self.network.NOTIFIER_CYCLE = 0.02  # disconnecting waits for it so long
         self.network.connect(interface="virtual", channel=channel)
-        self.remote = self.add_node(canopen.import_od(str(EDS), NODE))
+        self.remote = self.network.add_node(NODE, str(EDS))  # a third party needs only the EDS
+        self.remote.sdo.RESPONSE_TIMEOUT = SOON_S  # the library's 0.3 s may pass on a busy machine
         self.open()
-
-    def add_node(self, dictionary: ObjectDictionary | str) -> canopen.RemoteNode:
-        remote = self.network.add_node(NODE, dictionary)
-        remote.sdo.RESPONSE_TIMEOUT = SOON_S  # the library's 0.3 s may pass on a busy machine
-        return remote
 
     def open(self) -> None:
         sink = open_sink(f"virtual:{self.channel}?node={NODE}")
@@ -100,11 +79,11 @@ class Bench:
 
     def read(self, name: str) -> object:
         row = object_named(name)
-        return unpack_value(row, self.remote.sdo.upload(row.index, row.sub))
+        return wire.unpack_value(row, self.remote.sdo.upload(row.index, row.sub))
 
     def write(self, name: str, value: float | bytes) -> None:
         row = object_named(name)
-        data = value if isinstance(value, bytes) else pack_value(row, value)
+        data = value if isinstance(value, bytes) else wire.pack_value(row, value)
         self.remote.sdo.download(row.index, row.sub, data)
 
     def messages(self, can_id: int, n: int) -> list[bytes]:
@@ -125,7 +104,7 @@ class Bench:
         return sent
 
     def samples(self, n: int) -> list[int]:
-        return [unpack_state(data).sample for data in self.messages(0x180 + NODE, n)]
+        return [wire.unpack_state(data).sample for data in self.messages(0x180 + NODE, n)]
 
     def nmt(self, command: int) -> None:
         self.network.send_message(0, bytes((command, NODE)))
@@ -151,7 +130,7 @@ def test_boot_up_then_heartbeat(bench: Bench) -> None:
 
 
 def test_remote_node_reads_identity(bench: Bench) -> None:
-    assert bench.read("serial_number") == "VT-0042"
+    assert bench.read("serial_number") == bench.remote.sdo[0x2000][3].raw == "VT-0042"
     assert bench.read("software_version") == "0.1"
     assert bench.read("schema_hash") == object_named("schema_hash").default
     assert bench.read("camera_rate_hz") == pytest.approx(239.5)
@@ -164,7 +143,7 @@ def test_remote_node_reads_identity(bench: Bench) -> None:
 
 def test_every_readable_object_answers(bench: Bench) -> None:
     silent = set()
-    for row in OBJECTS:
+    for row in wire.OBJECTS:
         if row.access == "wo":
             continue
         try:
@@ -175,21 +154,6 @@ def test_every_readable_object_answers(bench: Bench) -> None:
     empty |= {f"error_{i}" for i in range(1, 9)}
     empty |= {datum.name for datum in (*SAMPLE_DATA, *FRAME_DATA)}  # before the first sample
     assert silent == {(name, Abort.NO_DATA) for name in empty}
-
-
-def test_remote_node_with_the_shipped_eds(bench: Bench) -> None:
-    """A third party needs only the EDS."""
-    remote = bench.add_node(str(EDS))
-    assert remote.sdo[0x2000][3].raw == "VT-0042"
-    assert remote.sdo[0x1018][3].raw == object_named("revision").default
-    remote.sdo[0x2010].raw = 1
-    assert bench.finger.tares == [False]
-    remote.sdo[0x1017].raw = 10
-    assert remote.nmt.wait_for_heartbeat(SOON_S) == "OPERATIONAL"
-    bench.node.report(FaultCode.OVERLOAD, True)
-    until(lambda: [e.code for e in remote.emcy.active] == [0x9002], "the emergency")
-    bench.node.report(FaultCode.OVERLOAD, False)
-    until(lambda: not remote.emcy.active, "its clearing")
 
 
 @pytest.mark.parametrize(
@@ -223,7 +187,7 @@ def test_unknown_and_write_only_objects_and_a_full_disk_are_refused(bench: Bench
 
 
 def test_the_node_gives_the_reason_of_a_refusal(bench: Bench) -> None:
-    bench.write("tare", 1)
+    bench.remote.sdo[0x2010].raw = 1  # a tare, by the EDS
     bench.finger.touched = True
     for name, value, code, message in (
         ("tare", 1, Abort.NOT_NOW, "something touches the tip; let go, or force the tare"),
@@ -317,7 +281,7 @@ def test_faults_and_their_clearing(bench: Bench) -> None:
     bench.node.report(FaultCode.OVERLOAD, True)  # reported again: no second emergency
     bench.node.report(FaultCode.OVERLOAD, False)
     bench.node.report(FaultCode.OVER_TEMPERATURE, False)
-    overload, hot, cooler, fine = (unpack_emergency(d) for d in bench.messages(0x80 + NODE, 4))
+    overload, hot, cooler, fine = (wire.unpack_emergency(d) for d in bench.messages(0x80 + NODE, 4))
     assert overload == (0x9002, 0x01, FaultCode.OVERLOAD, Status.OVERLOAD)
     assert hot == (0x4201, 0x09, FaultCode.OVER_TEMPERATURE, Status.OVERLOAD | Status.OVER_TEMPERATURE)
     assert cooler == (0, 0x09, FaultCode.OVERLOAD, Status.OVER_TEMPERATURE)
@@ -330,15 +294,12 @@ def test_faults_and_their_clearing(bench: Bench) -> None:
     assert bench.read("error_n") == 0
 
 
-class Troubled:
+class Troubled(Wire):
     """A bus with a driver that raises anything, once, in one of its calls."""
 
-    bus_off = False
-
     def __init__(self, where: str, error: BaseException, instant: bool) -> None:
-        self._where, self._error, self.instant = where, error, instant
-        self.armed = False
-        self.items: list[CanFrame] = []
+        super().__init__(instant)
+        self._where, self._error, self.armed = where, error, False
 
     def _call(self, where: str) -> None:
         if self.armed and where == self._where:
@@ -351,7 +312,7 @@ class Troubled:
 
     def write(self, item: CanFrame) -> None:
         self._call("write")
-        self.items.append(item)
+        super().write(item)
 
     def read(self, timeout_s: float) -> None:
         self._call("read")
@@ -361,14 +322,7 @@ class Troubled:
         self._call("close")
 
 
-UNFORESEEN = [
-    IndexError("list index"),
-    termios.error(5, "gone"),
-    MemoryError(),
-    AssertionError(),
-    KeyError(0),
-    SystemExit(1),
-]
+UNFORESEEN = [IndexError(), termios.error(5), MemoryError(), AssertionError(), KeyError(), SystemExit(1)]
 
 
 @pytest.mark.parametrize("instant", [True, False])
@@ -394,7 +348,7 @@ def test_whatever_a_driver_raises_is_a_lost_link_and_no_thread_ends(
     assert not bus.armed
     assert sink.guard.unforeseen_n == 1
     assert all(thread.is_alive() for thread in sink._threads)
-    first = next(unpack_state(frame.data) for frame in bus.items if frame.can_id == 0x180 + NODE)
+    first = next(wire.unpack_state(frame.data) for frame in bus.items if frame.can_id == 0x180 + NODE)
     assert first.status == Status.LINK_FAULT
     node.close()
     assert not any(thread.is_alive() for thread in sink._threads)
@@ -438,16 +392,16 @@ def test_detail_is_off_until_asked_for(bench: Bench) -> None:
     bench.write("detail_divider", 2)
     assert bench.node.send_detail(1, rows)
     assert not bench.node.send_detail(2, rows)
-    assembler, detail = DetailAssembler(), None
+    assembler, detail = wire.DetailAssembler(), None
     while detail is None:
-        detail = assembler.add(unpack_segment(bench.messages(0x480 + NODE, 1)[0]))
+        detail = assembler.add(wire.unpack_segment(bench.messages(0x480 + NODE, 1)[0]))
     assert detail.sample == 1
     assert [r[0] for r in detail.rows] == pytest.approx([r[0] for r in rows], abs=0.01)
     until(lambda: bench.node.counters.detail_sent == 1, "counted")
 
 
 def test_moved_identifiers(request: pytest.FixtureRequest) -> None:
-    ids = CanIds(sdo_request=0x680, sdo_response=0x500, heartbeat=0x780 - 0x80)
+    ids = wire.CanIds(sdo_request=0x680, sdo_response=0x500, heartbeat=0x780 - 0x80)
     sink = open_sink(f"virtual:{request.node.name}", node=NODE, ids=ids)
     assert isinstance(sink, CanFdSink)
     with can.Bus(interface="virtual", channel=request.node.name) as bus:
@@ -477,20 +431,15 @@ class Line:
 
         self.sink.on_frame = both
 
-    def ask(self, request: ObjectRequest, counter: int) -> ObjectReply:
-        before = self.replies()
-        self.sink.post_frame(Message.REQUEST, request.pack(), counter)
-        until(lambda: len(self.replies()) > len(before), "a reply")
-        got, body = self.replies()[-1]
-        assert got == counter
-        return ObjectReply.unpack(body)
-
-    def replies(self) -> list[tuple[int, bytes]]:
-        return [(counter, body) for kind, counter, body in self.received if kind is Message.REPLY]
-
-    def request(self, op: Op, name: str, offset: int = 0, total: int = 0, data: bytes = b"") -> ObjectRequest:
-        row = object_named(name)
-        return ObjectRequest(op, row.index, row.sub, offset, total, data)
+    def ask(self, op: Op, name: str, offset: int = 0, total: int = 0, data: bytes = b"") -> wire.ObjectReply:
+        row, self.received = object_named(name), []
+        self.sink.post_frame(
+            Message.REQUEST, wire.ObjectRequest(op, row.index, row.sub, offset, total, data).pack(), 7
+        )
+        until(lambda: Message.REPLY in {kind for kind, _, _ in self.received}, "a reply")
+        (reply,) = [(counter, body) for kind, counter, body in self.received if kind is Message.REPLY]
+        assert reply[0] == 7
+        return wire.ObjectReply.unpack(reply[1])
 
 
 @pytest.fixture
@@ -506,12 +455,12 @@ def test_serial_refusals_carry_their_code(bench: Bench, line: Line) -> None:
         line.node.objects.read(0, 0)
     line.sink.post(line.sink.frame(Message.REQUEST, b"\1", 0))  # too short: the next one is handled
     for request, code in (
-        (line.request(Op.WRITE, "calibration", 50, 100, b"x"), Abort.TOGGLE),
-        (line.request(Op.WRITE, "divider", 0, 9, bytes(20)), Abort.LENGTH),
-        (line.request(Op.WRITE, "tare", 0, 1, b"\1"), Abort.NOT_NOW),
+        (("calibration", 50, 100, b"x"), Abort.TOGGLE),
+        (("divider", 0, 9, bytes(20)), Abort.LENGTH),
+        (("tare", 0, 1, b"\1"), Abort.NOT_NOW),
     ):
-        assert line.ask(request, 1).abort == code
-    assert line.ask(line.request(Op.READ, "settings_stored"), 1).data == b"\0"  # there is no folder
+        assert line.ask(Op.WRITE, *request).abort == code
+    assert line.ask(Op.READ, "settings_stored").data == b"\0"  # there is no folder
     assert bench.read("settings_stored") is True
 
 

@@ -67,31 +67,6 @@ def code(answer: bytes) -> int:
     return int.from_bytes(answer[4:], "little") if answer[0] == 0x80 else 0
 
 
-def test_a_stray_download_segment_after_a_read_writes_nothing(bench: Bench) -> None:
-    bench.ask(head(0x40, LONG))
-    assert code(bench.ask(segment(0, b"{}", last=True)))
-    assert bench.objects.written == []
-    assert code(bench.ask(bytes((0x60,)))) == Abort.TOGGLE  # the read has ended
-
-
-@pytest.mark.parametrize(
-    ("between", "last"),
-    [
-        (head(0x80, LONG, bytes(4)), segment(1, b"89", last=True)),  # an abort
-        (segment(0, b"another"), segment(0, b"1234567")),  # no repetition of the segment before
-    ],
-)
-def test_after_the_end_of_a_transfer_its_last_segment_applies_nothing(
-    bench: Bench, between: bytes, last: bytes
-) -> None:
-    bench.ask(head(0x21, LONG, (9).to_bytes(4, "little")))
-    bench.ask(segment(0, b"1234567"))
-    answer = bench.ask(between)
-    assert answer == b"" if between[0] == 0x80 else code(answer) == Abort.TOGGLE
-    assert code(bench.ask(last)) == Abort.TOGGLE
-    assert bench.objects.written == []
-
-
 def test_another_clients_reads_do_not_redirect_a_write(bench: Bench) -> None:
     bench.ask(head(0x21, LONG, (9).to_bytes(4, "little")))
     assert bench.ask(head(0x40, SHORT))[4:6] == b"\1\2"  # needs no state, and is served

@@ -1,12 +1,13 @@
-"""Sinks: sending, dropping and counting when the medium fails, without blocking the loop."""
+"""Sinks: sending, dropping and counting when the medium fails or is flooded, without blocking the loop."""
 
 import errno
 import os
 import threading
 import tty
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -16,10 +17,12 @@ import pytest
 from can.interfaces.virtual import VirtualBus
 
 from edge.errors import SinkError
+from edge.link.link_sink import ReadBudget
 from edge.link.medium import CanFrame, MediumError
 from edge.link.params import PARAMS
 from edge.link.python_can import CanMedium
 from edge.link.sinks import CanFdSink, SerialSink, open_sink
+from hostlink.can_bus import OpenBus
 from hostlink.wire import FaultCode, Message, State, unpack_state
 from hostlink.wire.serial import decode_frame
 from tests.support.refusals import one_line
@@ -54,47 +57,32 @@ def test_unusable_address_is_one_line(spec: str, message: str) -> None:
     assert message in one_line(SinkError, open_sink, spec)
 
 
-class FlakyBus(VirtualBus):
-    """A virtual bus with an interface that can be taken down, filled up or made to hang."""
-
-    def __init__(self, channel: str) -> None:
-        super().__init__(channel=channel)
-        self.trouble: int | None = None
-        self.hang = threading.Event()
-        self.hang.set()
-
-    def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        self.hang.wait()
-        if self.trouble is not None:
-            raise can.CanOperationError("Failed to transmit", self.trouble)
-        super().send(msg, timeout)
-
-
 class Flaky:
-    """Opens flaky buses; `down` makes opening fail and the open one fail, `full` fills it."""
+    """Opens virtual buses of one interface, which can be taken down, filled up or made to hang.
+
+    trouble  number of the error that each write raises until it is opened anew
+    free     cleared: writes do not return
+    """
 
     def __init__(self, channel: str, instant: bool = True) -> None:
         self.channel, self.instant = channel, instant
-        self.down = False
-        self.bus: FlakyBus | None = None
+        self.down, self.trouble, self.opened_n = False, 0, 0
+        self.free = threading.Event()
+        self.free.set()
 
     def __call__(self) -> CanMedium:
         if self.down:
             raise MediumError("no such device")
-        self.bus = FlakyBus(self.channel)
-        return CanMedium(self.bus, self.instant)
+        self.trouble, self.opened_n = 0, self.opened_n + 1
+        bus = VirtualBus(channel=self.channel)
+        bus.send = partial(self._send, bus.send)  # type: ignore[method-assign]
+        return CanMedium(bus, self.instant)
 
-    def fail(self, number: int | None) -> None:
-        assert self.bus is not None
-        self.bus.trouble = number
-
-    def hang(self, held: bool) -> None:
-        """Writes do not return from now on, or do again."""
-        assert self.bus is not None
-        if held:
-            self.bus.hang.clear()
-        else:
-            self.bus.hang.set()
+    def _send(self, send: Callable[..., None], *arguments: Any, **options: Any) -> None:
+        self.free.wait()
+        if self.trouble:
+            raise can.CanOperationError("Failed to transmit", self.trouble)
+        send(*arguments, **options)
 
 
 @pytest.fixture
@@ -115,7 +103,7 @@ def slow(channel: str) -> Iterator[tuple[Flaky, CanFdSink]]:
     flaky = Flaky(channel, instant=False)
     sink = CanFdSink("slow", flaky)
     yield flaky, sink
-    flaky.hang(False)
+    flaky.free.set()
     sink.close()
 
 
@@ -135,7 +123,7 @@ def test_interface_down_and_back(channel: str, flaky: Flaky, fd_sink: CanFdSink)
     with can.Bus(interface="virtual", channel=channel) as host:
         assert fd_sink.send(state(0))
         flaky.down = True
-        flaky.fail(errno.ENETDOWN)
+        flaky.trouble = errno.ENETDOWN
         for k in range(1, 20):
             assert not fd_sink.send(state(k))
         assert not fd_sink.up
@@ -151,23 +139,22 @@ def test_interface_down_and_back(channel: str, flaky: Flaky, fd_sink: CanFdSink)
 
 
 def test_full_buffer_drops_and_keeps_the_bus(flaky: Flaky, fd_sink: CanFdSink) -> None:
-    bus = flaky.bus
     reports = Reports(fd_sink)
-    flaky.fail(errno.ENOBUFS)
+    flaky.trouble = errno.ENOBUFS
     until(lambda: not (fd_sink.send(state(1)) or fd_sink.up), "drops for long are a lost link")
-    flaky.fail(None)
+    flaky.trouble = 0
     assert fd_sink.send(state(2))
     assert fd_sink.up
-    flaky.fail(errno.ENOBUFS)
+    flaky.trouble = errno.ENOBUFS
     fd_sink.post(CanFrame(0x85, bytes(8)))  # an emergency: the stall is reported without further samples
     reports.wait(FaultCode.LINK_DOWN)
-    flaky.fail(None)
+    flaky.trouble = 0
     fd_sink.post(CanFrame(0x85, bytes(8)))
     reports.wait()
-    assert flaky.bus is bus
+    assert flaky.opened_n == 1
     assert fd_sink.counters.reconnects == 0
     patient = CanFdSink("patient", flaky, params=replace(PARAMS, stall_s=SOON_S))
-    flaky.fail(errno.ENOBUFS)
+    flaky.trouble = errno.ENOBUFS
     assert not patient.send(state(3))
     assert patient.up  # one full buffer is no lost link
     patient.close()
@@ -187,11 +174,11 @@ def test_a_blocked_medium_does_not_block_the_loop(channel: str, slow: tuple[Flak
     flaky, sink = slow
     reports = Reports(sink)
     with can.Bus(interface="virtual", channel=channel) as host:
-        flaky.hang(True)
+        flaky.free.clear()
         results = [sink.send(state(k)) for k in range(100)]  # would never end if it waited
         reports.wait(FaultCode.LINK_DOWN)  # a write that does not end is a lost link
         assert not sink.up
-        flaky.hang(False)
+        flaky.free.set()
         assert sink.drain(SOON_S)
         reports.wait()
         samples = []
@@ -210,14 +197,14 @@ def test_answers_overtake_samples_and_detail_waits(channel: str, slow: tuple[Fla
         return sink.post_spaced("detail", [sink.encode_detail(bytes(64))], 0.0)
 
     with can.Bus(interface="virtual", channel=channel) as host:
-        flaky.hang(True)
+        flaky.free.clear()
         sink.send(state(0))
         until(lambda: sink._writing_since_s, "the worker writes")
         assert [detail_taken(), detail_taken()] == [True, False]
         sink.send(state(1))
         sink.post(CanFrame(0x581, b"answer"))
         assert not detail_taken()
-        flaky.hang(False)
+        flaky.free.set()
         ids = [m.arbitration_id for m in (host.recv(SOON_S) for _ in range(4)) if m]
         assert sink.drain(SOON_S)
         until(lambda: sink.counters.detail_sent == 1, "detail counted")
@@ -247,14 +234,10 @@ class Pty:
     def samples(self, n: int) -> list[int]:
         """The next n samples that came in."""
         data = b""
-
-        def complete() -> bool:
-            nonlocal data
-            with suppress(BlockingIOError):
-                data += os.read(self.master, 4096)
-            return data.count(b"\0") >= n
-
-        until(complete, f"{n} frames")
+        os.set_blocking(self.master, True)
+        while data.count(b"\0") < n:
+            data += os.read(self.master, 4096)
+        os.set_blocking(self.master, False)
         frames = [decode_frame(block) for block in data.split(b"\0") if block]
         assert [frame[0] for frame in frames] == [Message.STATE] * n
         return [unpack_state(frame[1]).sample for frame in frames]
@@ -329,3 +312,57 @@ def test_detail_is_spaced_by_what_a_frame_takes(pty: Pty, channel: str) -> None:
     assert isinstance(bus, CanFdSink)
     assert bus.frame_s(64) == pytest.approx(405.5e-6)
     bus.close()
+
+
+class Failing:
+    """Its next `recv` raises."""
+
+    def __init__(self, error: Exception, cause: Exception | None) -> None:
+        self._error, self._cause = error, cause
+
+    def recv(self, timeout: float) -> None:
+        raise self._error from self._cause
+
+
+def test_a_datagram_without_a_frame_is_counted_and_dropped() -> None:
+    junk = Failing(can.CanOperationError("could not unpack received message"), ValueError("extra data"))
+    bus = OpenBus(junk, "udp_multicast")  # type: ignore[arg-type]
+    medium = CanMedium(bus, instant=True)
+    assert [medium.read(0.0) for _ in range(1000)] == [None] * 1000
+    assert bus.junk_n == 1000
+
+
+@pytest.mark.parametrize(
+    ("interface", "cause"),
+    [
+        ("udp_multicast", OSError("the interface went down")),
+        ("udp_multicast", None),
+        ("slcan", OSError("the adapter was unplugged")),
+        ("slcan", ValueError("the descriptor is closed")),
+        ("pcan", ValueError("a driver's own error, which no datagram caused")),
+        ("kvaser", IndexError("the same")),
+    ],
+)
+def test_a_failed_bus_is_not_counted_as_junk(interface: str, cause: Exception | None) -> None:
+    bus = OpenBus(Failing(can.CanOperationError("failed"), cause), interface)  # type: ignore[arg-type]
+    with pytest.raises(MediumError):
+        CanMedium(bus, instant=True).read(0.0)
+    assert bus.junk_n == 0
+
+
+@pytest.mark.parametrize("cost_s", [20e-6, 100e-6, 1e-3])
+def test_a_reader_that_never_waits_is_throttled_to_its_share(cost_s: float) -> None:
+    """Simulated: endless messages, each with this processor time."""
+    now_s = cpu_s = 0.0
+    budget = ReadBudget(cpu_s, now_s)
+    while now_s < 10.0:
+        now_s, cpu_s = now_s + cost_s, cpu_s + cost_s
+        now_s += budget.pause_s(cpu_s, now_s)
+    assert cpu_s / now_s < 1.2 * PARAMS.read_rel
+
+
+def test_a_reader_that_mostly_waits_is_not_throttled() -> None:
+    budget, now_s, cpu_s = ReadBudget(0.0, 0.0), 0.0, 0.0
+    for _ in range(5000):
+        now_s, cpu_s = now_s + 400e-6, cpu_s + 80e-6  # an upload: a segment, its answer, and waiting
+        assert budget.pause_s(cpu_s, now_s) == 0.0

@@ -203,19 +203,6 @@ def test_real_grey_stills_show_331_pins_and_nothing_outside(real_dir: Path) -> N
             assert np.hypot(*(pins.xy_img - pattern.centre_img).T).max() < 190
 
 
-@pytest.mark.real
-def test_real_thresholded_stills(real_dir: Path) -> None:
-    folder = real_dir / "tactip331_binary"
-    rest = take_rest([read_grey(folder / "rest.png")])
-    assert len(rest) == 331
-    counts = []
-    for file in sorted((folder / "frames").glob("*.png"))[::40]:
-        counts.append(len(detect(read_grey(file), rest.pattern)))
-    assert max(counts) <= 331
-    assert np.median(counts) == 331
-    assert min(counts) >= 325  # some frames push pins out of the picture
-
-
 VIDEOS = {"Movement4": (110, 135), "north": (80, 135), "west": (80, 135), "flatSkin": (260, 420)}
 
 

@@ -22,23 +22,16 @@ from tests.support.refusals import one_line
 CAMERA = Camera(tip=Tip(n_pins=127, kind="hex"), size_px=(480, 400), k1=-0.25, k2=0.05, centre_px=(9.0, -5.0))
 QUIET = Appearance(read_noise=0.0, shot_noise=0.0)
 FISHEYE = Lens(
-    model="fisheye",
-    size_px=(480, 400),
-    focal_px=(210.0, 212.0),
-    centre_px=(236.0, 203.0),
+    model="fisheye", size_px=(480, 400), focal_px=(210.0, 212.0), centre_px=(236.0, 203.0),
     distortion=(0.05, -0.01, 0.003, 0.0),
-)
+)  # fmt: skip
 
 
 def lens_of(camera: Camera) -> Lens:
     """The simulated camera's own."""
-    x, y = camera.centre_img
-    return Lens(
-        size_px=camera.size_px,
-        focal_px=(camera.focal_px, camera.focal_px),
-        centre_px=(float(x), float(y)),
-        distortion=(camera.k1, camera.k2, 0.0, 0.0),
-    )
+    (x, y), focal_px = camera.centre_img.tolist(), (camera.focal_px, camera.focal_px)
+    distortion = (camera.k1, camera.k2, 0.0, 0.0)
+    return Lens(size_px=camera.size_px, focal_px=focal_px, centre_px=(x, y), distortion=distortion)
 
 
 LENS = lens_of(CAMERA)
@@ -141,10 +134,7 @@ GOOD = text_of(LENS, "of a test")
         (GOOD.replace("focal_px", "focus"), "unknown key 'focus'|lacks focal_px"),
         (GOOD.replace("pinhole", "mirror"), "unknown value 'mirror'"),
         (GOOD.replace("0.05, 0.0, 0.0]", "0.05]"), "must have at least 4 items"),
-        (
-            GOOD.replace("0.05, 0.0, 0.0]", "0.05, 0.0, 0.0, 0.0, 0.0]"),
-            "6 numbers; a pinhole has 4 or 5",
-        ),
+        (GOOD.replace("0.05, 0.0, 0.0]", "0.05, 0.0, 0.0, 0.0, 0.0]"), "6 numbers; a pinhole has 4 or 5"),
         (GOOD.replace("-0.25", "nan"), "a number from -1000 to 1000, is NaN"),
         ("no toml", "not TOML"),
     ],

@@ -15,12 +15,9 @@ pytestmark = pytest.mark.kernels
 SIZE = (300, 300)
 # radius, blur, brightness, ground, noise
 DISCS = [
-    (2.8, 0.6, 90, 60, 2),
-    (3.0, 1.2, 60, 110, 2),
-    (5.3, 0.8, 110, 27, 2),
-    (6.0, 1.2, 110, 27, 4),
+    (2.8, 0.6, 90, 60, 2), (3.0, 1.2, 60, 110, 2), (5.3, 0.8, 110, 27, 2), (6.0, 1.2, 110, 27, 4),
     (9.5, 1.0, 120, 60, 2),
-]
+]  # fmt: skip
 
 
 def fitted(image: Image, start: Array, radius: float, edge: float, support: float) -> Array:
@@ -43,6 +40,12 @@ def fitted(image: Image, start: Array, radius: float, edge: float, support: floa
         if np.hypot(*step) < 1e-6:
             break
     return np.array([x, y])
+
+
+def plain(brightness: float, noise: float = 1.0) -> tuple[Array, CentroidRefiner]:
+    """Places of 37 pins, and their refiner."""
+    truth = hexagon(3, 22.0, (150.0, 150.0))
+    return truth, CentroidRefiner(known_rest(truth, 6.0, 0.9, brightness, noise, 22.0, SIZE))
 
 
 @pytest.mark.parametrize(("radius", "blur", "brightness", "ground", "noise"), DISCS)
@@ -87,9 +90,8 @@ def test_noise_is_near_the_bound_and_matches_sigma(
 
 
 def test_the_result_does_not_depend_on_where_the_window_started() -> None:
-    truth = hexagon(3, 22.0, (150.0, 150.0))
+    truth, refiner = plain(120)
     image = expose(draw(SIZE, truth, 6.0, 0.9, 120, 30), 0.0, np.random.default_rng(0))
-    refiner = CentroidRefiner(known_rest(truth, 6.0, 0.9, 120, 1.0, 22.0, SIZE))
     rng = np.random.default_rng(3)
     answers = [refiner.refine(image, truth + rng.uniform(-3, 3, truth.shape)).xy_img for _ in range(10)]
     assert np.ptp(answers, axis=0).max() < 0.02
@@ -98,9 +100,8 @@ def test_the_result_does_not_depend_on_where_the_window_started() -> None:
 
 def test_a_slope_of_the_background_causes_no_bias() -> None:
     """A reflection's flank, one level a pixel: a centroid over its ring's mean would be off by 0.2 px."""
-    truth = hexagon(3, 22.0, (150.0, 150.0))
+    truth, refiner = plain(80)
     clean = draw(SIZE, truth, 6.0, 0.9, 80, 20) + 0.8 * np.abs(np.arange(300) - 150.0)[None, :]
-    refiner = CentroidRefiner(known_rest(truth, 6.0, 0.9, 80, 1.0, 22.0, SIZE))
     pins = refiner.refine(expose(clean, 1.0, np.random.default_rng(4)), truth)
     away = np.abs(truth[:, 0] - 150.0) > 10  # not on the crease
     assert np.abs((pins.xy_img - truth)[away]).max() < 0.06
@@ -108,25 +109,21 @@ def test_a_slope_of_the_background_causes_no_bias() -> None:
 
 @pytest.mark.parametrize("gain", [0.5, 2.0])
 def test_gain_of_two_is_followed(gain: float) -> None:
-    truth = hexagon(3, 22.0, (150.0, 150.0))
-    refiner = CentroidRefiner(known_rest(truth, 6.0, 0.9, 60, 1.0, 22.0, SIZE))
-    pins = refiner.refine(
-        expose(gain * draw(SIZE, truth, 6.0, 0.9, 60, 30), 1.0, np.random.default_rng(5)), truth
-    )
+    truth, refiner = plain(60)
+    image = expose(gain * draw(SIZE, truth, 6.0, 0.9, 60, 30), 1.0, np.random.default_rng(5))
+    pins = refiner.refine(image, truth)
     assert np.abs(pins.xy_img - truth).max() < 0.1
 
 
 def test_missing_and_covered_pins_are_lost_and_half_hidden_ones_less_certain() -> None:
-    truth = hexagon(3, 22.0, (150.0, 150.0))
+    truth, refiner = plain(120, noise=2.0)
     shown = np.delete(truth, 5, axis=0)
     clean = draw(SIZE, shown, 6.0, 0.9, 120, 30)
     x, y = truth[20]
     clean[round(y) - 15 : round(y) + 16, round(x) - 15 : round(x) + 16] = 255  # glare fills the window
     x, y = truth[30]
     clean[round(y) - 9 : round(y) + 10, round(x) - 9 : round(x)] = 30  # left half hidden
-    pins = CentroidRefiner(known_rest(truth, 6.0, 0.9, 120, 2.0, 22.0, SIZE)).refine(
-        expose(clean, 2.0, np.random.default_rng(6)), truth
-    )
+    pins = refiner.refine(expose(clean, 2.0, np.random.default_rng(6)), truth)
     assert np.isnan(pins.xy_img[[5, 20]]).all()
     assert np.isnan(pins.sigma_px[[5, 20]]).all()
     error = np.hypot(*(pins.xy_img[30] - truth[30]))

@@ -25,11 +25,6 @@ def simulator() -> Simulator:
     return Simulator(Camera(tip=TIP, size_px=(320, 320)))
 
 
-def touch_of(depth_mm: float, tilt_deg: float) -> Image:
-    """Of a flat surface."""
-    return simulator().frame((ToolPose(depth_mm=depth_mm, tilt_x_deg=tilt_deg),)).image
-
-
 def touches(depths_mm: np.ndarray) -> list[Image]:
     """A flat surface at these depths, tilted and sheared at random."""
     one = simulator()
@@ -85,7 +80,7 @@ def recording(folder: Path, images: list[Image]) -> RecordedSource:
 
 
 def test_a_recording_that_begins_touched_gets_an_untouched_rest_frame(tmp_path: Path) -> None:
-    under_load = [touch_of(depth_mm=3.0, tilt_deg=15.0)] * 8
+    under_load = [simulator().frame((ToolPose(depth_mm=3.0, tilt_x_deg=15.0),)).image] * 8
     resting = [simulator().frame().image for _ in range(8)]
     given = rest_if_touched(recording(tmp_path / "begins_touched", [*under_load, *resting]))
     assert given is not None

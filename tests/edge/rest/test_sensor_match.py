@@ -19,7 +19,8 @@ from edge.pins import take_rest
 from edge.rest.sensor_match import CLEAR, layout_of, match_layout, mm_per_px, recognise
 from edge.sensors import known_sensors, load_sensor, missing_pins
 from edge.sources import open_source, read_image
-from edge.types import Image, Pins, Rest
+from edge.types import Image, Rest
+from tests.support.layouts import only, pins_at
 
 SIMULATED = ("gelsight-mini", "square-grid", "tactip-127", "tactip-331")
 KNOWN = known_sensors()
@@ -89,9 +90,9 @@ def test_dark_square_grids_of_others_are_not_named(
     own = (columns, rows) == (10, 7)
     xy = pitch_px * np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
     xy += (np.array(size_px) - 1 - xy.max(axis=0)) / 2
-    ones, pattern = np.ones(len(xy)), rest_of("gelsight-mini").pattern
+    pattern = rest_of("gelsight-mini").pattern
     pattern = replace(pattern, size_px=size_px, pitch_px=pitch_px, centre_img=np.array(size_px) / 2)
-    rest = Rest(Pins(xy.astype(np.float64), 0.05 * ones, 5 * ones, 100 * ones), pattern)
+    rest = Rest(pins_at(xy.astype(np.float64), 5.0), pattern)
     assert (recognise(rest, KNOWN) is not None) == own
     assert (mm_per_px(load_sensor("gelsight-mini"), rest) is not None) == own
 
@@ -103,9 +104,7 @@ def test_pins_in_no_layout_are_no_sensor() -> None:
         xy = rng.uniform(20, 380, 2)
         if np.hypot(*(np.array(placed) - xy).T).min() > 22:
             placed.append(xy)
-    regular = rest_of("tactip-127")
-    ones = np.ones(len(placed))
-    rest = Rest(Pins(np.array(placed), 0.05 * ones, 5 * ones, 100 * ones), regular.pattern)
+    rest = Rest(pins_at(np.array(placed), 5.0), rest_of("tactip-127").pattern)
     assert recognise(rest, KNOWN) is None
     assert layout_of(rest) is None
 
@@ -121,13 +120,8 @@ def test_the_polarity_counts() -> None:
 
 @pytest.mark.parametrize("lost_n", [5, 30])
 def test_a_few_missing_pins_are_counted_and_many_make_it_unknown(lost_n: int) -> None:
-    whole, sensor = rest_of("tactip-127"), load_sensor("tactip-127")
-    keep = np.sort(np.random.default_rng(7).permutation(127)[lost_n:])
-    pins = whole.pins
-    fewer = Rest(
-        Pins(pins.xy_img[keep], pins.sigma_px[keep], pins.radius_px[keep], pins.brightness[keep]),
-        whole.pattern,
-    )
+    sensor = load_sensor("tactip-127")
+    fewer = only(rest_of("tactip-127"), np.sort(np.random.default_rng(7).permutation(127)[lost_n:]))
     assert (recognise(fewer, [sensor]) is not None) == (lost_n == 5)
     assert missing_pins(sensor, len(fewer)) == f"{127 - lost_n} pins found, TacTip, 127 pins has 127"
     assert missing_pins(sensor, 127) == ""
@@ -139,10 +133,8 @@ def test_a_grid_behind_a_fisheye_is_still_a_grid() -> None:
     xy = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
     far = np.hypot(*xy.T)
     bent = xy * (np.arctan(0.09 * far) / np.maximum(0.09 * far, 1e-9))[:, None]
-    ones = np.ones(len(xy))
     pattern = replace(rest_of("square-grid").pattern, centre_img=np.array([320.0, 320.0]), pitch_px=25.0)
-    rest = Rest(Pins(320 + 30 * bent, 0.05 * ones, 5 * ones, 100 * ones), pattern)
-    match = match_layout(rest, "square")
+    match = match_layout(Rest(pins_at(320 + 30 * bent, 5.0), pattern), "square")
     assert match.pins_on == 1.0
     assert match.residual < 0.5 * CLEAR
 
@@ -152,7 +144,7 @@ def _first_images(video: Path) -> list[Image]:
 
 
 @pytest.mark.real
-def test_real_sensors_are_recognised(real_dir: Path) -> None:
+def test_real_sensors_are_recognised_and_home_made_tips_are_none(real_dir: Path) -> None:
     binary = recognise(take_rest([read_image(real_dir / "tactip331_binary" / "rest.png")]), KNOWN)
     assert binary is not None
     assert binary.sensor.name == "tactip-331"
@@ -162,10 +154,6 @@ def test_real_sensors_are_recognised(real_dir: Path) -> None:
     assert found.sensor.name == "gelsight-mini"
     # The maker writes 0.0625 and, elsewhere, 0.0634 mm a pixel.
     assert mm_per_px(found.sensor, mini) == pytest.approx(0.063, abs=0.001)
-
-
-@pytest.mark.real
-def test_home_made_tips_are_no_known_sensor(real_dir: Path) -> None:
     for name in ("north", "west", "Movement4"):
         assert recognise(take_rest(_first_images(real_dir / "video" / f"{name}.avi")), KNOWN) is None
 

@@ -52,24 +52,21 @@ def images(frames: list[Frame], k: int) -> list[Image]:
     return [np.clip(np.rint(image), 0, 255).astype(np.uint8) for image in noisy]
 
 
-@pytest.mark.parametrize("k", [10, 25])
-def test_a_steady_touch_is_no_rest_frame(frames: list[Frame], calibration: Calibration, k: int) -> None:
-    reference = take_rest(images(frames, 0))
-    knowns: tuple[dict[str, Any], ...] = ({"calibration": calibration}, {"reference": reference})
+@pytest.mark.parametrize(("k", "untouched"), [(10, 3), (25, 7)])
+def test_an_untouched_tip_is_a_rest_frame_and_a_steady_touch_is_none(
+    frames: list[Frame], calibration: Calibration, k: int, untouched: int
+) -> None:
+    knowns: tuple[dict[str, Any], ...] = (
+        {"calibration": calibration}, {"reference": take_rest(images(frames, 0))},
+    )  # fmt: skip
     for known in knowns:
+        assert take_rest_frame(images(frames, untouched), **known).reason is RestFrameReason.NONE
         with pytest.raises(TareRefused, match="something touches the tip") as refused:
             take_rest_frame(images(frames, k), **known)
         assert refused.value.reason is RestFrameReason.TOUCHED
         forced = take_rest_frame(images(frames, k), force=True, **known)
         assert forced.reason is RestFrameReason.TOUCHED
         assert "touches" in forced.message
-
-
-def test_an_untouched_tip_is_a_rest_frame(frames: list[Frame], calibration: Calibration) -> None:
-    reference = take_rest(images(frames, 0))
-    for k in (3, 7):
-        assert take_rest_frame(images(frames, k), calibration=calibration).reason is RestFrameReason.NONE
-        assert take_rest_frame(images(frames, k), reference=reference).reason is RestFrameReason.NONE
 
 
 def test_pins_unlike_the_calibrations_are_found_all_the_same(
@@ -348,15 +345,9 @@ def pressed_for_ever(data_dir: Path) -> Iterator[Paced]:
         yield source
 
 
-def test_samples_go_on_while_a_rest_frame_is_checked(
-    pressed_for_ever: Paced, calibration: Calibration, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    finger = Finger([], calibration, source=pressed_for_ever)
-    measured = threading.Semaphore(0)
-    finger.loop.result_callbacks.append(lambda *_: measured.release())
-    thread = threading.Thread(target=finger.loop.run)
-    thread.start()
-    assert measured.acquire(timeout=SOON_S)
+@pytest.fixture
+def held(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[threading.Event, threading.Event]]:
+    """A check of a rest frame has begun; it may go on."""
     begun, go_on = threading.Event(), threading.Event()
 
     def checked(*arguments: Any, **options: Any) -> RestFrame:
@@ -365,6 +356,22 @@ def test_samples_go_on_while_a_rest_frame_is_checked(
         return take_rest_frame(*arguments, **options)
 
     monkeypatch.setattr(measurement, "take_rest_frame", checked)
+    yield begun, go_on
+    go_on.set()
+
+
+def test_samples_go_on_while_a_rest_frame_is_checked(
+    pressed_for_ever: Paced, calibration: Calibration, held: tuple[threading.Event, threading.Event]
+) -> None:
+    finger, (begun, go_on) = Finger([], calibration, source=pressed_for_ever), held
+    measured = threading.Semaphore(0)
+    finger.loop.result_callbacks.append(lambda *_: measured.release())
+    thread = threading.Thread(target=finger.loop.run)
+    go_on.set()
+    thread.start()
+    assert measured.acquire(timeout=SOON_S)
+    go_on.clear()
+    begun.clear()
     request = finger.loop.measurement.tare.ask(force=True)
     assert begun.wait(SOON_S)
     while measured.acquire(blocking=False):
@@ -379,26 +386,13 @@ def test_samples_go_on_while_a_rest_frame_is_checked(
 
 
 def test_a_loop_ends_at_once_while_its_first_rest_frame_is_checked(
-    pressed_for_ever: Paced, monkeypatch: pytest.MonkeyPatch
+    pressed_for_ever: Paced, held: tuple[threading.Event, threading.Event]
 ) -> None:
     finger = Finger([], None, source=pressed_for_ever)
-    begun, over = threading.Event(), threading.Event()
-
-    def endless(*_: Any, **__: Any) -> RestFrame:
-        begun.set()
-        assert over.wait(SOON_S)
-        raise TareRefused(RestFrameReason.OTHER, "the loop has ended")
-
-    monkeypatch.setattr(measurement, "take_rest_frame", endless)
     thread = threading.Thread(target=finger.loop.run)
     thread.start()
-    try:
-        assert begun.wait(SOON_S)
-        finger.loop.stop()
-        thread.join(SOON_S)
-        assert not thread.is_alive()
-        assert not over.is_set()
-    finally:
-        over.set()
-        thread.join()
+    assert held[0].wait(SOON_S)
+    finger.loop.stop()
+    thread.join(SOON_S)
+    assert not thread.is_alive()
     assert finger.loop.measurement.pipeline is None

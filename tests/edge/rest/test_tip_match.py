@@ -10,16 +10,12 @@ from calib.sim import Camera, Simulator, Tip
 from edge.errors import CalibrationError
 from edge.pins import take_rest
 from edge.rest.tip_match import in_order_of
-from edge.types import Pins, Rest
+from edge.types import Rest
+from tests.support.layouts import only
 
 
 def rest_of(tip: Tip, seed: int = 0, size: tuple[int, int] = (240, 240)) -> Rest:
     return take_rest([Simulator(Camera(tip=tip, size_px=size), seed=seed).frame().image])
-
-
-def only(rest: Rest, kept: np.ndarray) -> Rest:
-    p = rest.pins
-    return Rest(Pins(p.xy_img[kept], p.sigma_px[kept], p.radius_px[kept], p.brightness[kept]), rest.pattern)
 
 
 @pytest.fixture(scope="module")

@@ -20,13 +20,8 @@ save(Path(sys.argv[1]), b"new")
 def test_only_leftovers_of_interrupted_uploads_are_removed(tmp_path: Path) -> None:
     calibration = tmp_path / "calibration.json"
     calibration.write_bytes(b"old")
-    others = [
-        ".calibration.part.json",
-        ".calibration.json.bak",
-        "x.calibration.abcdefgh.part.json",
-        "settings.json",
-    ]
-    for name in others:
+    other = "x.calibration.abcdefgh.part.json"
+    for name in (".calibration.part.json", ".calibration.json.bak", other, "settings.json"):
         (tmp_path / name).write_text("theirs")
     (tmp_path / ".calibration.afolder_.part.json").mkdir()
     (tmp_path / ".calibration.linked__.part.json").symlink_to(calibration)

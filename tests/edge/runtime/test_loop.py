@@ -9,11 +9,10 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import cv2
 import numpy as np
@@ -28,7 +27,7 @@ from edge.runtime.board_monitor import BoardMonitor
 from edge.runtime.loop import Loop
 from edge.types import Clock, Frame, Image
 from hostlink.wire import FAULTS, FaultCode, RestFrameState, State, Status
-from tests.support.fault_injection import _PICTURES
+from tests.support.fault_injection import _PICTURES, EXPECTED
 from tests.support.finger import PERIOD_NS, Camera, Finger
 from tests.support.images import grey
 from tests.support.waiting import SOON_S, until
@@ -41,23 +40,15 @@ def measured(state: State) -> bool:
     return not math.isnan(state.displacement_mm) or state.contact_n > 0
 
 
-def assert_right_or_flagged(state: State, truth: State) -> bool:
-    """Whether it is flagged: then it has no values."""
-    if state.status & (Status.PINS_LOST | Status.TRACKER_LOST):
-        assert not measured(state)
-        return True
-    assert state.displacement_mm == pytest.approx(truth.displacement_mm, abs=0.4)
-    assert state.shear_x_mm == pytest.approx(truth.shear_x_mm, abs=0.4)
-    return False
-
-
-@pytest.mark.parametrize(
-    "seed", [23, 34, 42, 49, 57, 69, 77, 81, 94, 147, 148]
-)  # once wrong by 0.4 mm and more
+@pytest.mark.parametrize("seed", [23, 34, 42, 49, 57, 69, 77, 81, 94, 147, 148])  # once wrong by 0.4 mm
 def test_noise_over_a_contact_gives_no_wrong_value(finger: Finger, seed: int) -> None:
     truth = finger.show(*range(8, len(finger.frames)))
-    noisy: Image = _PICTURES["corrupt"](finger.frames[-1].image, np.random.default_rng(seed))
-    assert_right_or_flagged(finger.see(noisy), truth)
+    state = finger.see(_PICTURES["corrupt"](finger.frames[-1].image, np.random.default_rng(seed)))
+    if state.status & (Status.PINS_LOST | Status.TRACKER_LOST):
+        assert not measured(state)
+    else:
+        assert state.displacement_mm == pytest.approx(truth.displacement_mm, abs=0.4)
+        assert state.shear_x_mm == pytest.approx(truth.shear_x_mm, abs=0.4)
 
 
 def test_pins_are_searched_for_after_a_gap(finger: Finger) -> None:
@@ -106,24 +97,12 @@ def test_a_camera_that_was_knocked_untouched_may_come_back_under_a_touch(finger:
     assert finger.see(finger.frames[20].image).status == Status.TOUCHED
 
 
-PICTURES: list[tuple[str, FaultCode]] = [
-    ("black", FaultCode.IMAGE_DARK),
-    ("dim", FaultCode.IMAGE_DARK),
-    ("bright", FaultCode.IMAGE_BRIGHT),
-    ("blur", FaultCode.IMAGE_BLURRED),
-    ("shift", FaultCode.CAMERA_MOVED),
-    ("cover", FaultCode.PINS_LOST),
-]
-
-
-@pytest.mark.parametrize(("kind", "code"), PICTURES)
-def test_image_faults_are_announced_with_their_image_and_cleared(
-    finger: Finger, kind: str, code: FaultCode
-) -> None:
+@pytest.mark.parametrize("kind", ["black", "dim", "bright", "blur", "shift", "cover"])
+def test_image_faults_are_announced_with_their_image_and_cleared(finger: Finger, kind: str) -> None:
     random = np.random.default_rng(0)
     finger.show(7)
     states = [finger.see(_PICTURES[kind](finger.frames[7].image, random)) for _ in range(5)]  # 50 ms
-    assert code in finger.faults
+    (code,) = EXPECTED[kind] & finger.faults
     assert STATUS[code] in states[-1].status
     assert finger.show(*[7] * 10).status == Status(0)
     assert not finger.faults
@@ -143,17 +122,12 @@ def test_a_touch_that_is_hidden_is_never_reported_as_none(finger: Finger, kind: 
 
 
 @pytest.mark.parametrize(
-    ("condition", "code"),
-    [
-        ("lost", FaultCode.CAMERA_LOST),
-        ("stalled", FaultCode.CAMERA_STALLED),
-        ("frozen", FaultCode.CAMERA_STALLED),
-    ],
+    ("condition", "kind"), [("lost", "lost"), ("stalled", "stall"), ("frozen", "freeze")]
 )
-def test_the_condition_of_the_camera_is_reported(finger: Finger, condition: str, code: FaultCode) -> None:
+def test_the_condition_of_the_camera_is_reported(finger: Finger, condition: str, kind: str) -> None:
     finger.camera.condition = condition
     state = finger.show(20)
-    assert finger.faults == {code}
+    assert finger.faults == EXPECTED[kind]
     assert Status.CAMERA_FAULT in state.status
     assert not measured(state)
     finger.camera.condition = ""
@@ -265,32 +239,20 @@ def test_brightness_of_a_waiting_image_is_reported_during_a_search(finger: Finge
     assert finger.faults == set()
 
 
-@contextmanager
-def running(loop: Loop) -> Iterator[None]:
-    """The loop in a thread of its own, which has ended afterwards."""
-    thread = threading.Thread(target=loop.run)
+def test_without_images_samples_go_on_with_the_reason(frames: list[Frame], calibration: Calibration) -> None:
+    awake = Finger(frames, calibration, clock_ns=time.monotonic_ns)
+    before = len(awake.sink.states)
+    thread = threading.Thread(target=awake.loop.run)
     thread.start()
-    yield
-    loop.stop()
+    for _ in range(20):  # a slow camera is no fault
+        assert awake.camera.waiting.acquire(timeout=SOON_S)
+    assert awake.loop.post(lambda: 42).result(SOON_S) == 42  # commands run without images
+    assert len(awake.sink.states) == before
+    awake.camera.condition = "lost"
+    until(lambda: len(awake.sink.states) >= before + 3)
+    awake.loop.stop()
     thread.join(SOON_S)
     assert not thread.is_alive()
-
-
-@pytest.fixture
-def awake(frames: list[Frame], calibration: Calibration) -> Finger:
-    """A finger on the real clock."""
-    return Finger(frames, calibration, clock_ns=time.monotonic_ns)
-
-
-def test_without_images_samples_go_on_with_the_reason(awake: Finger) -> None:
-    before = len(awake.sink.states)
-    with running(awake.loop):  # a slow camera is no fault
-        for _ in range(20):
-            assert awake.camera.waiting.acquire(timeout=SOON_S)
-        assert awake.loop.post(lambda: 42).result(SOON_S) == 42  # commands run without images
-        assert len(awake.sink.states) == before
-        awake.camera.condition = "lost"
-        until(lambda: len(awake.sink.states) >= before + 3)
     assert not awake.camera.ended  # a stop, from a signal handler, closes nothing
     beats = list(awake.sink.states)[before:]
     assert all(Status.CAMERA_FAULT in s.status and not measured(s) for s in beats)
@@ -341,21 +303,10 @@ def test_a_failing_viewer_is_disconnected(finger: Finger) -> None:
     assert bad not in finger.loop.result_callbacks
 
 
-class Recorder:
-    fault: str | None = None
-    dropped_n = 0
-
-    def __getattr__(self, name: str) -> Callable[..., bool]:
-        return lambda *_, **__: True
-
-
 def test_a_failing_recorder_ends_only_the_recording(finger: Finger) -> None:
-    class Broken(Recorder):
-        def take(self, *_: object) -> None:
-            raise OSError("gone")
-
-    broken: Any = Broken()
-    finger.loop.session.recorder = broken
+    recorder = Mock(fault=None, dropped_n=0)
+    recorder.take.side_effect = OSError("gone")
+    finger.loop.session.recorder = recorder
     assert measured(finger.see(finger.frames[20].image))
     assert finger.loop.session.recorder is None
     assert finger.faults == {FaultCode.DISK_FULL}
@@ -378,9 +329,7 @@ def test_the_service_manager_gets_ready_watchdog_and_stopping(data_dir: Path, tm
         manager.bind(str(tmp_path / "notify"))
         manager.settimeout(SOON_S)
         messages = iter(lambda: manager.recv(1000), b"")
-        received = (
-            message for message in messages if not message.startswith(b"STATUS=")
-        )  # without status texts
+        received = (message for message in messages if not message.startswith(b"STATUS="))
         environment = {**os.environ, "NOTIFY_SOCKET": str(tmp_path / "notify"), "WATCHDOG_USEC": "400000"}
         command = [sys.executable, "-m", "edge", "replay", str(data_dir / "press.mcap"), "--loop", "--json"]
         with subprocess.Popen(

@@ -5,64 +5,51 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-import can
 import pytest
 from mcap.reader import make_reader
 
 from edge.calibration import Calibration
-from edge.link.sinks import open_sink
+from edge.link.sinks import MemorySink
 from edge.recording.reader import read_messages
 from edge.recording.writer import Recorder
 from edge.runtime.loop import Loop
 from edge.sources import open_source
 from hostlink.bridge.foxglove import FoxgloveOutlet
-from hostlink.decoder import CanDecoder, Sample
 from hostlink.topics import Diagnosis, Level, values_of
 from hostlink.web import Listen
-from hostlink.wire import State
+from hostlink.wire import State, pack_state, unpack_state
 from tests.hostlink.bridge.hand import Hand
 from tests.support.waiting import SOON_S
 
 
 @pytest.fixture(scope="module")
-def recorded(data_dir: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Sample]]:
-    """A recording, and the samples decoded by a host on the bus."""
-    path = tmp_path_factory.mktemp("recorded") / "a.mcap"
-    received: list[Sample] = []
-    decoder = CanDecoder()
-    with can.Bus("recorded", interface="virtual", receive_own_messages=False) as bus:
-        sink = open_sink("virtual:recorded")
-        loop = Loop(
-            open_source(str(data_dir / "press.mcap")),
-            [sink],
-            Calibration.load(data_dir / "rings331_ball.json"),
-        )
-        with Recorder(path, tip={"serial": "T-3"}, rate_hz=60) as recorder:
-            recorder.finger = 3
-            loop.session.recorder = recorder
-            loop.run()
-        sink.close()
-        while (message := bus.recv(0.5)) is not None:
-            events = decoder.receive(message.arbitration_id, bytes(message.data), message.timestamp)
-            received += [event for event in events if isinstance(event, Sample)]
+def recorded(data_dir: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[State]]:
+    """A recording, and the samples as a host receives them."""
+    path, sink = tmp_path_factory.mktemp("recorded") / "a.mcap", MemorySink()
+    calibration = Calibration.load(data_dir / "rings331_ball.json")
+    loop = Loop(open_source(str(data_dir / "press.mcap")), [sink], calibration)
+    with Recorder(path, tip={"serial": "T-3"}, rate_hz=60) as recorder:
+        recorder.finger = 3
+        loop.session.recorder = recorder
+        loop.run()
     assert recorder.fault is None
     assert recorder.dropped_n == recorder.refused_n == 0
-    return path, received
+    return path, [unpack_state(pack_state(state, 0)) for state in sink.states]
 
 
-def test_the_recording_holds_the_samples_of_the_bus(recorded: tuple[Path, list[Sample]]) -> None:
+def test_the_recording_holds_the_samples_of_the_bus(recorded: tuple[Path, list[State]]) -> None:
     path, received = recorded
     samples = [message for _, _, message in read_messages(path, ["/finger_3/sample"])]
     assert len(samples) == len(received) == 26
     for written, sent in zip(samples, received, strict=True):
-        assert written["sequence"] == sent.state.sample
-        assert written["values"] == json.loads(json.dumps(values_of(sent.state)))
+        assert written["sequence"] == sent.sample
+        assert written["values"] == json.loads(json.dumps(values_of(sent)))
     assert any(written["values"]["contacts"] for written in samples)
     scenes = [message.entities[0] for _, _, message in read_messages(path, ["/finger_3/contacts"])]
     for scene, sent in zip(scenes, received, strict=True):
         places = [(s.pose.position.x * 1e3, s.pose.position.y * 1e3) for s in scene.spheres]
-        assert places == [pytest.approx((c.x_mm, c.y_mm)) for c in sent.state.contacts]
-        assert (scene.frame_id, len(scene.arrows) > 0) == ("finger_3", sent.state.displacement_mm > 0)
+        assert places == [pytest.approx((c.x_mm, c.y_mm)) for c in sent.contacts]
+        assert (scene.frame_id, len(scene.arrows) > 0) == ("finger_3", sent.displacement_mm > 0)
     (report,) = [m["status"] for _, _, m in read_messages(path, ["/diagnostics"])]
     assert [(s["name"], s["hardware_id"]) for s in report] == [("finger_3", "T-3")]
     counts = Counter(topic for topic, _, _ in read_messages(path))
@@ -71,7 +58,7 @@ def test_the_recording_holds_the_samples_of_the_bus(recorded: tuple[Path, list[S
 
 
 def test_topics_and_schemas_are_those_of_the_bridge(
-    recorded: tuple[Path, list[Sample]], tmp_path: Path
+    recorded: tuple[Path, list[State]], tmp_path: Path
 ) -> None:
     def shared(path: Path) -> dict[str, tuple[str, str, str, Any]]:
         with path.open("rb") as file:

@@ -36,11 +36,8 @@ class Request:
     def get_metadata(self) -> dict[str, Any]:
         start_ns = self._camera.epoch_ns + 1000 * PERIOD_US * self._number
         self._camera.now_ns = start_ns + 1000 * PERIOD_US
-        return {
-            "SensorTimestamp": start_ns + 1000 * EXPOSURE_US,
-            "ExposureTime": EXPOSURE_US,
-            "FrameDuration": PERIOD_US,
-        }
+        taken_ns = start_ns + 1000 * EXPOSURE_US
+        return {"SensorTimestamp": taken_ns, "ExposureTime": EXPOSURE_US, "FrameDuration": PERIOD_US}
 
     def release(self) -> None:
         self._camera.released_n += 1
@@ -60,15 +57,10 @@ class Camera:
         self.config: dict[str, Any] = {}
 
     def create_video_configuration(
-        self,
-        main: Mapping[str, Any] = {},
-        lores: Mapping[str, Any] | None = None,
-        raw: Mapping[str, Any] | None = {},
-        *,
-        buffer_count: int = 6,
-        controls: Mapping[str, Any] = {},
+        self, main: Mapping[str, Any] = {}, lores: Mapping[str, Any] | None = None,
+        raw: Mapping[str, Any] | None = {}, *, buffer_count: int = 6, controls: Mapping[str, Any] = {},
         queue: bool = True,
-    ) -> dict[str, Any]:
+    ) -> dict[str, Any]:  # fmt: skip
         return {"main": dict(main), "raw": raw and dict(raw), "controls": dict(controls), "queue": queue}
 
     def configure(self, camera_config: dict[str, Any]) -> None:
@@ -163,12 +155,13 @@ def test_settings_are_given_in_picamera2_s_units() -> None:
     camera = Camera([R8])
     with opened(camera, rate_hz=250.0, exposure_us=1500, gain=4) as source:
         assert source.rate_hz == pytest.approx(250.0)
-    assert camera.config["controls"] == {
+    asked = {
         "FrameDurationLimits": (4000, 4000),
         "AeEnable": False,
         "ExposureTime": 1500,
         "AnalogueGain": 4.0,
     }
+    assert camera.config["controls"] == asked
 
 
 def test_lost_frames_are_gaps_in_the_numbers_and_a_lost_camera_is_opened_again() -> None:

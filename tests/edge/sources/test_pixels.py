@@ -14,7 +14,7 @@ from mcap.writer import Writer
 from edge.recording.topics import proto
 from edge.sources import open_source
 from edge.sources.pixels import LAYOUTS, unpack
-from edge.types import Image
+from edge.types import Frame, Image
 from tests.edge.sources.test_v4l2 import FakeCamera, Opened
 
 W, H = 64, 48
@@ -133,28 +133,38 @@ def mcap_of(path: Path, schema: str, data: bytes, encoding: str = "protobuf") ->
 
 def only(path: Path) -> Image:
     with closing(open_source(str(path))) as source:
-        return next(iter(source)).image
+        frame = next(iter(source))
+    assert frame.bits == 8 * frame.image.dtype.itemsize
+    return frame.image
 
 
-def seen_by_camera(fourcc: str, data: bytes) -> Image:
-    """As OpenCV gives the bytes of a format that it does not know."""
+def seen_by_camera(fourcc: str, data: bytes) -> Frame:
+    """As OpenCV gives the bytes of a format that it does not know; asked for without conversion."""
     camera = FakeCamera(formats=(fourcc.ljust(4),))
     camera.shown = np.frombuffer(data, np.uint8).reshape(1, -1)
-    with Opened(camera, format=fourcc) as opened:
-        return opened.next().image
+    with Opened(camera, format=fourcc.lower()) as opened:
+        assert camera.captures[-1].values[cv2.CAP_PROP_CONVERT_RGB] == 0
+        assert opened.source.size_px == (W, H)
+        return opened.next()
 
 
 JPEG = encoded(".jpg", colour())
 LUMA = cv2.imdecode(np.frombuffer(JPEG, np.uint8), cv2.IMREAD_GRAYSCALE)
 PICTURES: dict[str, tuple[bytes, Any]] = {
     "JPEG": (JPEG, LUMA),
-    "JPEG, turned": (
-        with_orientation(JPEG),
-        cv2.imdecode(np.frombuffer(JPEG, np.uint8), cv2.IMREAD_GRAYSCALE),
-    ),
+    "JPEG, turned": (with_orientation(JPEG), LUMA),
     "PNG": (encoded(".png", colour()), cv2.cvtColor(colour(), cv2.COLOR_BGR2GRAY)),
     "grey PNG of 16 bits": (encoded(".png", picture(16)), picture(16)),
 }
+
+
+@pytest.mark.parametrize("names", STORED)
+def test_the_formats_of_a_camera(names: str) -> None:
+    bits, data, _ = STORED[names]
+    for name in filter(str.isupper, names.replace("8UC", "").replace("16UC", "").split()):
+        frame = seen_by_camera(name, data)
+        assert frame.bits == bits
+        assert np.array_equal(frame.image, unpack(LAYOUTS[name], data, (W, H)))
 
 
 @pytest.mark.parametrize("kind", PICTURES)
@@ -163,7 +173,7 @@ def test_a_compressed_picture_is_the_same_everywhere(tmp_path: Path, kind: str) 
     suffix = ".jpg" if "JPEG" in kind else ".png"
     assert np.array_equal(from_folder(tmp_path, suffix, data), expected)
     assert np.array_equal(from_mcap(tmp_path, suffix, data), expected)
-    assert "JPEG" not in kind or np.array_equal(seen_by_camera("MJPG", data), expected)
+    assert "JPEG" not in kind or np.array_equal(seen_by_camera("MJPG", data).image, expected)
 
 
 def video_of(path: Path, is_color: bool) -> Path:
@@ -186,7 +196,7 @@ SOURCES: dict[str, Callable[[Path], Image]] = {
     "video": lambda path: only(video_of(path / "a.mkv", True)),
     "grey video": lambda path: only(video_of(path / "a.avi", False)),
     "MCAP": lambda path: from_mcap(path, ".png", encoded(".png", GREY)),
-    "camera": lambda path: seen_by_camera("GREY", GREY.tobytes()),
+    "camera": lambda path: seen_by_camera("GREY", GREY.tobytes()).image,
     "GIF": lambda path: only(gif_of(path / "a.gif")),
 }
 

@@ -1,11 +1,11 @@
-"""The arithmetic of the search: no blob twice, pieces that move alike, and assignments that cost least."""
+"""The arithmetic of the search: no blob twice, and assignments that cost least."""
 
 import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
 
 from edge.geometry.lattice import Lattice
-from edge.tracking.match import Links, NearestBlob, RegionGrower, assign
+from edge.tracking.match import NearestBlob, RegionGrower, assign
 from edge.tracking.outliers import LocalAffine
 from edge.types import Array, Index
 from tests.support.fields import hexagon
@@ -71,15 +71,6 @@ def test_a_grown_match_uses_no_blob_twice_and_moves_to_its_blobs() -> None:
     assert len(np.unique(blob[matched])) == matched.sum()
     np.testing.assert_array_equal(moved[matched], blobs[blob[matched]] - xy[matched])
     np.testing.assert_array_equal(motion, before)
-
-
-def test_pieces_end_where_the_motion_differs_and_at_unknown_pins() -> None:
-    pairs = np.array([[0, 1], [1, 2], [2, 3], [3, 4], [4, 5]], np.int32)
-    links = Links(6, pairs, np.array([1.0, 1.0, 1.0, 1.0, 1.0]))
-    motion = np.array([[0, 0], [0.9, 0], [1.8, 0], [3.0, 0], [3.0, 0], [3.0, 0]])
-    label = links.pieces(motion, np.array([True, True, True, True, False, True]))
-    assert label[0] == label[1] == label[2] != label[3]
-    assert len({int(label[k]) for k in (2, 3, 4, 5)}) == 4
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (4, 4), (12, 30), (25, 25), (0, 3)])

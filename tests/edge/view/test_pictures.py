@@ -9,11 +9,12 @@ import pytest
 
 from calib.figures import figure, surface_figure
 from edge.errors import InputError, SinkError
-from edge.types import Array, Features, Frame, Pins, Tracks
+from edge.types import Array, Features, Frame, Tracks
 from edge.view.palette import PAPER, PARAMS, SAFE, Palette, cell_colours, cell_rgba
 from edge.view.panels import View, draw_camera, draw_touch, picture, save_pins_overlay
 from edge.view.video import CODECS, write_video
 from tests.support.fields import contact_region
+from tests.support.layouts import pins_at, tracks_of
 from tests.support.processes import python
 
 Scene = tuple[View, Array, Tracks]
@@ -52,8 +53,7 @@ def features_of(
 @pytest.fixture
 def scene() -> Scene:
     xy = square_grid()
-    tracks = Tracks.of(xy, np.full(len(xy), 0.05), np.ones(len(xy), bool))
-    return View.of(xy, PITCH, SIZE), xy, tracks
+    return View.of(xy, PITCH, SIZE), xy, tracks_of(xy)
 
 
 def at(canvas: np.ndarray, view: View, xy_img: Array) -> tuple[int, int, int]:
@@ -142,17 +142,13 @@ def test_vectors_point_along_the_pins_motion(scene: Scene) -> None:
 
 def test_lost_pins_and_open_cells_are_skipped(scene: Scene) -> None:
     view, xy, _ = scene
-    seen = np.ones(len(xy), bool)
-    seen[8] = False
     lost = xy.copy()
     lost[8] = np.nan
-    tracks = Tracks.of(lost, np.where(seen, 0.05, np.nan), seen)
-    polygons = squares(xy)
+    tracks, polygons = tracks_of(lost), squares(xy)
     polygons[8] = np.empty((0, 2))
     polygons[9] = np.array([[0.0, 0.0], [np.inf, 0.0], [0.0, 1.0]])
     polygons[10] = np.array([[0.0, 0.0], [1e12, 0.0], [0.0, 1e12]])
-    change = np.where(seen, 0.1, np.nan)
-    canvas = draw_touch(view, polygons, tracks, features_of(xy, change, lost - xy))
+    canvas = draw_touch(view, polygons, tracks, features_of(xy, 0.1 + 0.0 * lost[:, 0], lost - xy))
     assert canvas.shape == (SIZE, SIZE, 3)
 
 
@@ -184,10 +180,7 @@ def test_pictures_have_one_size(scene: Scene, mm_per_px: float, confidence: floa
 
 
 def test_overlay_of_found_pins(tmp_path: Path) -> None:
-    n = 3
-    pins = Pins(
-        np.array([[20.0, 20], [40, 20], [20, 40]]), np.full(n, 0.1), np.full(n, 5.0), np.full(n, 99.0)
-    )
+    pins = pins_at(np.array([[20.0, 20], [40, 20], [20, 40]]), 5.0)
     save_pins_overlay(tmp_path / "a.png", np.zeros((60, 80), np.uint8), pins)
     drawn = cv2.imread(str(tmp_path / "a.png"))
     assert drawn is not None

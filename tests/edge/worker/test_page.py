@@ -19,7 +19,7 @@ from edge.view.scene import CHART
 from edge.worker.messages import Show
 from edge.worker.page import LivePage
 from edge.worker.params import PARAMS
-from hostlink.web import PageServer, WebError, parse_listen
+from hostlink.web import PageServer, WebError, parse_listen, unpack_packet
 from hostlink.web.limits import WebLimits
 from hostlink.wire import FaultCode
 from tests.support.exact import circumcentre
@@ -85,14 +85,9 @@ class Viewer:
 
 
 def unpack(data: bytes) -> dict[str, Any]:
-    length = int.from_bytes(data[:4], "little")
-    packet: dict[str, Any] = json.loads(data[4 : 4 + length])
-    for name, (kind, size, at) in packet["arrays"].items():
-        raw = data[4 + length + at : 4 + length + at + size]
-        assert len(raw) == size
-        assert (4 + length + at) % 4 == 0
-        packet["arrays"][name] = raw if kind == "jpeg" else np.frombuffer(raw, f"<{kind}")
-    return packet
+    header, arrays = unpack_packet(data)
+    numbers = {name: np.array(value) for name, value in arrays.items() if not isinstance(value, bytes)}
+    return header | {"arrays": arrays | numbers}
 
 
 def watch(

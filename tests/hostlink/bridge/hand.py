@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 
 import hostlink
 from hostlink.bridge.run import Bridge, Outlet
@@ -23,22 +24,20 @@ class Hand(Fingers):
     ) -> None:
         super().__init__(f"virtual:{bus}", fingers, state)
         self.connection = hostlink.connect(f"virtual:{bus}", hand=hand)
-        self._bridge: tuple[Bridge, threading.Thread, Sequence[Outlet]] | None = None
+        self._end = ExitStack()
 
     def bridge(self, *outlets: Outlet) -> Bridge:
         bridge = Bridge(self.connection, outlets)
         thread = threading.Thread(target=bridge.run)
         thread.start()
-        self._bridge = bridge, thread, outlets
+        for outlet in outlets:
+            self._end.callback(outlet.close)
+        self._end.callback(thread.join, SOON_S)
+        self._end.callback(bridge.stop)
         until(lambda: len(self.connection.fingers) == len(self.nodes), "all fingers heard")
         return bridge
 
     def close(self) -> None:
-        if self._bridge is not None:
-            bridge, thread, outlets = self._bridge
-            bridge.stop()
-            thread.join(SOON_S)
-            for outlet in outlets:
-                outlet.close()
+        self._end.close()
         super().close()
         self.connection.close()

@@ -1,7 +1,6 @@
 """A ROS 2 peer on Zenoh, which decodes CDR with another library than the bridge's."""
 
 import json
-import socket
 import struct
 import threading
 import time
@@ -43,12 +42,6 @@ def unpack(name: str, data: bytes) -> Any:
     return struct_of(name).deserialize(data)
 
 
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 def open_session(mode: str, where: str, port: int) -> Any:
     config = zenoh.Config()
     config.insert_json5("mode", json.dumps(mode))
@@ -88,14 +81,11 @@ class Peer:
         self.received: dict[str, list[Received]] = {}
         self._lock = threading.Lock()
 
-    def subscribe(self, key: str, then: Callable[[Received], None] | None = None) -> None:
+    def subscribe(self, key: str) -> None:
         def take(sample: Any) -> None:
             received = Received(
                 str(sample.key_expr), bytes(sample.payload), *take_apart(bytes(sample.attachment))
             )
-            if then is not None:
-                then(received)
-                return
             with self._lock:
                 topic = "/" + "/".join(received.key.split("/")[1:-2])
                 self.received.setdefault(topic, []).append(received)

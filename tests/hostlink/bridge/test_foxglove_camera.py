@@ -1,12 +1,12 @@
 """A finger's camera in Foxglove: what the viewer gets is what the finger's page has."""
 
 import logging
-import threading
 import time
 from collections.abc import Iterable, Iterator
+from contextlib import closing, contextmanager
 from itertools import chain, repeat
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import cv2
 import numpy as np
@@ -18,13 +18,14 @@ from mcap.reader import make_reader
 from edge.cells import cell_polygons
 from hostlink.bridge.foxglove import FoxgloveOutlet
 from hostlink.bridge.page_camera import PageAddress, PageCamera, Picture, parse_page
+from hostlink.commands.plot import read_series
 from hostlink.errors import UsageError
 from hostlink.web import Listen, PageServer, pack_packet, parse_listen, unpack_packet
 from tests.hostlink.bridge.hand import Hand
 from tests.hostlink.bridge.test_foxglove import Viewer, state, watch
 from tests.support.commands import run_host as run
 from tests.support.viewing import Live
-from tests.support.waiting import SOON_S, until
+from tests.support.waiting import until
 
 TOPICS = tuple(f"/finger_3/{name}" for name in ("camera/image", "pins/overlay", "cells/overlay"))
 HEADER = {"capture_us": 5_000_000, "size_px": [1280, 800], "image_px": [640, 400]}
@@ -74,31 +75,13 @@ def hand(request: pytest.FixtureRequest) -> Iterator[Hand]:
     made.close()
 
 
-class Pictures:
+@contextmanager
+def pictures_of(address: PageAddress) -> Iterator[list[Picture]]:
     """Pictures of a page, as they come."""
-
-    def __init__(self, address: PageAddress, *wants: str) -> None:
-        self.all: list[Picture] = []
-        self._came = threading.Condition()
-        self.camera = PageCamera(address, self._take)
-        self.camera.want(frozenset(wants))
-
-    def _take(self, picture: Picture) -> None:
-        with self._came:
-            self.all.append(picture)
-            self._came.notify()
-
-    def more(self) -> Picture:
-        with self._came:
-            n = len(self.all)
-            assert self._came.wait_for(lambda: len(self.all) > n, SOON_S), "no picture came"
-        return self.all[-1]
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.camera.close()
+    pictures: list[Picture] = []
+    with closing(PageCamera(address, pictures.append)) as camera:
+        camera.want(frozenset({"image"}))
+        yield pictures
 
 
 def test_image_pins_and_cells_are_the_finger_s(hand: Hand, data_dir: Path) -> None:
@@ -194,21 +177,35 @@ def test_the_page_is_watched_only_while_somebody_watches_the_camera(hand: Hand, 
     until(lambda: page.wants[-1] is None, "nobody watches the page")
 
 
-def test_a_recording_holds_the_camera(hand: Hand, page: Page, tmp_path: Path) -> None:
+def test_a_recording_has_the_same_topics_and_schemas(hand: Hand, page: Page, tmp_path: Path) -> None:
     path = tmp_path / "hand.mcap"
-    hand.bridge(FoxgloveOutlet(Listen("127.0.0.1", 0), path, [page.address]))
-    until(lambda: page.server.sent_n > 5, "pictures")
+    outlet = FoxgloveOutlet(Listen("127.0.0.1", 0), path, [page.address])
+    hand.bridge(outlet)
+    until(lambda: page.server.sent_n > 5, "pictures, though nobody watches")
+    seen: dict[str, dict[str, Any]] = {}
+
+    async def visit(viewer: Viewer) -> None:
+        for topic in (*TOPICS, "/finger_3/sample", "/diagnostics"):
+            await viewer.subscribe(topic)
+        await viewer.until(lambda: len(viewer.messages) == 5 and len(viewer.channels) == 7, "all topics")
+        seen.update(viewer.channels)
+
+    watch(outlet.url, visit)
     hand.close()
     with path.open("rb") as file:
         summary = make_reader(file).get_summary()
     assert summary is not None
     assert summary.statistics is not None
-    counts = summary.statistics.channel_message_counts
-    schemas = {c.topic: summary.schemas[c.schema_id].name for c in summary.channels.values() if counts[c.id]}
-    assert [schemas[topic] for topic in TOPICS] == [
-        "foxglove.CompressedImage",
-        *2 * ["foxglove.ImageAnnotations"],
-    ]
+    channels, schemas = summary.channels.values(), summary.schemas
+    recorded = {
+        c.topic: (c.message_encoding, schemas[c.schema_id].name, schemas[c.schema_id].encoding)
+        for c in channels
+    }
+    assert recorded == {t: (c["encoding"], c["schemaName"], c["schemaEncoding"]) for t, c in seen.items()}
+    counts = {c.topic: summary.statistics.channel_message_counts[c.id] for c in channels}
+    assert min(counts[topic] for topic in TOPICS) > 5
+    drawn = read_series(path)
+    assert {3: counts["/finger_3/sample"]} == {n: one.samples_n for n, one in drawn.items()}
 
 
 def reports(caplog: pytest.LogCaptureFixture) -> list[logging.LogRecord]:
@@ -218,12 +215,13 @@ def reports(caplog: pytest.LogCaptureFixture) -> list[logging.LogRecord]:
 
 def test_a_page_that_goes_comes_back(caplog: pytest.LogCaptureFixture) -> None:
     page = Page()
-    with Pictures(page.address, "image") as pictures:
-        pictures.more()
+    with pictures_of(page.address) as pictures:
+        until(lambda: pictures, "a picture")
         page.server.close()
         until(lambda: reports(caplog), "a warning")
+        pictures.clear()
         page = Page(page.server.port)
-        pictures.more()
+        until(lambda: pictures, "a picture again")
     page.server.close()
     records = reports(caplog)
     assert {record.levelno for record in records} == {logging.WARNING}
@@ -251,10 +249,10 @@ def test_a_page_without_pictures_is_reported_once(
         return await visit(self)
 
     monkeypatch.setattr(PageCamera, "_visit", counted)
-    with Pictures(address, "image") as pictures:
+    with pictures_of(address) as pictures:
         until(lambda: len(visits) > 2, "several visits")
     page.server.close()
-    assert pictures.all == []
+    assert pictures == []
     (report,) = reports(caplog)
     assert why in report.message
 

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 import hostlink
-from hostlink import Sample
 from hostlink.bridge.lerobot import TactileObservation
-from hostlink.events import DetailFrame
+from hostlink.events import Event
 from hostlink.hand_file import HandFile, Mount
 from hostlink.window import MEASURED
 from hostlink.wire import State, pack_detail
@@ -28,10 +27,17 @@ def sent(k: int) -> State:
     )
 
 
-def test_windows_hold_each_sample_once(wire: Wire) -> None:
+def begin(wire: Wire) -> list[Event]:
+    """Begin the window; what it has taken is in this list, since these callbacks come after its own."""
+    received: list[Event] = []
     assert wire.hand.window() == {}, "it begins"
-    received: list[Sample] = []
-    wire.hand.on_sample(received.append)  # called after the window's
+    wire.hand.on_sample(received.append)
+    wire.hand.on_detail(received.append)
+    return received
+
+
+def test_windows_hold_each_sample_once(wire: Wire) -> None:
+    received = begin(wire)
     windows, count = [], 0
     for n in (1, 40, 0, 259):
         for _ in range(n):
@@ -53,9 +59,7 @@ def test_windows_hold_each_sample_once(wire: Wire) -> None:
 
 def test_samples_not_taken_in_time_count_as_lost(wire: Wire, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hostlink.window.SAMPLES_MAX", 4)
-    wire.hand.window()
-    received: list[Sample] = []
-    wire.hand.on_sample(received.append)  # called after the window's
+    received = begin(wire)
     for k in range(10):
         wire.send_state(3, sent(k))
     until(lambda: len(received) == 10, "all samples")
@@ -65,9 +69,7 @@ def test_samples_not_taken_in_time_count_as_lost(wire: Wire, monkeypatch: pytest
 
 
 def test_pins_come_with_the_time_of_their_sample(wire: Wire) -> None:
-    wire.hand.window()
-    received: list[DetailFrame] = []
-    wire.hand.on_detail(received.append)  # called after the window's
+    received = begin(wire)
     wire.send_state(3, sent(0))
     wire.send_state(3, sent(1))
     rows = [(1.0, -2.0, 0.5), (nan, nan, nan), (0.5, 0.0, 0.0)]
@@ -76,7 +78,7 @@ def test_pins_come_with_the_time_of_their_sample(wire: Wire) -> None:
         for segment in pack_detail(sample, rows, counter):
             wire.send(0x480 + 3, segment)
             counter += 1
-    until(lambda: len(received) == 2, "both frames")
+    until(lambda: len(received) == 4, "two samples and both frames")
     window = wire.hand.window()[3]
     assert window.pin_time_s.tolist() == window.time_s[1:].tolist()
     assert window.pins_valid.tolist() == [[True, False, True]]

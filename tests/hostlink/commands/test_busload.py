@@ -2,7 +2,7 @@
 
 import pytest
 
-from hostlink.commands.busload import CLASSIC_PARTS, LIMIT, plan
+from hostlink.commands.busload import LIMIT, plan
 from hostlink.wire import State, encode_frame, pack_state
 from hostlink.wire.serial import Message
 from hostlink.wire.timing import SERIAL_OVERHEAD, classic_frame_s, fd_frame_s, serial_frame_s
@@ -55,7 +55,3 @@ def test_advice_holds(kind: str, fingers: int, rate: float) -> None:
         else:
             rates = [round(float(r) * 1e6) for r in words[-2].split("/")]
             assert plan("fd" if "FD" in advice else "classic", fingers, rate, rates[0], rates[-1]).fits
-
-
-def test_classic_counts_every_part() -> None:
-    assert plan("classic", 1, 1, 1_000_000).sample_s == pytest.approx(CLASSIC_PARTS * 135e-6)

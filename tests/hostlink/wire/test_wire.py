@@ -1,9 +1,8 @@
-"""The codec: state frame, classic parts, detail stream, objects, messages, identifiers."""
+"""The codec: state frame, classic parts, detail stream, objects, messages, identifiers, COBS."""
 
 import dataclasses
 from collections.abc import Callable
 from math import inf, isnan, nan
-from random import Random
 from typing import Any
 
 import pytest
@@ -12,6 +11,7 @@ from hypothesis import strategies as st
 
 import hostlink.wire as wire
 from hostlink.wire import CanIds, Contact, CorruptFrame, Kind, Message, State, Status
+from hostlink.wire.cobs import decode, encode
 from hostlink.wire.detail import AREA_STEP, DISPLACEMENT_STEP_PX, PINS_MAX, PINS_PER_SEGMENT
 from hostlink.wire.fields import (
     CHECK_SIZE,
@@ -24,7 +24,7 @@ from hostlink.wire.fields import (
     VERSION,
 )
 from hostlink.wire.objects import GROUPS, TYPES
-from tests.support.states import CONTACT_ROWS, MEASURED, any_state, expected, random_state, same
+from tests.support.states import CONTACT_ROWS, MEASURED, any_state, expected, same
 
 
 def test_the_tables_are_complete() -> None:
@@ -109,15 +109,6 @@ def test_part_one_alone_is_enough_for_a_grasp() -> None:
     assert isnan(values["shear_y_mm"])
     assert part.sample_low == 77 & 31
     assert frame[1] >> 4 == VERSION & 0xF
-
-
-def test_only_pages_with_something_valid_are_sent() -> None:
-    assert len(wire.pack_parts(State(), 0)) == 4
-    assert len(wire.pack_parts(State(force_n=1), 0)) == 5
-    full = random_state(Random(1), 0)
-    highest: dict[str, Any] = {f.name: f.high for f in MEASURED}
-    full = dataclasses.replace(full, **highest, contacts=(Contact(1, 2),) * CONTACTS_MAX)
-    assert len(wire.pack_parts(full, 0)) == len(PARTS) == 12
 
 
 @given(any_state, any_state, st.integers(0, 300), st.data())
@@ -260,3 +251,32 @@ def test_identifiers() -> None:
     moved = CanIds(tpdo1=0x200)
     assert moved.kind_of(0x205) == (Kind.TPDO1, 5)
     assert moved.kind_of(0x185) is None
+
+
+# From the paper and the examples commonly given with it: long runs at and about the 254 limit.
+COBS = [
+    (b"", "01"),
+    (b"\0", "0101"),
+    (b"\0\0", "010101"),
+    (b"\0\x11\0", "01021101"),
+    (bytes.fromhex("11220033"), "0311220233"),
+    (bytes.fromhex("11000000"), "0211010101"),
+    (bytes(range(1, 255)), "ff" + bytes(range(1, 255)).hex()),
+    (bytes(range(255)), "01ff" + bytes(range(1, 255)).hex()),
+    (bytes(range(1, 256)), "ff" + bytes(range(1, 255)).hex() + "02ff"),
+    (bytes(range(2, 256)) + b"\0", "ff" + bytes(range(2, 256)).hex() + "0101"),
+    (bytes(range(3, 256)) + b"\0\1", "fe" + bytes(range(3, 256)).hex() + "0201"),
+    (b"\1" * 508, "ff" + "01" * 254 + "ff" + "01" * 254),
+]
+
+
+@pytest.mark.parametrize(("plain", "stuffed"), COBS)
+def test_cobs_as_published(plain: bytes, stuffed: str) -> None:
+    assert encode(plain).hex() == stuffed
+    assert decode(bytes.fromhex(stuffed)) == plain
+
+
+@pytest.mark.parametrize("data", [b"\x05\x11", b"\0", b"\x02\0", b"\xff\x01"])
+def test_damaged_cobs_is_refused(data: bytes) -> None:
+    with pytest.raises(CorruptFrame):
+        decode(data)
