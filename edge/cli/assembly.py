@@ -15,6 +15,7 @@ from edge.cli.options import LoopOptions
 from edge.config import Config, SourceTable
 from edge.drift import DriftParams
 from edge.errors import ConfigError
+from edge.examples import example_calibration
 from edge.faults.registry import FaultLog, FaultRegistry
 from edge.link.node import Node
 from edge.link.settings import NodeSettings, SettingsFile
@@ -46,7 +47,7 @@ def open_configured(table: SourceTable) -> FrameSource:
 
 def load_calibration(path: str | Path | None) -> Calibration | None:
     """Raises CalibrationError."""
-    return None if path is None else Calibration.load(path)
+    return None if path is None else Calibration.load(example_calibration(str(path)) or path)
 
 
 def rest_given(source: FrameSource, how: str | None, calibration: Calibration | None) -> GivenRest | None:

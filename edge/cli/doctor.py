@@ -17,6 +17,7 @@ from edge.cli.machine import Machine
 from edge.cli.progress import waiting
 from edge.config import Config
 from edge.errors import InputError, NoPins
+from edge.examples import example_calibration
 from edge.pins import take_rest
 from edge.rest.tare import PARAMS as TARE
 from edge.types import FrameSource
@@ -45,7 +46,8 @@ def doctor(
     from edge.runtime.calibration_store import CalibrationStore
 
     config = options.configured(config_path, sensor_name, sink_specs, source_spec)
-    chosen = calibration_path or (Path(config.calibration.file) if config.calibration.file else None)
+    chosen = example_calibration(str(calibration_path or config.source.spec)) or calibration_path
+    chosen = chosen or (Path(config.calibration.file) if config.calibration.file else None)
     if config.state.directory and not calibration_path:
         stored = CalibrationStore(Path(config.state.directory)).path
         chosen = stored if stored.is_file() else chosen

@@ -22,6 +22,7 @@ from edge.cli.options import PATH, calibration_option, overwrite_option, rest_op
 from edge.cli.progress import counting
 from edge.cli.summary import damage_of, json_line
 from edge.errors import NoPins, SourceError
+from edge.examples import example_calibration
 from edge.rest.tare import TareParams, tare
 from edge.runtime.loop import Loop
 from edge.runtime.measurement import LoopConfig
@@ -75,9 +76,10 @@ def render(
     The first frames must show the untouched tip: they are the rest frame, unless --rest says another.
     """
     check_output(out, tuple(CODECS), filter(None, (recording, calibration_path)), overwrite)
+    calibration = load_calibration(calibration_path or example_calibration(recording))
     with writing(out, overwrite) as unfinished:
         made = render_recording(
-            recording, unfinished, load_calibration(calibration_path), palette=palette, rate_hz=rate_hz,
+            recording, unfinished, calibration, palette=palette, rate_hz=rate_hz,
             height=height, progress=not (quiet or as_json), rest=rest,
         )  # fmt: skip
     if as_json:

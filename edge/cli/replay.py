@@ -11,6 +11,7 @@ from edge.cli.options import LoopOptions, SpeedFactor, loop_options, rest_option
 from edge.cli.progress import counting, waiting
 from edge.cli.summary import Summary, damage_of, json_line, print_summary
 from edge.errors import InputError
+from edge.examples import example_calibration
 from edge.runtime.loop import Loop
 from edge.sources import open_source
 from edge.sources.files import FileSource
@@ -45,7 +46,7 @@ def replay(
     quiet: bool,
     as_json: bool,
 ) -> None:
-    """Send RECORDING (MCAP, video, folder of images) as if it were live.
+    """Send RECORDING (MCAP, video, folder of images, example:press) as if it were live.
 
     The first frames must show the untouched tip: they are the rest frame, unless --rest says another. If
     they are seen to show a touch, the rest frame is chosen as by --rest auto. A closing summary lists the
@@ -63,7 +64,8 @@ def replay(
             if not isinstance(speed, str):  # of the rest frame no image may be missed
                 source = Paced(source, speed=speed, loop=again, rest_n=config.tare.frames_n)
             stack.callback(source.close)
-            loop = make_loop(stack, source, config, options.calibration_path)
+            calibration_path = options.calibration_path or example_calibration(recording)
+            loop = make_loop(stack, source, config, calibration_path)
             _use_rest(loop, recording, rest, quiet)
         start_worker(stack, loop, options, listen, config)
         summary = Summary(source)

@@ -13,6 +13,7 @@ from typing import Annotated, Any
 import msgspec
 
 from edge.errors import SourceError
+from edge.examples import SCHEME, example_file
 from edge.limits import RATE_MAX_HZ
 from edge.recording.images import IMAGE_SCHEMAS, OtherSize, decode_image
 from edge.recording.mcap_file import RawMessage, damage, image_count, raw_messages, read_metadata
@@ -130,3 +131,8 @@ class RecordingKeys(msgspec.Struct):
 def open_recording(where: str, options: Options) -> RecordingSource:
     """The scheme `mcap:FILE?topic=...`, and files that end in .mcap. Raises SourceError."""
     return RecordingSource(where, options.own(where, RecordingKeys).topic)
+
+
+def open_example(where: str, options: Options) -> RecordingSource:
+    """The scheme `example:NAME`. Raises SourceError."""
+    return open_recording(str(example_file(SCHEME + where, ".mcap")), options)

@@ -6,6 +6,7 @@
     oak:, oak:MXID              an OAK module, through depthai
     picamera:0                  a Raspberry Pi's CSI camera, through picamera2
     sim:...                     the simulator
+    example:press               a recording that every installation has
 
 Each takes options after a question mark: `north.avi?pins=dark`, `v4l2:0?rate_hz=120&lens=lens.toml`,
 `a.png?roi=40,30,560,420` (`region`).
@@ -45,6 +46,7 @@ _BUILT_IN = {
     "oak": "edge.sources.oak:open_oak",
     "picamera": "edge.sources.picamera:open_picamera",
     "mcap": "edge.recording.reader:open_recording",
+    "example": "edge.recording.reader:open_example",
 }
 _RECORDINGS = (".mcap", ".db3")
 _FROM_EXTRA = {"sim": "voronoi-touch[calib]"}

@@ -221,7 +221,7 @@ def picture(
     size = 0.17 * foot
     for line, text in enumerate((*_about(frame, tracks, features), caption)):
         at = (width + gap + 0.02 * width, height + (0.30 + 0.29 * line) * foot)
-        _text(canvas, at, text, size, view.palette.ink)
+        _text(canvas, at, text, min(size, 1.5 * width / max(1, len(text))), view.palette.ink)
     return canvas
 
 

@@ -91,7 +91,7 @@ def test_keys_win_over_settings() -> None:
         ("nowhere/", "no such file"),
         ("", "no such file"),
         ("a\0b", "no such file"),
-        ("ftp:somewhere", r"no scheme 'ftp'; known: images:, mcap:.* oak:.* v4l2:.* video:"),
+        ("ftp:somewhere", r"no scheme 'ftp'; known: example:, images:, mcap:.* oak:.* v4l2:.* video:"),
         ("v4l2:99", "no such camera; give v4l2:NUMBER, v4l2:SERIAL or .*; cameras here"),
         ("/dev/video99", "no such camera"),
         ("v4l2:SERIAL-4711", "no such camera"),
