@@ -3,8 +3,8 @@
     poses -> two `edge run` (render, track, send) -> samples on one bus -> the controller -> motor -> poses
 
 The controller is the example's, `docs/examples/gentle_grip.py` and `hostlink/c/examples/gentle_grip.c`. It is
-compared with one that closes until the normal force is what the heaviest object needs. Each object is gripped,
-lifted, held and shaken.
+compared with one that closes until the normal force is what the heaviest object needs. Each object is
+gripped, lifted, held and shaken.
 
 Rules
 - Time is the machine's own: a step of the world is the time that the last one took, so that a slow machine
