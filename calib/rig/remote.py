@@ -1,8 +1,8 @@
 """A simulated finger that another program moves: `sim-remote:PORT?simulation=FILE.toml`.
 
-Each datagram to the UDP port of this computer is a JSON list of `calib.sim.ToolPose`, the tools that touch the
-skin now: `[{"depth_mm": 1.5, "shear_x_mm": 0.2}]`, or `[]`. It is rendered at once, as an image of that moment. Of
-poses that come while one is rendered the newest is taken.
+Each datagram to the UDP port of this computer is a JSON list of `calib.sim.ToolPose`, the tools that touch
+the skin now: `[{"depth_mm": 1.5, "shear_x_mm": 0.2}]`, or `[]`. It is rendered at once, as an image of that
+moment. Of poses that come while one is rendered the newest is taken.
 """
 
 from __future__ import annotations

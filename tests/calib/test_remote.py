@@ -47,9 +47,16 @@ def test_each_pose_is_an_image_of_that_moment(finger: RemoteSource) -> None:
     assert [frame.truth["depth_mm"] for frame in (before, pressed) if frame.truth] == [0.0, 1.5]
 
 
-@pytest.mark.parametrize(
-    "message", [b"", b"{", b'[{"depth": 1}]x', b'[{"depth_mm": "deep"}]', b'[{"x_mm": 99, "depth_mm": 1}]']
+BAD = (
+    b"",
+    b"{",
+    b'[{"depth": 1}]x',
+    b'[{"depth_mm": "deep"}]',
+    b'[{"depth_mm": 1, "x_mm": 99, "tool": {"kind": "sphere"}}]',
 )
+
+
+@pytest.mark.parametrize("message", BAD)
 def test_what_is_no_pose_costs_no_image(finger: RemoteSource, message: bytes) -> None:
     press(finger, message)
     until(lambda: finger.faults["bad pose"] == 1)
