@@ -15,6 +15,7 @@ from hostlink.command_group import CommandGroup, CommandRow
 COMMANDS = {
     "accuracy": "Time of a frame against its error, for every kind of model.",
     "contacts": "Contacts on a second, independent simulator, against their bounds.",
+    "grasp": "Two simulated fingers, an object with mass and a gripper, end to end.",
     "hazards": "Rendered hazards through the whole chain: identities, place, depth.",
     "host": "A sample at the host, and a recording: against python-can and cantools.",
     "identity": "Pin identity after a jump and its confidence, on real and simulated frames.",
