@@ -353,7 +353,8 @@ def decode_blocks(path: Path | str, channel: str | int | None = None) -> Iterato
         channels |= dict.fromkeys(map(str, dict.fromkeys(on)))
         if is_run:
             wanted = None if channel is None else [str(name) == str(channel) for name in on]
-            yield from decoder.receive_run(*message[:4], wanted)
+            times_s, ids, names, data = message[:4]
+            yield from decoder.receive_run(times_s, ids, names, data, wanted)
         elif channel is None or str(message.channel) == str(channel):
             yield from _receive(decoder, message)
         if channel is None and decoder.is_on_several:

@@ -20,8 +20,8 @@ from calib.errors import RigError
 from calib.rig.simulated import Simulation, load_simulation
 from calib.sim import ToolPose
 from edge.errors import SourceError
-from edge.sources import Options
 from edge.sources.live import ThreadedSource
+from edge.sources.options import Options
 from edge.types import Clock
 
 log = logging.getLogger(__name__)

@@ -18,7 +18,7 @@ import numpy as np
 from PIL import Image
 
 from edge.calibration import Calibration
-from edge.cli.render import Style, render_recording
+from edge.cli.render import render_recording
 from edge.examples import example_file
 from tests.browser.chrome import Chrome
 from tests.support.viewing import Live
@@ -35,12 +35,12 @@ def moving(path: Path) -> None:
     with tempfile.TemporaryDirectory() as folder:
         video = Path(folder) / "touch.mkv"
         calibration = Calibration.load(example_file("example:press", ".json"))
-        made = render_recording("example:press", video, calibration, Style(height=300))
+        made = render_recording("example:press", video, calibration, height=300)
         capture = cv2.VideoCapture(str(video))
-        pictures = [capture.read()[1][..., ::-1] for _ in range(made.frames_n)][::EACH]
+        pictures = [capture.read()[1][..., ::-1] for _ in range(made["frames_n"])][::EACH]
     colours = Image.fromarray(np.vstack(pictures[::5])).quantize(64)
     images = [Image.fromarray(p).quantize(palette=colours, dither=Image.Dither.NONE) for p in pictures]
-    shown_ms = round(1000 * EACH / made.rate_hz)
+    shown_ms = round(1000 * EACH / made["rate_hz"])
     images[0].save(path, save_all=True, append_images=images[1:], duration=shown_ms, loop=0, optimize=True)
 
 

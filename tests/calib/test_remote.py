@@ -9,7 +9,7 @@ import pytest
 
 from calib.rig.remote import RemoteSource, open_remote
 from edge.errors import SourceError
-from edge.sources import Options, parse_spec
+from edge.sources.options import Options, parse_spec
 from tests.support.waiting import SOON_S, until
 
 TIP = '[tip]\nn_pins = 61\nkind = "hex"\n[camera]\nsize_px = [120, 100]\n'
