@@ -8,8 +8,8 @@ USABLE := .venv/.usable
 READY := .venv/.ready
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt
 # What is compiled, and what that is made of: setup.py has the table.
-SOURCES := pyproject.toml constraints.txt setup.py $(wildcard edge/*/*.pxd \
-	$(shell sed -n 's|^ *"\(edge\.[a-z_.]*\)": .*|\1|p' setup.py | tr . / | sed 's|$$|.py|'))
+SOURCES := pyproject.toml constraints.txt setup.py $(wildcard edge/*/*.pxd hostlink/*.pxd hostlink/*/*.pxd \
+	$(shell sed -n 's|^ *"\(\(edge\|hostlink\)\.[a-z_.]*\)": .*|\1|p' setup.py | tr . / | sed 's|$$|.py|'))
 SECONDS ?= 60
 UNIT ?= unit
 # One process a core; tests of one file stay together, since what one has prepared serves the others.
@@ -115,7 +115,7 @@ generate: $(READY)
 ## make clean      remove everything that can be made again
 clean:
 	rm -rf .venv build dist out *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis
-	find edge -name "*.so" -delete
+	find edge hostlink -name "*.so" -delete
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 $(USABLE): $(SOURCES)

@@ -35,6 +35,7 @@ KERNELS = {
     "edge.features.contacts": FAST,
     "edge.features.extract": SMALL,
     "edge.features.pin_motion": FAST,
+    "edge.features.regions": FAST,
     "edge.features.slip_and_vibration": FAST,
     "edge.geometry.neighbours": FAST,
     "edge.geometry.select": FAST,
@@ -44,6 +45,10 @@ KERNELS = {
     "edge.tracking.follow": FAST,
     "edge.tracking.match": FAST,
     "edge.tracking.outliers": FAST,
+    "hostlink.clock": SMALL,
+    "hostlink.decoder": SMALL,
+    "hostlink.sequence": SMALL,
+    "hostlink.wire.body": SMALL,
 }
 #: Cython's own code for typed memoryviews, which all kernels share.
 SHARED = "edge._memoryview"
@@ -133,9 +138,10 @@ class BuildKernels(build_ext):
         """Python would load a compiled module that KERNELS no longer has in place of its source."""
         known = {f"{name.replace('.', '/')}.abi3.so" for name in (*KERNELS, SHARED)}
         for folder in [self.place, *([Path()] if self.inplace else [])]:
-            for path in (folder / "edge").rglob("*.abi3.so"):
-                if path.relative_to(folder).as_posix() not in known:
-                    path.unlink()
+            for package in ("edge", "hostlink"):
+                for path in (folder / package).rglob("*.abi3.so"):
+                    if path.relative_to(folder).as_posix() not in known:
+                        path.unlink()
 
     def build_extensions(self) -> None:
         self._translate()
@@ -155,17 +161,19 @@ class BuildKernels(build_ext):
                 note.parent.mkdir(parents=True, exist_ok=True)
                 note.write_text(settings)
             extension.depends = [str(note), *map(str, Path(*extension.name.split(".")[:-1]).glob("*.c"))]
-        translated = cythonize(
-            self.extensions,
-            build_dir=str(folder),
-            compiler_directives=directives,
-            shared_utility_qualified_name=SHARED,
-            nthreads=self.parallel,
-            quiet=not self.verbose,
-            show_all_warnings=False,
-        )
-        for extension, c in zip(self.extensions, translated, strict=True):
-            extension.sources = c.sources
+        for package in ("edge.", "hostlink."):
+            own = [extension for extension in self.extensions if extension.name.startswith(package)]
+            translated = cythonize(
+                own,
+                build_dir=str(folder),
+                compiler_directives=directives,
+                shared_utility_qualified_name=SHARED if SHARED.startswith(package) else None,
+                nthreads=self.parallel,
+                quiet=not self.verbose,
+                show_all_warnings=False,
+            )
+            for extension, c in zip(own, translated, strict=True):
+                extension.sources = c.sources
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from edge.calibration.inputs import evaluate_terms, term_columns
+from calib.terms import evaluate_terms, term_columns
 from edge.types import Complex
 
 __all__ = ["Axes", "Handedness", "recognise_axes", "recognise_handedness"]

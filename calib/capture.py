@@ -19,17 +19,21 @@ import csv
 import io
 import os
 import re
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
+
+import msgspec
 
 from calib.errors import CaptureError, TableError
 from calib.protocols import AnyPlan, Step
 from calib.rig.base import Pose, Rig
 from calib.table import number, read_table, shown
-from edge.recording.mcap_file import read_metadata
-from edge.recording.reader import RecordingSource, read_messages
+from edge.recording.mcap_file import raw_messages, read_metadata
+from edge.recording.reader import RecordingSource
 from edge.recording.topics import TOPICS
 from edge.recording.writer import Recorder
 from edge.types import Frame
@@ -176,10 +180,12 @@ def _truths(part: Path) -> Iterator[tuple[int, dict[str, Any]]]:
     """(sequence, truth) of each frame whose image is on disk too: the truth is written first."""
     images = {TOPICS["image"].name, TOPICS["image_png"].name}
     held: tuple[int, int, dict[str, Any]] | None = None
-    for topic, log_ns, message in read_messages(part, [TOPICS["truth"].name, *images]):
-        if topic not in images:
-            held = (log_ns, int(message["sequence"]), message["truth"])
-        elif held is not None and held[0] == log_ns:
+    for raw in raw_messages(part, Counter()):
+        if raw.topic == TOPICS["truth"].name:
+            with suppress(msgspec.DecodeError):  # damaged
+                message = msgspec.json.decode(raw.data)
+                held = (raw.log_ns, int(message["sequence"]), message["truth"])
+        elif raw.topic in images and held is not None and held[0] == raw.log_ns:
             yield held[1], held[2]
             held = None
 

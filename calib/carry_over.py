@@ -33,8 +33,9 @@ from scipy.optimize import minimize
 from calib.designs import GROUPS
 from calib.process_likelihood import Symmetry
 from calib.process_noise import NoiseModel
+from calib.terms import evaluate_terms, term_columns
 from edge.calibration.file import CalibrationFile, Lost, Polynomial, Process
-from edge.calibration.inputs import MODES, evaluate_terms, term_columns
+from edge.calibration.inputs import MODES
 from edge.types import Array, Complex
 
 __all__ = ["CarryParams", "KnownModel", "changed", "known_models"]

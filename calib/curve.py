@@ -14,7 +14,7 @@ from edge.types import Array, Complex, Index
 __all__ = ["CURVE", "cross_validated_curve", "fit_curve", "paper_curve"]
 
 CURVE = "curve of the volume"
-#: Of the volume, as a share of the tip's area: closer knots are not distinguishable.
+#: Knots of the volume that are closer, as a share of the tip's area, are not distinguishable.
 KNOT_STEP_MIN = 1e-5
 
 

@@ -28,7 +28,7 @@ from edge.errors import CalibrationError, NoPins
 from edge.pins import take_rest
 from edge.rest.choice import aligned, choose_rest
 from edge.rest.tip_match import in_order_of
-from edge.sources import read_image
+from edge.sources.files import read_image
 from edge.types import Image, Lens, Rest
 from hostlink.cli_types import counted
 

@@ -34,7 +34,8 @@ from edge.errors import SourceError
 from edge.link.node import Node
 from edge.link.sinks import CanSink, MemorySink, SerialSink, open_sink
 from edge.runtime.device import LoopDevice
-from edge.runtime.loop import Loop, LoopConfig
+from edge.runtime.loop import Loop
+from edge.runtime.measurement import LoopConfig
 from edge.sources import open_source
 from edge.types import Feature, Result
 from hostlink.output_file import OutputError, check_output, writing

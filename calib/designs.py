@@ -92,9 +92,9 @@ def letters(degree: int) -> Letters:
     return [pair for name, s, d in powers if d <= degree for pair in ((name, s), (f"{name}*", -s))]
 
 
-#: Of one contact: its place, the mean motion (both turn with the tip), its height and its size.
-#: Without the size the depth error of one of several contacts is 0.6..0.7 mm rms, with it 0.2..0.3
-#: (a ball of 3 mm anywhere on simulated tips of 127 and 331 pins).
+#: One contact has a place and a mean motion, which turn with the tip, a height and a size. Without the size
+#: the depth error of one of several contacts is 0.6..0.7 mm rms, with it 0.2..0.3 (a ball of 3 mm anywhere
+#: on simulated tips of 127 and 331 pins).
 CONTACT_LETTERS: Letters = (("p", 1), ("p*", -1), ("shear", 1), ("shear*", -1), ("peak", 0))
 
 #: The size is used for the depth only: for the place it gains nothing.
@@ -107,7 +107,7 @@ MOMENT_LETTERS: Letters = (
 )  # fmt: skip
 
 
-#: Of a contact fitted to the pins' motion, place and depth alike.
+#: A contact fitted to the pins' motion has these for its place and depth alike.
 FITTED_LETTERS: Letters = (
     ("fitted_p", 1), ("fitted_p*", -1), ("fitted_shear", 1), ("fitted_shear*", -1), ("fitted_dipole", 1),
     ("fitted_dipole*", -1), ("fitted_potential", 0), ("fitted_width", 0),

@@ -28,7 +28,7 @@ def predict(calibration: Calibration, extract: Extract) -> tuple[dict[str, Array
     sigmas = {name: np.full(n, np.nan) for name in values}
     for i, z in enumerate(extract.inputs):
         for name, value, sigma, _ in calibration.frame_values(z):
-            # As in `Calibration.apply`; a frame without a result has no value.
+            # A frame without a result has no value, like in `Calibration.apply`.
             known = extract.in_contact[i] or not np.isfinite(z).any()
             values[name][i], sigmas[name][i] = (value if known else UNTOUCHED[name]), sigma
     for i, z in enumerate(extract.contact):

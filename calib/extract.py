@@ -31,7 +31,7 @@ from edge.calibration.evaluation import contact_inputs, frame_inputs
 from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS
 from edge.errors import EdgeError
 from edge.frame import Pipeline
-from edge.sources import read_image
+from edge.sources.files import read_image
 from edge.types import Array, Complex, Feature, Frame, Image, Index, Mask, Pins, Rest, Tracks
 from hostlink.interrupt import ENDING
 

@@ -48,6 +48,7 @@ from calib.ridge import (
     spread_factor,
 )
 from calib.targets import Targets
+from calib.terms import evaluate_terms, term_columns
 from edge.calibration import Calibration
 from edge.calibration.file import (
     FORMAT,
@@ -64,7 +65,7 @@ from edge.calibration.file import (
     encode,
     sensor_of,
 )
-from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, evaluate_terms, term_columns
+from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS
 from edge.types import Array, Complex, Index, Mask, Rest
 
 __all__ = [

@@ -19,7 +19,7 @@ import numpy as np
 from calib.designs import terms_of_spin
 from calib.process_fit import INPUTS, FittedProcess
 from calib.ridge import Terms, cross_validate, ridge_weights
-from edge.calibration.inputs import evaluate_terms, term_columns
+from calib.terms import evaluate_terms, term_columns
 from edge.types import Array, Complex, Index
 
 __all__ = ["choose", "covariances", "expected_error", "predict_inputs"]

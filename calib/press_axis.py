@@ -27,7 +27,7 @@ from edge.types import Array, Mask
 
 __all__ = ["PressAxis", "along_press", "check_press", "recognise_press"]
 
-#: What grows with the press, and the table's column of it.
+#: Each value that grows with the press, and the table's column of it.
 COLUMNS = {"displacement_mm": "pose_z", "contact_depth_mm": "contact_depth", "force_n": "force_z"}
 TOUCH_MM = 0.5  # a depth's zero is known to this: a touch is seen from 0.1 to 0.3 mm on
 IDLE_REL = 0.1  # share of a force's range: touches that are not seen have less

@@ -35,8 +35,8 @@ from calib.carry_over import KnownModel, changed
 from calib.process_likelihood import Settings, Symmetry, fit_settings
 from calib.process_noise import NoiseModel, fit_lost, fit_noise, scale_of
 from calib.ridge import blocks, share_of_pose
+from calib.terms import evaluate_terms, term_columns
 from edge.calibration.file import TERMS_MAX, Lost
-from edge.calibration.inputs import evaluate_terms, term_columns
 from edge.types import Array, Complex, Index, Mask
 
 __all__ = ["INPUTS", "FittedProcess", "Input", "ProcessParams", "fit_process"]

@@ -13,19 +13,19 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize
 
+from calib.terms import evaluate_terms, term_columns
 from edge.calibration.file import Lost
-from edge.calibration.inputs import evaluate_terms, term_columns
 from edge.types import Array, Complex
 
 __all__ = ["NoiseModel", "NoiseParams", "fit_lost", "fit_noise", "scale_of"]
 
-#: What the effect of lost pins may depend on: how much of them is not known, the load, and how far on the
+#: The effect of lost pins may depend on these: how much of them is not known, the load, and how far on the
 #: contact's side, or ahead of the shear, they are.
 LOST_TERMS: list[list[str]] = [
     ["gap"], ["volume"], ["size"], ["p", "p*"], ["c00", "c00*"], ["gap_place", "gap_place*"],
     ["gap_place", "p*"], ["gap_place", "c00*"], ["gap", "gap_place", "p*"], ["volume", "gap_place", "p*"],
 ]  # fmt: skip
-#: What the noise may depend on: load, shear, place.
+#: The noise may depend on these: load, shear, place.
 NOISE_TERMS: tuple[list[str], ...] = (
     ["volume"], ["volume", "volume"], ["c00", "c00*"], ["p", "p*"], ["c00", "c00*", "volume"],
 )  # fmt: skip

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from calib.fit_params import PARAMS
-from edge.calibration.inputs import FRAME_INPUTS, evaluate_terms
+from calib.terms import evaluate_terms
+from edge.calibration.inputs import FRAME_INPUTS
 from edge.types import Array, Complex, Index
 
 __all__ = [

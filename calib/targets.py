@@ -54,7 +54,7 @@ LEAST_DEPTH_MM = 0.05
 #: Columns that an arm may give as its position, and how far an arm reaches.
 _DEPTHS = {"pose_z", "contact_depth"}
 _MOST_REACH_MM = 1e4
-#: Of a capture's table; `pose_z` is the contact's depth too, as it is the tool's.
+#: A capture's table has these columns; `pose_z` is the contact's depth too, as it is the tool's.
 _OF_CAPTURE: dict[str, str] = {
     "pose_z": "displacement_mm",
     "pose_Rx": "tilt_x_deg",

@@ -79,10 +79,8 @@ class Pipeline:
         drift: Drift | None = None,
         several: bool = True,
     ) -> None:
-        self.rest = rest
-        self.calibration = calibration
-        self.drift = drift
-        self._several = several
+        self.rest, self.calibration = rest, calibration
+        self.drift, self._several = drift, several
         self._capture_ns: int | None = None  # of the last frame that gave features
         self._grip = Grip()
         self._refiner = CentroidRefiner(rest)

@@ -14,7 +14,6 @@ class RuntimeParams:
     """Parameters by name. Units: s, seconds; n, items; rel, a share."""
 
     switch_s: float = 2e-4  # longest wait of the loop's thread for the interpreter
-    latencies_n: int = 1 << 14  # frames that the statistics of times look back on
     rarely_s: float = 10.0  # what repeats: a flickering fault's log lines, collections of garbage, restarts
     patience_s: float = 1.0  # of waiting for a link, a client or an image, and of reporting a failed write
     stall_s: float = 0.06  # without a new image, or an item that leaves: camera or link has stalled
@@ -56,9 +55,16 @@ class RuntimeParams:
     @property
     def sample_n(self) -> int:
         """So many that one may be beyond a limit for reasons of its own: of an image's rows and columns, of
-        windows in it, of a window's levels to one at each end that is noise or glare.
+        windows in it, of a window's levels to one at each end that is noise or glare, of a camera's periods.
         """
         return round(1.0 / self.astray_rel)
+
+    @property
+    def latencies_n(self) -> int:
+        """Frames that the statistics of times look back on: `sample_n` of them lie beyond the 99.9 % that
+        they tell of.
+        """
+        return 1000 * self.sample_n
 
 
 PARAMS = RuntimeParams()

@@ -18,12 +18,11 @@ Rules
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from types import new_class
-from typing import Annotated, Any, Literal, Protocol, TypeVar, dataclass_transform, runtime_checkable
+from typing import Annotated, Any, Literal, Protocol, TypeVar, dataclass_transform
 
 import cv2
 import msgspec
@@ -139,66 +138,25 @@ class Frame:
 class FrameSource(Protocol):
     """An iterator of frames that gives the newest one and counts those that it dropped.
 
-    Ends with StopIteration at the end of a recording; a live source ends only on `close`.
-    Raises SourceError when it cannot be opened; a device that is lost later is a `LiveSource.condition`, not
-    an exception. A camera may also have `factory_lens`, a `Lens` if its maker measured it, and `refused`, the
+    Ends with StopIteration at the end of a recording; a live source ends only on `close`. Recordings are
+    `edge.sources.files.FileSource`, live ones `edge.sources.live.ThreadedSource`.
+    Raises SourceError when it cannot be opened; a device that is lost later is a `condition`, not an
+    exception. A camera may also have `factory_lens`, a `Lens` if its maker measured it, and `refused`, the
     settings that it did not take, in words.
     """
 
     name: str
-    size_px: tuple[int, int]  # width, height
-    rate_hz: float  # nominal; 0 where unknown
+    size_px: tuple[int, int] = (0, 0)  # width, height
+    rate_hz: float = 0.0  # nominal; 0 where unknown
     live: bool  # True: frames come at the camera's pace; False: as fast as they are read
-    polarity: Polarity  # of its pins, as far as its address says
-    lens: Lens | None  # whose distortion is removed from the pins' places; None: none
-    region: Region | None  # of its images, which alone the frames show; None: all
-    dropped_n: int  # frames that were discarded because the reader was slow
+    polarity: Polarity = Polarity.FOUND  # of its pins, as far as its address says
+    lens: Lens | None = None  # whose distortion is removed from the pins' places; None: none
+    region: Region | None = None  # of its images, which alone the frames show; None: all
+    dropped_n: int = 0  # frames that were discarded because the reader was slow
 
     def __iter__(self) -> Iterator[Frame]: ...
 
     def close(self) -> None: ...
-
-
-@runtime_checkable
-class RecordedSource(FrameSource, Protocol):
-    """A source with an end.
-
-    frames_n  images in it; 0: not known before it has been read
-    faults    how often each kind of damage was met, in the last reading
-    """
-
-    faults: Counter[str]
-
-    @property
-    def frames_n(self) -> int: ...
-
-
-@runtime_checkable
-class LiveSource(FrameSource, Protocol):
-    """A source with its own pace (a camera, or a replay as if live); it holds the newest frame.
-
-    recorded         its frames come live, but do not show the present
-    condition        "" or the present fault: lost, stalled, frozen, black, slow
-    frame_condition  the same for the frame that `read` gave last: "", frozen, black, slow
-    ended            no further frame will come
-    """
-
-    recorded: bool
-    frame_condition: str
-
-    @property
-    def condition(self) -> str: ...
-
-    @property
-    def ended(self) -> bool: ...
-
-    def read(self, timeout_s: float | None = None) -> Frame | None:
-        """The newest frame that was not read yet; None: none came in time, or the source has ended."""
-
-    def peek(self) -> Frame | None:
-        """The frame that the next `read` would give, without taking it; for another thread. None: there is
-        none.
-        """
 
 
 @per_frame

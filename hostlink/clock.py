@@ -1,3 +1,4 @@
+# cython: annotation_typing=False, wraparound=True
 """The sensor's time on the host's clock, with a bound of the error.
 
 Every sample carries the time at which it was sent on the device's clock (capture time + capture-to-send
@@ -26,6 +27,8 @@ Rules
   for SETTLE_N samples and SETTLE_SPAN_S the error is larger by SETTLE_S.
 - The 32-bit microseconds (71 min) are unwrapped with the host's clock.
 
+Compiled where a compiler is, with the C types in `clock.pxd`; the same without.
+
 Source: line under all points, hull edge above the mean abscissa: Moon, Skelly, Towsley 1999,
 "Estimation and removal of clock skew from network delay measurements".
 """
@@ -41,6 +44,7 @@ from typing import NamedTuple
 __all__ = ["DRIFT_MAX", "ClockMap", "HostTime"]
 
 WRAP_US = 1 << 32
+LONG_US = 1e18  # of 64 bits; no two messages are further apart than 30,000 years
 BUCKET_S = 1.0
 BUCKETS = 32  # half a minute: long enough for a slope, short enough to follow temperature
 SLOPE_AFTER_S = 5.0  # over a shorter span, jitter of 0.1 ms looks like 20 ppm or more
@@ -78,13 +82,14 @@ class ClockMap:
     def __init__(self, transit_s: float = TRANSIT_S) -> None:
         self._transit_s = transit_s
         self._lock = threading.Lock()  # samples come from the link's thread, round trips from the user's
+        self._acquire, self._release = self._lock.acquire, self._lock.release
         self.restarts = 0
         self._begin()
 
     def _begin(self) -> None:
         self._buckets: deque[_Bucket] = deque(maxlen=BUCKETS - 1)  # all but the newest,
-        self._lowest: tuple[_Bucket, ...] = ()  # the one of them that bounds every time after them,
-        self._closed_s = -inf  # and this is when that begins
+        self._lowest_at_s = self._lowest_offset_s = 0.0  # the one of them that bounds every time after them,
+        self._closed_s = inf  # and this is when that begins
         self._newest_at_s = self._newest_offset_s = 0.0  # the newest bucket
         self._floors: deque[_Bucket] = deque(maxlen=4)  # lower bounds of the offset, newest last
         self._bucket_start_s = 0.0
@@ -94,6 +99,7 @@ class ClockMap:
         self._last_us = 0  # the unwrapped device time
         self._last_host_s = 0.0
         self._captured_us = -WRAP_US  # unwrapped, of the last sample
+        self._settle_span_s = SETTLE_SPAN_S
         self._settling_n = 0  # messages since the beginning or a pause,
         self._settling_from_s = 0.0  # and the device time of the first
         self.lateness_s = 0.0
@@ -118,14 +124,22 @@ class ClockMap:
 
         Samples must come in the order in which they were captured. Returns when it was captured.
         """
-        with self._lock:
+        return HostTime(*self.take(capture_us, latency_us, host_s))
+
+    def take(self, capture_us: int, latency_us: float, host_s: float) -> tuple[float, float]:
+        """As `sample`, in less time: the moment and its error."""
+        self._acquire()  # `with` takes four times as long
+        try:
             captured_us = self._unwrap(capture_us, host_s)
             if captured_us < self._captured_us:
                 self._restart()  # captures are in order, so the clock stepped back
                 captured_us = capture_us
-            self._observe(captured_us + round(latency_us), host_s)
+            delay_us = int(latency_us + 0.5)
+            self._observe(captured_us + delay_us, host_s)
             self._captured_us = captured_us
             return self._host_time(captured_us)
+        finally:
+            self._release()
 
     def observe(self, device_us: int, host_s: float) -> None:
         """A message sent at `device_us` (modulo 2**32) arrived at `host_s`."""
@@ -151,7 +165,7 @@ class ClockMap:
         with self._lock:
             if not self._is_known:
                 return None
-            return self._host_time(self._last_us + _signed(device_us - self._last_us))
+            return HostTime(*self._host_time(self._last_us + _signed(device_us - self._last_us)))
 
     # ------------------------------------------------------------------------------------------------
 
@@ -159,15 +173,15 @@ class ClockMap:
         self.restarts += self._is_known
         self._begin()
 
-    def _host_time(self, unwrapped_us: int) -> HostTime:
+    def _host_time(self, unwrapped_us: int) -> tuple[float, float]:
         at_s = unwrapped_us * 1e-6
         upper, lower = self._bounds(at_s)
         error_s = (upper - lower) / 2 + self._uncertainty_s
         if not self._is_settled(at_s) and not self._floors:
             error_s += SETTLE_S
-        if self._late_n >= LATE_RUN and at_s > self._on_time_s:
+        if self._late_n and at_s > self._on_time_s and self._late_n >= LATE_RUN:
             error_s += self._late_least_s
-        return HostTime(at_s + (upper + lower) / 2, error_s)
+        return at_s + (upper + lower) / 2, error_s
 
     def _observe(self, unwrapped_us: int, host_s: float) -> None:
         at_s = unwrapped_us * 1e-6
@@ -193,10 +207,14 @@ class ClockMap:
         self._closed_s = self._newest_at_s
         self._fit()
         steepest = self._slope + self._wander
-        self._lowest = (min(self._buckets, key=lambda bucket: bucket.offset_s - steepest * bucket.at_s),)
+        least = inf
+        for at_s, offset_s in self._buckets:
+            if offset_s - steepest * at_s < least:
+                least = offset_s - steepest * at_s
+                self._lowest_at_s, self._lowest_offset_s = at_s, offset_s
 
     def _is_settled(self, at_s: float) -> bool:
-        return self._settling_n >= SETTLE_N and at_s - self._settling_from_s >= SETTLE_SPAN_S
+        return self._settling_n >= SETTLE_N and at_s - self._settling_from_s >= self._settle_span_s
 
     def _contradicts(self, at_s: float, offset_s: float, host_s: float) -> bool:
         """Whether the message does not fit the map; then `_uncertainty_s` is that of a new one."""
@@ -208,7 +226,9 @@ class ClockMap:
         if offset_s < lower:
             self._floors.clear()  # they contradict the message: the clock has stepped a little
         if self.lateness_s <= self._transit_s:
-            self._on_time_s, self._late_n, self._late_least_s = at_s, 0, inf
+            self._on_time_s = at_s
+            if self._late_n:
+                self._late_n, self._late_least_s = 0, inf
             return False
         if self._late_n == 0:
             self._late_since_s = host_s
@@ -223,22 +243,29 @@ class ClockMap:
     def _unwrap(self, device_us: int, host_s: float) -> int:
         if not self._is_known:
             return device_us
-        expected_us = self._last_us + round((host_s - self._last_host_s) * 1e6)
+        passed_us = int(min(max((host_s - self._last_host_s) * 1e6, -LONG_US), LONG_US))
+        expected_us = self._last_us + passed_us
         return expected_us + _signed(device_us - expected_us)
 
     def _bounds(self, at_s: float) -> tuple[float, float]:
         """Highest and lowest offset consistent with the samples at device time `at_s`."""
         slope, wander = self._slope, self._wander
-        passed_s = at_s - self._newest_at_s
-        upper, best_s = self._newest_offset_s + slope * passed_s + wander * abs(passed_s), passed_s
-        for bucket_at_s, offset_s in self._lowest if at_s >= self._closed_s else self._buckets:
-            passed_s = at_s - bucket_at_s
-            bound = offset_s + slope * passed_s + wander * abs(passed_s)
+        best_s = at_s - self._newest_at_s
+        upper = self._newest_offset_s + slope * best_s + wander * abs(best_s)
+        if at_s >= self._closed_s:
+            passed_s = at_s - self._lowest_at_s
+            bound = self._lowest_offset_s + slope * passed_s + wander * abs(passed_s)
             if bound < upper:
                 upper, best_s = bound, passed_s
+        else:
+            for bucket_at_s, offset_s in self._buckets:
+                passed_s = at_s - bucket_at_s
+                bound = offset_s + slope * passed_s + wander * abs(passed_s)
+                if bound < upper:
+                    upper, best_s = bound, passed_s
         # A round trip's bound widens with the drift; the assumed one does not.
         lower = upper - 2 * wander * abs(best_s) - self._transit_s
-        for bucket_at_s, offset_s in self._floors:
+        for bucket_at_s, offset_s in self._floors or ():
             passed_s = at_s - bucket_at_s
             lower = max(lower, offset_s + slope * passed_s - wander * abs(passed_s))
         return upper, min(lower, upper)
@@ -270,4 +297,4 @@ def _turns_right(a: tuple[float, float], b: tuple[float, float], c: tuple[float,
 
 def _signed(difference_us: int) -> int:
     """A difference modulo 2**32 as the nearest signed number."""
-    return (difference_us + WRAP_US // 2) % WRAP_US - WRAP_US // 2
+    return (difference_us + (WRAP_US >> 1) & WRAP_US - 1) - (WRAP_US >> 1)

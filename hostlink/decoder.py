@@ -1,3 +1,4 @@
+# cython: annotation_typing=False
 """The decoder: bytes or CAN frames in, events out. It does no I/O and reads no clock.
 
     CanDecoder.receive(can_id, data, arrival_s)  -> [Sample | DetailFrame | Heartbeat | SdoFrame | ...]
@@ -23,7 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable
 from math import inf, nan
-from typing import Final
+from typing import Any, Final
 
 from hostlink.clock import ClockMap
 from hostlink.events import (
@@ -37,6 +38,7 @@ from hostlink.events import (
     SecondSender,
 )
 from hostlink.sequence import EVIDENCE_P5, EVIDENCE_P11, Evidence, LinkStatistics, SenderWatch, Sequence
+from hostlink.wire.body import body_in, received
 from hostlink.wire.canid import CanIds, Kind
 from hostlink.wire.detail import DetailAssembler, unpack_segment
 from hostlink.wire.e2e import P11_COUNTERS, implied_id_p5, implied_id_p11
@@ -52,7 +54,7 @@ from hostlink.wire.serial import (
     unpack_emergency,
     unpack_message,
 )
-from hostlink.wire.state import State, unpack_state
+from hostlink.wire.state import State, restore
 from hostlink.wire.status import FaultCode, Status
 
 __all__ = [
@@ -72,13 +74,20 @@ __all__ = [
 
 SERIAL_NODE: Final = 1  # a line has no node numbers: number of the finger at its end
 LATE_S: Final = 0.020  # default; five samples at 240 Hz
+_CLOCK_STEP: Final = int(Status.CLOCK_STEP)
+_SAMPLE, _STATUS, _TIME, _LATENCY = (
+    vars(State)[name] for name in ("sample", "status", "capture_time_us", "latency_us")
+)
+_NO_TIME: Final = (nan, inf)  # of a sample whose arrival is not known
+_new: Final = tuple.__new__  # a named tuple's own constructor takes three times as long
 
 
 class _Node:
     """State of the decoder for one node."""
 
-    def __init__(self, node: int, late_s: float) -> None:
+    def __init__(self, node: int, late_s: float, bare: bool) -> None:
         self.node = node
+        self._bare = bare
         self.statistics = LinkStatistics()
         self.sequence = Sequence(self.statistics)
         self.senders = SenderWatch()
@@ -91,12 +100,46 @@ class _Node:
         self.second_sender_given = False
         self._late_s = late_s
 
+    def can_frame(self, kind: Kind, tpdo: int, data: bytes, arrival_s: float) -> list[Event]:
+        """The events that this frame completes. Raises CorruptFrame.
+
+        tpdo  number of the TPDO; 0: none
+        """
+        is_part = len(data) == PART_SIZE
+        if tpdo and is_part:
+            return self.part_frame(tpdo, data, arrival_s)
+        if tpdo == 1:
+            return self.state_frame(data, arrival_s)
+        if tpdo == 4:
+            return self.detail_segment(data, arrival_s)
+        if kind is Kind.HEARTBEAT:
+            return self.heartbeat(data, arrival_s)
+        if kind is Kind.EMERGENCY:
+            return self.emergency(data, arrival_s)
+        if kind is Kind.SDO_RESPONSE and is_part:
+            return [SdoFrame(self.node, data, arrival_s)]
+        if kind is Kind.SDO_REQUEST:
+            return [SdoFrame(self.node, data, arrival_s, request=True)] if is_part else []
+        raise CorruptFrame(f"{kind.name} of {len(data)} bytes")
+
+    def corrupt_can(self, kind: Kind, tpdo: int, data: bytes) -> VersionMismatch | None:
+        """Counts a frame for which `can_frame` raised; the error to raise, where it shows another version."""
+        if tpdo and len(data) == PART_SIZE:
+            return self.corrupt_p11(tpdo, data)
+        if tpdo:
+            return self.corrupt_p5(data, data_id_of(Message.STATE if tpdo == 1 else Message.DETAIL))
+        self.statistics.corrupt_n += 1
+        return None
+
     # --- one method for each kind of payload, the same for CAN and serial; all raise CorruptFrame ---
 
     def state_frame(self, frame: bytes, arrival_s: float) -> list[Event]:
-        state = unpack_state(frame)
+        body = body_in(frame)
         self.evidence_p5.clear()
-        return self._deliver(state, frame[2], 256, arrival_s)
+        if body[0] != VERSION:
+            return self._deliver(restore(body), None, frame[2], 256, arrival_s)
+        state = None if self._bare else received(State, body)
+        return self._deliver(state, body, frame[2], 256, arrival_s)
 
     def part_frame(self, tpdo: int, frame: bytes, arrival_s: float) -> list[Event]:
         part = unpack_part(tpdo, frame)
@@ -107,7 +150,7 @@ class _Node:
         if state is None:
             new = self.parts.is_interleaved and not interleaved
             return self._second_sender(arrival_s) if new else []
-        return self._deliver(state, part.counter, P11_COUNTERS, arrival_s)
+        return self._deliver(state, state.body, part.counter, P11_COUNTERS, arrival_s)
 
     def detail_segment(self, frame: bytes, arrival_s: float) -> list[Event]:
         segment = unpack_segment(frame)
@@ -163,27 +206,42 @@ class _Node:
         self.mismatch_raised = True
         return VersionMismatch(VERSION, version, our_id, their_id, self.node)
 
-    def _deliver(self, state: State, counter: int, modulus: int, arrival_s: float) -> list[Event]:
-        events: list[Event] = []
-        if self.senders.see(state.sample, state.capture_time_us):
+    def _deliver(
+        self, state: State | None, body: bytes | None, counter: int, modulus: int, arrival_s: float
+    ) -> list[Event]:
+        """state  None: it is not made, see `CanDecoder`"""
+        events: list[Any] = []
+        if state is not None and body is None:  # an older version's, decoded at once
+            sample, status, time_us = state.sample, int(state.status), state.capture_time_us
+            latency_us = state.latency_us
+        else:
+            sample, status, time_us = _SAMPLE.raw(body), _STATUS.raw(body), _TIME.raw(body)
+            latency_us = _LATENCY.value(body)
+        if self.senders.see(sample, time_us):
             events = self._second_sender(arrival_s)
-        lost_n = self.sequence.accept(state.sample, counter, modulus)
+        lost_n = self.sequence.accept(sample, counter, modulus)
         if lost_n < 0:
             return events
         self.statistics.received_n += 1
-        host_time_s, host_error_s = self._host_time(state, arrival_s)
-        return [*events, Sample(self.node, state, host_time_s, host_error_s, arrival_s, lost_n)]
+        taken = self._host_time(status, time_us, latency_us, arrival_s)
+        if state is None:
+            events.append((self.node, body, taken[0], taken[1], arrival_s, lost_n))
+        else:
+            events.append(_new(Sample, (self.node, state, taken[0], taken[1], arrival_s, lost_n)))
+        return events
 
-    def _host_time(self, state: State, arrival_s: float) -> tuple[float, float]:
+    def _host_time(
+        self, status: int, time_us: int, latency_us: float, arrival_s: float
+    ) -> tuple[float, float]:
         """Capture time and its error; counts a late sample."""
         if arrival_s != arrival_s:
-            return nan, inf
-        if state.status & Status.CLOCK_STEP:
+            return _NO_TIME
+        if status & _CLOCK_STEP:
             self.clock.restart()
-        latency_us = state.latency_us if state.latency_us == state.latency_us else 0.0
-        taken = self.clock.sample(state.capture_time_us, latency_us, arrival_s)
-        self.statistics.late_n += self.clock.lateness_s > self._late_s
-        return taken.time_s, taken.error_s
+        taken = self.clock.take(time_us, latency_us if latency_us == latency_us else 0.0, arrival_s)
+        if self.clock.lateness_s > self._late_s:
+            self.statistics.late_n += 1
+        return taken
 
     def _second_sender(self, arrival_s: float) -> list[Event]:
         self.statistics.second_sender_n += 1
@@ -196,7 +254,8 @@ class _Node:
 class _Decoder:
     """Common to both decoders: nodes, statistics, and events held back by an error."""
 
-    def __init__(self, late_s: float) -> None:
+    def __init__(self, late_s: float, bare: bool) -> None:
+        self._bare = bare
         self._nodes: dict[tuple[Hashable, int], _Node] = {}
         self._late_s = late_s
         self._held: list[Event] = []
@@ -216,7 +275,7 @@ class _Decoder:
 
     def _node(self, node: int, channel: Hashable = None) -> _Node:
         if (channel, node) not in self._nodes:
-            self._nodes[channel, node] = _Node(node, self._late_s)
+            self._nodes[channel, node] = _Node(node, self._late_s, self._bare)
         return self._nodes[channel, node]
 
     def _finish(self, events: list[Event], error: VersionMismatch | None) -> list[Event]:
@@ -233,13 +292,17 @@ class CanDecoder(_Decoder):
 
     ids        identifiers; must be those that the sensors use
     late_s     limit above which a sample counts as late
+    bare       a sample of a state frame of this version comes as a plain tuple in the order of `Sample`, with
+               the frame's body for its state: for tables
     unknown_n  frames with other identifiers
     """
 
-    def __init__(self, ids: CanIds | None = None, *, late_s: float = LATE_S) -> None:
-        super().__init__(late_s)
+    def __init__(self, ids: CanIds | None = None, *, late_s: float = LATE_S, bare: bool = False) -> None:
+        super().__init__(late_s, bare)
         self.ids = ids or CanIds()
         self._table = self.ids.table
+        self._ways: dict[Hashable, dict[int, tuple[_Node, Kind, int]]] = {}  # those that frames came on
+        self._alone: dict[int, tuple[_Node, Kind, int]] = {}  # those without a channel
         self.unknown_n = 0
 
     def receive(
@@ -250,47 +313,49 @@ class CanDecoder(_Decoder):
         channel  the bus that it came on, if there are several: the same number on another is another finger
         Raises VersionMismatch: once a node; TypeError, ValueError: not a CAN frame
         """
-        if not 0 <= can_id < 1 << 29 or len(data) > STATE_SIZE:
-            raise ValueError(f"no CAN frame: id 0x{can_id:X} with {len(data)} bytes")
-        found = self._table.get(can_id)
-        if found is None:
-            self.unknown_n += 1
-            return self._finish([], None)
-        kind, number = found
-        node = self._node(number, channel)
-        data = bytes(data)
-        tpdo = _TPDO.get(kind)
+        ways = self._alone if channel is None else self._ways.setdefault(channel, {})
+        way = ways.get(can_id)
+        if way is None or len(data) > STATE_SIZE:
+            if not 0 <= can_id < 1 << 29 or len(data) > STATE_SIZE:
+                raise ValueError(f"no CAN frame: id 0x{can_id:X} with {len(data)} bytes")
+            found = self._table.get(can_id)
+            if found is None:
+                self.unknown_n += 1
+                return self._finish([], None)
+            kind, number = found
+            way = ways[can_id] = (self._node(number, channel), kind, _TPDO.get(kind, 0))
+        node, kind, tpdo = way
+        if type(data) is not bytes:
+            data = bytes(data)
         error: VersionMismatch | None = None
         events: list[Event] = []
         try:
-            if tpdo is not None:
-                if len(data) == PART_SIZE:
-                    events = node.part_frame(tpdo, data, arrival_s)
-                elif kind is Kind.TPDO1:
-                    events = node.state_frame(data, arrival_s)
-                elif kind is Kind.TPDO4:
-                    events = node.detail_segment(data, arrival_s)
-                else:
-                    raise CorruptFrame(f"{kind.name} of {len(data)} bytes")
-            elif kind is Kind.HEARTBEAT:
-                events = node.heartbeat(data, arrival_s)
-            elif kind is Kind.EMERGENCY:
-                events = node.emergency(data, arrival_s)
-            elif kind is Kind.SDO_RESPONSE:
-                if len(data) != PART_SIZE:
-                    raise CorruptFrame(f"{kind.name} of {len(data)} bytes")
-                events = [SdoFrame(number, data, arrival_s)]
-            elif kind is Kind.SDO_REQUEST and len(data) == PART_SIZE:
-                events = [SdoFrame(number, data, arrival_s, request=True)]
+            events = node.can_frame(kind, tpdo, data, arrival_s)
         except CorruptFrame:
-            if tpdo is not None and len(data) == PART_SIZE:
-                error = node.corrupt_p11(tpdo, data)
-            elif tpdo is not None:
-                message = Message.STATE if kind is Kind.TPDO1 else Message.DETAIL
-                error = node.corrupt_p5(data, data_id_of(message))
-            else:
-                node.statistics.corrupt_n += 1
+            error = node.corrupt_can(kind, tpdo, data)
         return self._finish(events, error)
+
+    def receive_run(
+        self,
+        times_s: list[float],
+        ids: list[int],
+        channels: list[str | int],
+        data: bytes,
+        wanted: list[bool] | None = None,
+    ) -> list[Event]:
+        """The events of many frames of 64 bytes, in order; of those that are wanted, None: of all."""
+        events: list[Event] = []
+        for i in range(len(ids)):
+            if wanted is None or wanted[i]:
+                at = i * STATE_SIZE
+                events += self.receive(ids[i], data[at : at + STATE_SIZE], times_s[i], channels[i])
+        return events
+
+    @property
+    def is_on_several(self) -> bool:
+        """Whether a finger's samples came on several channels."""
+        found = [number for (_, number), node in self._nodes.items() if node.statistics.received_n]
+        return len(found) > len(set(found))
 
 
 _TPDO: Final = {Kind.TPDO1: 1, Kind.TPDO2: 2, Kind.TPDO3: 3, Kind.TPDO4: 4}
@@ -303,7 +368,7 @@ class SerialDecoder(_Decoder):
     """
 
     def __init__(self, node: int = SERIAL_NODE, *, late_s: float = LATE_S) -> None:
-        super().__init__(late_s)
+        super().__init__(late_s, False)
         self._number = node
         self._block = bytearray()
         self._skipping = False  # a block became longer than any frame: wait for its end

@@ -17,20 +17,25 @@ from __future__ import annotations
 import re
 import struct
 import zlib
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from io import BytesIO, TextIOWrapper
 from itertools import chain, islice
 from math import nan
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO, Final
+from typing import TYPE_CHECKING, Any, BinaryIO, Final, TextIO
 
 if TYPE_CHECKING:
     import can
 
-__all__ = ["HEAD_N", "Skipped", "read_asc", "read_blf", "read_candump"]
+    from hostlink.log_blocks import Run
 
+__all__ = ["HEAD_N", "Skipped", "read_asc", "read_blf", "read_blf_runs", "read_candump", "read_candump_runs"]
+
+RunAt = Callable[[bytes, int, float], "tuple[Run, int] | None"]
 HEAD_N: Final = 256  # messages at the beginning of a log that show what its times are
+_BLOCK: Final = 1 << 20  # bytes of a log that are read at once
 LINE_MAX: Final = 1024  # characters; the longest line, CAN FD with 64 bytes in an .asc, has some 350
 FOREIGN_MAX: Final = 64 << 20  # characters; a foreign line as long as that is no text
 DATA_MAX: Final = 64  # bytes
@@ -104,17 +109,20 @@ def _lines(path: Path) -> Iterator[tuple[int, str]]:
     Raises  ValueError: a line without an end
     """
     with path.open(encoding="utf-8-sig", errors="replace") as file:
-        number = 0
-        while line := file.readline(LINE_MAX):
-            number += 1
-            rest, read_n = line, 0
-            while rest and not rest.endswith("\n"):
-                rest = file.readline(1 << 16)
-                read_n += len(rest)
-                if read_n > FOREIGN_MAX:
-                    raise ValueError(f"line {number} has no end")
-            if line.strip():
-                yield number, line
+        yield from _lines_of(file, 0)
+
+
+def _lines_of(file: TextIO, number: int) -> Iterator[tuple[int, str]]:
+    while line := file.readline(LINE_MAX):
+        number += 1
+        rest, read_n = line, 0
+        while rest and not rest.endswith("\n"):
+            rest = file.readline(1 << 16)
+            read_n += len(rest)
+            if read_n > FOREIGN_MAX:
+                raise ValueError(f"line {number} has no end")
+        if line.strip():
+            yield number, line
 
 
 def read_candump(path: Path, skipped: Skipped) -> Iterator[can.Message]:
@@ -135,9 +143,45 @@ def read_candump(path: Path, skipped: Skipped) -> Iterator[can.Message]:
         raise damage
 
 
+def read_candump_runs(path: Path, skipped: Skipped) -> Iterator[can.Message | Run]:
+    """As `read_candump`, runs of lines together; a log that does not begin with one is read line by line."""
+    from hostlink.log_blocks import run_of_lines
+
+    with path.open("rb") as file:
+        block, number = file.read(_BLOCK), 0
+        if run_of_lines(block, 0, len(block)) is None:
+            yield from read_candump(path, skipped)
+            return
+        while block:
+            more = file.read(_BLOCK)
+            at, end = 0, block.rfind(b"\n") + 1 if more else len(block)
+            if not end and len(block) > FOREIGN_MAX:
+                raise ValueError(f"line {number + 1} has no end")
+            while at < end:
+                run = run_of_lines(block, at, end)
+                if run is not None:
+                    yield run[0]
+                    number, at = number + len(run[0].ids), run[1]
+                    continue
+                line = block[at : block.find(b"\n", at, end) + 1 or end]
+                lines = _lines_of(TextIOWrapper(BytesIO(line), "utf-8", "replace"), number)
+                for _, message in _messages_in(lines, skipped):
+                    if message is not None:
+                        yield message
+                number += line.replace(b"\r\n", b"\n").count(b"\r") + 1
+                at += len(line)
+            block = block[end:] + more
+
+
 def _candump_lines(path: Path, skipped: Skipped) -> Iterator[tuple[float, can.Message | None]]:
+    return _messages_in(_lines(path), skipped)
+
+
+def _messages_in(
+    lines: Iterable[tuple[int, str]], skipped: Skipped
+) -> Iterator[tuple[float, can.Message | None]]:
     """Of each line the time that it states, for a difference counts whatever it is of; and its message."""
-    for number, line in _lines(path):
+    for number, line in lines:
         found = _CANDUMP.fullmatch(line)
         message = None if found is None else _candump_message(found)
         if message is None:
@@ -282,7 +326,7 @@ _STORED, _ZLIB = 0, 2
 _MARK: Final = b"LOBJ"
 
 
-def read_blf(path: Path, _: Skipped) -> Iterator[can.Message]:
+def read_blf(path: Path, _: Skipped, run_at: RunAt | None = None) -> Iterator[Any]:
     """The messages in a binary log; its channel 1 is 0 here. Raises ValueError: damaged."""
     size = path.stat().st_size
     with path.open("rb") as file:
@@ -296,10 +340,17 @@ def read_blf(path: Path, _: Skipped) -> Iterator[can.Message]:
         while at < size:
             file.seek(at)
             plain, object_bytes, cut = _container(file, size - at)
-            rest, wrong = yield from _blf_messages(rest + plain, begin_s)
+            rest, wrong = yield from _blf_messages(rest + plain, begin_s, run_at)
             if wrong or cut:
                 raise ValueError(f"{wrong or cut} at byte {at}")
             at += object_bytes + object_bytes % 4
+
+
+def read_blf_runs(path: Path, skipped: Skipped) -> Iterator[can.Message | Run]:
+    """As `read_blf`, runs of objects together."""
+    from hostlink.log_blocks import run_of_objects
+
+    return read_blf(path, skipped, run_of_objects)
 
 
 def _system_time(parts: list[int]) -> float:
@@ -346,13 +397,19 @@ def _unpack(packed: bytes) -> tuple[bytes, str]:
     return bytes(plain), ""
 
 
-def _blf_messages(plain: bytes, begin_s: float) -> Generator[can.Message, None, tuple[bytes, str]]:
+def _blf_messages(
+    plain: bytes, begin_s: float, run_at: RunAt | None
+) -> Generator[Any, None, tuple[bytes, str]]:
     """The messages of the objects here.
 
     Returns the beginning of an object that goes on in the next container, and the problem; empty: none.
     """
     at = 0
     while (begin := plain.find(_MARK, at, at + 8)) >= 0 and begin + _OBJECT.size <= len(plain):
+        if run_at is not None and (found := run_at(plain, begin, begin_s)) is not None:
+            run, at = found
+            yield run
+            continue
         _, _, version, size, kind = _OBJECT.unpack_from(plain, begin)
         if size < _OBJECT.size:
             return b"", "a container with an object of no length"

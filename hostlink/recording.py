@@ -27,7 +27,7 @@ from __future__ import annotations
 import logging
 import re
 import struct
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from copy import copy
 from itertools import islice
@@ -37,7 +37,15 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
 from hostlink.decoder import SERIAL_NODE, CanDecoder, Event, Sample, SerialDecoder
 from hostlink.errors import LogError, UsageError, VersionMismatch
-from hostlink.log_formats import HEAD_N, Skipped, read_asc, read_blf, read_candump
+from hostlink.log_formats import (
+    HEAD_N,
+    Skipped,
+    read_asc,
+    read_blf,
+    read_blf_runs,
+    read_candump,
+    read_candump_runs,
+)
 
 if TYPE_CHECKING:
     import can
@@ -49,6 +57,7 @@ __all__ = [
     "LogWriter",
     "SerialWriter",
     "check_suffix",
+    "decode_blocks",
     "decode_recording",
     "decoder_for",
     "read_log",
@@ -59,7 +68,9 @@ log = logging.getLogger(__name__)
 
 CAN_SUFFIXES: Final = (".log", ".blf")  # those that are written
 SERIAL_SUFFIX: Final = ".serial"
-_FORMATS: Final = {".log": read_candump, ".blf": read_blf, ".asc": read_asc}
+Formats = dict[str, Callable[[Path, Skipped], Iterator[Any]]]
+_FORMATS: Final[Formats] = {".log": read_candump, ".blf": read_blf, ".asc": read_asc}
+_RUNS: Final[Formats] = _FORMATS | {".log": read_candump_runs, ".blf": read_blf_runs}
 READ_SUFFIXES: Final = (*CAN_SUFFIXES, SERIAL_SUFFIX, ".asc")
 
 REFUSED: Final = {
@@ -161,8 +172,13 @@ def read_log(path: Path | str) -> Iterator[can.Message]:
     A warning of `logging` counts the lines that were skipped because they are no frames.
     Raises LogError: no such file, no frame in it, format refused, or damaged (after the messages before)
     """
-    path, skipped, read_n = Path(path), Skipped(), 0
-    for message in _read(path, skipped):
+    return _counted(Path(path), _FORMATS)
+
+
+def _counted(path: Path, formats: Formats) -> Iterator[Any]:
+    """Messages, or runs of them, with what `read_log` says of others."""
+    skipped, read_n = Skipped(), 0
+    for message in _read(path, skipped, formats):
         yield message
         read_n += 1
     if skipped.lines_n and not read_n:
@@ -171,16 +187,19 @@ def read_log(path: Path | str) -> Iterator[can.Message]:
         log.warning("%s: skipped lines that are no CAN frames: %d; %s", path, skipped.lines_n, skipped.first)
 
 
-def _read(path: Path, skipped: Skipped) -> Iterator[can.Message]:
+def _read(path: Path, skipped: Skipped, formats: Formats) -> Iterator[Any]:
     check_suffix(path, tuple(_FORMATS))
     if not path.is_file():
         raise LogError(f"{path}: no such file")
     read_n = 0
     try:
-        for message in _FORMATS[path.suffix.lower()](path, skipped):
-            message.timestamp = round(message.timestamp, 6)
+        for message in formats[path.suffix.lower()](path, skipped):
+            if isinstance(message, tuple):  # a run
+                read_n += len(message[0])
+            else:
+                message.timestamp = round(message.timestamp, 6)
+                read_n += 1
             yield message
-            read_n += 1
     except (ValueError, OSError) as error:
         messages = "message" if read_n == 1 else "messages"
         raise LogError(f"{path}: damaged after {read_n} {messages}: {error}") from None
@@ -312,6 +331,38 @@ def _decode_log(
             if isinstance(event, Sample) and channel_of.setdefault(event.finger, on) != on:
                 raise _choose(path, decoder, finger)
             yield event
+    _check_channel(path, channel, channels)
+
+
+def decode_blocks(path: Path | str, channel: str | int | None = None) -> Iterator[Event]:
+    """The same events, many messages at once, samples bare (see `CanDecoder`): for tables. Needs NumPy.
+
+    Where `decode_recording` gives events before an error, this may not.
+    """
+    path = check_suffix(path)
+    if path.suffix.lower() == SERIAL_SUFFIX:
+        yield from decode_recording(path, channel=channel)
+        return
+    decoder = CanDecoder(bare=True)
+    if channel is None and _on_several(path, decoder, None, HEAD_N):
+        raise _choose(path, decoder, None)
+    channels: dict[str, None] = {}
+    for message in _counted(path, _RUNS):
+        is_run = isinstance(message, tuple)
+        on = message.channels if is_run else [message.channel]
+        channels |= dict.fromkeys(map(str, dict.fromkeys(on)))
+        if is_run:
+            wanted = None if channel is None else [str(name) == str(channel) for name in on]
+            times_s, ids, names, data = message[:4]
+            yield from decoder.receive_run(times_s, ids, names, data, wanted)
+        elif channel is None or str(message.channel) == str(channel):
+            yield from _receive(decoder, message)
+        if channel is None and decoder.is_on_several:
+            raise _choose(path, decoder, None)
+    _check_channel(path, channel, channels)
+
+
+def _check_channel(path: Path, channel: str | int | None, channels: Iterable[str]) -> None:
     if channel is not None and str(channel) not in channels:
         raise UsageError(f"{path}: no channel {channel}; it has {', '.join(channels) or 'none'}")
 
@@ -333,7 +384,7 @@ def _on_several(
     decoder = CanDecoder(like.ids)
     found: dict[int, dict[str, None]] = {}
     with suppress(LogError):
-        for message in islice(_read(path, Skipped()), messages_n):
+        for message in islice(_read(path, Skipped(), _FORMATS), messages_n):
             with suppress(VersionMismatch):
                 for event in _wanted(_receive(decoder, message), finger):
                     if isinstance(event, Sample):

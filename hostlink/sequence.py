@@ -1,8 +1,11 @@
+# cython: annotation_typing=False
 """Order of one node's samples: what is new, lost, old or repeated; and whether one sender sent them all.
 
 Sequence      sample number and E2E counter -> deliver or not, and how many were lost before it
 SenderWatch   sample number and capture time -> is there a second sender with this node number?
 Evidence      frames with a wrong CRC -> noise, or another version?
+
+Compiled where a compiler is, with the C types in `sequence.pxd`; the same without.
 """
 
 from __future__ import annotations
@@ -18,8 +21,9 @@ RESTART_RUN: Final = 8  # samples of another sequence, and none of the known one
 EVIDENCE_P5: Final = 3  # frames that imply one foreign data id: chance of noise doing that is 2**-48
 EVIDENCE_P11: Final = 6  # of 12 bits each: 2**-60
 SUSPECT_N: Final = 3  # samples that go back to another sequence: a restart causes one, a late sample another
+_COUNTERS: Final = 256  # more than any counter
 _KNOWN_N: Final = 2 * WINDOW
-_SEEN_ALL: Final = (1 << WINDOW) - 1
+_SEEN_ALL: Final = int("1" * WINDOW, 2)  # a shift would be one of 32 bits where this is compiled
 SENDER_SPAN_US: Final = 10_000_000  # capture times of one sender's samples within WINDOW
 
 
@@ -77,11 +81,11 @@ class Sequence:
         ahead = (sample - self._sample) & 0xFFFF
         if ahead == 0 or ahead > 0x8000:
             return self._old(sample, counter, (self._sample - sample) & 0xFFFF)
-        steps = (counter - self._counter + modulus) % modulus
+        steps = (counter - self._counter + _COUNTERS * modulus) % modulus  # C keeps the sign
         if steps == 0:
             steps = modulus
         if ahead > steps * self._stride:
-            steps += modulus * max(0, round((ahead / self._stride - steps) / modulus))
+            steps += modulus * max(0, round((float(ahead) / self._stride - steps) / modulus))
         steps = max(1, min(steps, ahead))
         if steps == 1:
             self._stride = ahead
@@ -129,7 +133,8 @@ class _Track:
 
     def is_near(self, sample: int, time_us: int) -> bool:
         passed_us = (time_us - self._time_us + 0x8000_0000 & 0xFFFF_FFFF) - 0x8000_0000
-        return abs(self._steps_to(sample)) <= WINDOW and abs(passed_us) <= SENDER_SPAN_US
+        steps = self._steps_to(sample)
+        return -WINDOW <= steps <= WINDOW and -SENDER_SPAN_US <= passed_us <= SENDER_SPAN_US
 
     def is_used(self, sample: int, time_us: int) -> bool:
         """Whether this number, not a new one, was another image's."""

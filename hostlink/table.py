@@ -27,8 +27,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 from hostlink.events import Event, Sample
 from hostlink.extras import require
-from hostlink.recording import decode_recording
-from hostlink.wire.fields import CONTACTS_MAX, FIELDS, LAYOUT
+from hostlink.recording import decode_blocks
+from hostlink.wire.fields import CONTACTS_MAX, FIELDS, LAYOUT, SCHEMA
 
 if TYPE_CHECKING:
     import numpy as np
@@ -68,6 +68,11 @@ COLUMNS: Final = (
 
 _OF_SAMPLE: Final = attrgetter("finger", "arrival_s", "host_time_s", "host_error_s", "lost_n")
 _OF_STATE: Final = attrgetter(*(f.name for f in FIELDS))
+_DTYPE: Final = {  # of a frame's version and fields
+    "names": ["version", *(f.name for f in LAYOUT)],
+    "formats": ["u1", *(f"<{'i' if f.signed else 'u'}{f.size}" for f in LAYOUT)],
+}
+_NOTHING: Final = bytes(SCHEMA.body.size)
 _NO_CONTACT: Final = (nan,) * (len(_CONTACT_ROWS) // CONTACTS_MAX)
 
 
@@ -80,9 +85,42 @@ def row_of(sample: Sample) -> Row:
     return (*_OF_SAMPLE(sample), *_OF_STATE(sample.state), *contacts)
 
 
-def _rows(source: Source, channel: str | int | None) -> Iterator[Row]:
-    events = decode_recording(source, channel=channel) if isinstance(source, str | Path) else source
-    return (row_of(event) for event in events if isinstance(event, Sample))
+def _samples(source: Source, channel: str | int | None) -> Iterator[Any]:
+    """Samples, or what a bare decoder gives for them."""
+    events = decode_blocks(source, channel) if isinstance(source, str | Path) else source
+    return (event for event in events if isinstance(event, tuple))
+
+
+def _columns_of(samples: list[Any], numpy: Any) -> list[np.ndarray]:
+    """A column each, in the order of COLUMNS; fields of frames are decoded together, by the table."""
+    n = len(samples)
+    fingers, states, *times, lost_n = zip(*samples, strict=True)
+    known = [state if type(state) is bytes else state.body for state in states]
+    raws = numpy.frombuffer(b"".join(body or _NOTHING for body in known), numpy.dtype(_DTYPE))
+    values = {f.name: raws[f.name].astype(numpy.int64 if f.plain else numpy.float64) for f in LAYOUT}
+    for f in LAYOUT:
+        if not f.plain:
+            values[f.name] *= f.scale
+            values[f.name][raws[f.name] == f.raw_nan(8 * f.size)] = nan
+    places = numpy.stack([values[f.name] for f in _CONTACT_ROWS]).reshape(CONTACTS_MAX, -1, n)
+    for i in reversed(range(CONTACTS_MAX)):  # those without a place are left out, and others take theirs
+        gone = numpy.isnan(places[i, 0])
+        places[i:-1, :, gone] = places[i + 1 :, :, gone]
+        places[-1, :, gone] = nan
+    host_s, error_s, arrival_s = (numpy.array(column, numpy.float64) for column in times)
+    columns = [
+        numpy.array(fingers, numpy.int64),
+        arrival_s,
+        host_s,
+        error_s,
+        numpy.array(lost_n, numpy.int64),
+    ]
+    columns += [*(values[f.name] for f in FIELDS), *places.reshape(-1, n)]
+    if None in known:  # made of values, or of an older version
+        for i in (i for i, body in enumerate(known) if body is None):
+            for column, value in zip(columns, row_of(samples[i]), strict=True):
+                column[i] = value
+    return columns
 
 
 def to_arrays(source: Source, channel: str | int | None = None) -> dict[str, np.ndarray]:
@@ -95,9 +133,10 @@ def to_arrays(source: Source, channel: str | int | None = None) -> dict[str, np.
     """
     numpy = require("numpy", "data")
     columns: list[array[Any]] = [array("q" if c.whole else "d") for c in COLUMNS]
-    for row in _rows(source, channel):
-        for column, value in zip(columns, row, strict=True):
-            column.append(value)
+    samples = _samples(source, channel)
+    while piece := list(islice(samples, ROWS_PER_PIECE)):
+        for column, values in zip(columns, _columns_of(piece, numpy), strict=True):
+            column.frombytes(values.tobytes())
     return {
         c.name: numpy.frombuffer(column, dtype=numpy.int64 if c.whole else numpy.float64)
         for c, column in zip(COLUMNS, columns, strict=True)
@@ -109,7 +148,7 @@ def to_pandas(source: Source, channel: str | int | None = None) -> pd.DataFrame:
 
     Raises  UsageError: pandas is not installed, or a channel must be chosen; LogError: as there
     """
-    frame: pd.DataFrame = require("pandas", "data").DataFrame(to_arrays(source, channel))
+    frame: pd.DataFrame = require("pandas", "data").DataFrame(to_arrays(source, channel), copy=False)
     frame.attrs["units"] = {c.name: c.unit for c in COLUMNS}
     return frame
 

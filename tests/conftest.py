@@ -13,7 +13,7 @@ from tests.support import kernels
 
 kernels.install()
 
-from edge.sources import ThreadedSource  # noqa: E402  (with the kernels that were installed)
+from edge.sources.live import ThreadedSource  # noqa: E402  (with the kernels that were installed)
 from hostlink.interrupt import ENDING  # noqa: E402
 
 # A background job begins with SIGINT and SIGQUIT ignored, one under nohup with SIGHUP. Programs that

@@ -65,6 +65,7 @@ def test_every_kernel_is_in_it_for_every_release(wheel: Path) -> None:
     sensors = {path.relative_to(ROOT).as_posix() for path in (ROOT / "edge" / "sensors").glob("*.toml")}
     assert sensors
     assert sensors <= set(names)
+    assert {"edge/examples/press.mcap", "edge/examples/press.json", "edge/examples/sim.json"} <= set(names)
     made = [name for name in names if name.startswith("edge/") and name.endswith((".c", ".h"))]
     assert not [name for name in made if not (ROOT / name).is_file()]  # what Cython makes stays out
 
@@ -103,3 +104,4 @@ def test_the_source_archive_makes_the_same_wheel(wheel: Path, tmp_path: Path) ->
     with tarfile.open(made) as source:
         names = {name.partition("/")[2] for name in source.getnames()}
     assert {"LICENSE", "CITATION.cff", "CHANGELOG.md", "constraints.txt"} <= names
+    assert {"deploy/install.sh", "tests/conftest.py", "docs/examples/read_a_finger.py"} <= names

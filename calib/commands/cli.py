@@ -28,6 +28,10 @@ COMMANDS = {
         "calib.commands.report:report_command",
         "One page on the accuracy of calibrations, and the reasons for the edge's methods.",
     ),
+    "scale": CommandRow(
+        "calib.commands.scale:scale_command",
+        "Press on a kitchen scale by hand: pictures and forces for `calib fit`.",
+    ),
     "simulate": CommandRow(
         "calib.commands.simulate:simulate_command",
         "Press a known sensor's simulated tip at random, and fit a calibration to what its camera sees.",

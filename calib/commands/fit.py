@@ -78,11 +78,11 @@ def fit_command(
     TABLE is a TARGETS.csv, with --frames and --rest, or one or more captures (.mcap) of one tip.
 
     Columns of TARGETS.csv: sensor_image and any of pose_z (mm), pose_Rx, pose_Ry (deg), shear_x, shear_y
-    (mm), shear_Rz (deg), force_z (N), area (mm2), contact_x, contact_y, contact_depth (mm). What has no
-    column is not fitted. The scale comes from contacts in known places, from --mm-per-px, or from the pitch
-    of --sensor; without any, what is in mm of the image (places, slip speed) stays invalid.
-    With --hold-out, a share of the poses is held out first: a fit to the others is evaluated on them. The
-    file is then fitted to all frames. With --prior, a few frames of a new tip are enough.
+    (mm), shear_Rz (deg), force_x, force_y, force_z (N), torque_z (N mm), area (mm2), contact_x, contact_y,
+    contact_depth (mm). What has no column is not fitted. The scale comes from contacts in known places, from
+    --mm-per-px, or from the pitch of --sensor; without any, what is in mm of the image (places, slip speed)
+    stays invalid. With --hold-out, a share of the poses is held out first: a fit to the others is evaluated
+    on them. The file is then fitted to all frames. With --prior, a few frames of a new tip are enough.
     """
     given = Frames(**frames)
     check_output(output, (".json",), [*given.inputs, *([prior] if prior else [])], overwrite)

@@ -25,7 +25,8 @@ from calib.designs import letters, terms_of_spin
 from calib.extract import Extract
 from calib.ridge import cross_validated_terms
 from calib.targets import Targets
-from edge.calibration.inputs import FRAME_INPUTS, evaluate_terms, term_columns
+from calib.terms import evaluate_terms, term_columns
+from edge.calibration.inputs import FRAME_INPUTS
 from edge.cells import Tessellator
 from edge.features.pin_motion import AreaChange
 from edge.features.surface import Surface
@@ -76,7 +77,7 @@ def detectors(rest: Rest, frames: Sequence[Frame]) -> list[Row]:
     for frame in frames:
         assert frame.truth is not None
         true = np.array(frame.truth["pins_img"])
-        # What the last frame predicts is off by about a pixel.
+        # The last frame predicts a place that is off by about a pixel.
         predicted = _in_order(true, rest) + rng.normal(0.0, 0.7, rest.xy_img.shape)
         ways: dict[str, Callable[[], Array]] = {
             "SimpleBlobDetector, whole image": lambda: np.array(

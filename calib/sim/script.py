@@ -52,6 +52,14 @@ _PAIR = (
     Move(4, (replace(_LEFT, depth_mm=2.0), replace(_RIGHT, depth_mm=1.6))),
 )
 _REST = (Move(REST_FRAMES),)
+_HELD = replace(_FLAT, depth_mm=2.5)
+
+
+def _drag(shear_mm: float, depth_mm: float = 2.5, twist_deg: float = 0.0) -> ToolPose:
+    """The held surface dragged along one direction."""
+    x_mm, y_mm = shear_mm, round(-shear_mm / 1.5, 9)
+    return replace(_HELD, depth_mm=depth_mm, shear_x_mm=x_mm, shear_y_mm=y_mm, twist_deg=twist_deg)
+
 
 SCENES: dict[str, tuple[Move, ...]] = {
     "nothing": (Move(16),),
@@ -59,6 +67,14 @@ SCENES: dict[str, tuple[Move, ...]] = {
     "press-shear": (*_REST, *_shear(_FLAT, 3.0)),
     "two": (*_REST, *_PAIR),
     "edge": (*_REST, *_press(_BAR, 2.0, 16)),
+    # Pressed, sheared, twisted and back, dragged, loosened until it slips, lifted: can be looped.
+    "slip": (
+        *(Move(12), Move(0, (_FLAT,)), Move(12, (_HELD,)), Move(6, (_HELD,))),
+        *(Move(14, (_drag(1.2),)), Move(8, (_drag(0.6),)), Move(4, (_drag(0.6),))),
+        *(Move(12, (_drag(0.6, twist_deg=5.0),)), Move(4, (_drag(0.6, twist_deg=5.0),))),
+        *(Move(12, (_drag(0.6),)), Move(10, (_drag(1.8),)), Move(4, (_drag(1.8),))),
+        *(Move(12, (_drag(1.8, 1.0),)), Move(5, (_drag(1.8, 0.0),)), Move(12)),
+    ),
     # Everything in turn, back to untouched at the end: can be looped.
     "tour": (
         *_REST,

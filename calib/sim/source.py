@@ -27,7 +27,8 @@ from calib.sim.simulator import Simulator
 from calib.sim.tip import Tip
 from edge.errors import ConfigError, SourceError
 from edge.sensors import KnownSensor, load_sensor
-from edge.sources import Options, Paced
+from edge.sources.options import Options
+from edge.sources.paced import Paced
 from edge.types import Frame, FrameSource, Lens, Polarity, Region
 
 RATE_HZ = 60.0

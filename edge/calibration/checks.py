@@ -4,8 +4,6 @@ Structure, lengths and ranges are checked by the types of `edge.calibration.file
 file before it has passed, and every message names the place in the file.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -26,8 +24,6 @@ from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS
 from edge.geometry.neighbours import nearest_of
 from edge.limits import IMAGE_PIXELS, BadContent, quote
 from edge.types import Array
-
-__all__ = ["check", "is_of_contact", "outputs_of"]
 
 
 @dataclass(frozen=True, slots=True)

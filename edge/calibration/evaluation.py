@@ -1,3 +1,4 @@
+# cython: infer_types=True
 """The models of a calibration, evaluated together. Compiled; runs uncompiled too.
 
 Idea: every model but a curve is a sum of products of inputs whose weights are known with their covariance: a
@@ -28,10 +29,6 @@ Rules
 - The GIL is held: the scratch belongs to the object, and the work is short.
 """
 
-# mypy: disable-error-code="valid-type,untyped-decorator,no-any-return"
-
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 
@@ -51,7 +48,7 @@ else:
     from math import nan as NAN  # noqa: N812
     from math import pi as M_PI  # noqa: N812
 
-#: So many rows of L are summed together, for vector instructions.
+#: Rows of L that are summed together, for vector instructions.
 ROWS = 16
 LOST_MAX = cython.declare(cython.double, 100.0)  # of the logarithm: more is no number any more
 VOLUME_MIN = cython.declare(cython.double, 1e-6)  # of the tip's circle times its radius: no load at all
@@ -87,7 +84,6 @@ class InputRow:
         """Those of one frame. Raises ValueError: sizes that do not fit, a tip without a radius."""
         n: cython.Py_ssize_t = len(MODES)
         first: cython.Py_ssize_t = 2 + n
-        i: cython.Py_ssize_t
         self._must_have(first + 5, pattern)
         r: cython.double = self._radius
         volume, modes, contacts = features.volume_px2, features.modes_px, features.contacts
@@ -123,7 +119,6 @@ class InputRow:
     @cython.exceptval(check=True)
     def write_contact(self, contact: ContactRegion, features: Features, pattern: PinPattern) -> cython.void:
         """Those of one contact of a frame. Raises ValueError: as of `write_frame`."""
-        i: cython.Py_ssize_t
         self._must_have(12, pattern)
         r: cython.double = self._radius
         self._set_place_peak_size(contact, 0, 1, 3)
@@ -306,7 +301,6 @@ class ModelKernel:
         values: dict[str, float] = {}
         sigmas: dict[str, float] = {}
         outside = _NONE
-        i: cython.Py_ssize_t
         for i in range(self._outputs.shape[0]):
             name = self.names[i]
             values[name] = self._outputs[i, 0]
@@ -330,12 +324,6 @@ class ModelKernel:
     @cython.cfunc
     def _run(self) -> cython.bint:
         z: cython.double[::1] = self._inputs.numbers
-        k: cython.Py_ssize_t
-        p: cython.Py_ssize_t
-        a: cython.Py_ssize_t
-        x: cython.double
-        y: cython.double
-        i: cython.Py_ssize_t
         parts: cython.double[::1] = self._parts
         parts[0] = 1.0
         for i in range(self._active.shape[0]):
@@ -356,12 +344,10 @@ class ModelKernel:
         return True
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _evaluate(self, m: cython.Py_ssize_t) -> cython.void:
         first: cython.Py_ssize_t = self._first[m, 2]
         re: cython.double = 0.0
         im: cython.double = 0.0
-        k: cython.Py_ssize_t
         for k in range(self._first[m, 0], self._first[m + 1, 0]):
             x = self._parts[self._part[k]]
             re += self._weight[k, 0] * x
@@ -386,16 +372,12 @@ class ModelKernel:
         self._write(first + 1, im, spread + share * across + (1.0 - share) * along, known)
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _learnt(self, m: cython.Py_ssize_t) -> cython.double:
         """|L psi|^2."""
         sums: cython.double[16] = [0.0] * 16
         factor: cython.double[:, ::1] = self._factor
         begin: cython.Py_ssize_t = self._first[m, 0]
         n: cython.Py_ssize_t = self._first[m + 1, 0] - begin
-        row: cython.Py_ssize_t
-        k: cython.Py_ssize_t
-        r: cython.Py_ssize_t
         total: cython.double = 0.0
         for row in range(self._first[m, 4], self._first[m + 1, 4], n):
             for r in range(16):
@@ -409,7 +391,6 @@ class ModelKernel:
         return total
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _along_curve(self, m: cython.Py_ssize_t, x: cython.double) -> cython.double:
         """Linear between the knots, flat beyond them; NaN stays NaN."""
         k: cython.Py_ssize_t = self._first[m, 5]
@@ -425,17 +406,14 @@ class ModelKernel:
         return slope * (x - knot[k, 0]) + knot[k, 1]
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _noise(self, m: cython.Py_ssize_t, across: cython.Py_ssize_t) -> cython.double:
         """Variance of the noise, in units of sigma^2."""
         h: cython.double = 0.0
-        k: cython.Py_ssize_t
         for k in range(self._first[m, 1], self._first[m + 1, 1]):
             h += self._noise_weight[across, k] * self._parts[2 * self._noise_node[k]]
         return exp(min(max(h, self._limits[m, 1 + 2 * across]), self._limits[m, 2 + 2 * across]))
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _lost(self, m: cython.Py_ssize_t) -> cython.double:
         """Variance from pins that are not seen, in units of sigma^2; NaN: more than the fit tried."""
         if self._limits[m, 5] == -HUGE_VAL:  # without a model of it
@@ -447,7 +425,6 @@ class ModelKernel:
         if not gap <= self._limits[m, 8]:
             return NAN
         h: cython.double = self._limits[m, 5]
-        k: cython.Py_ssize_t
         for k in range(self._first[m, 3], self._first[m + 1, 3]):
             h += self._lost_weight[k] * self._parts[2 * self._lost_node[k]]
         h += self._limits[m, 6] * log(gap) + self._limits[m, 7] * log(max(volume, VOLUME_MIN))
@@ -528,7 +505,7 @@ def _as_process(model: Model) -> Process:
             raise ValueError(f"curve: two knots or more are wanted, not {len(model.knots)}")
         free = [(-math.inf, math.inf)]
         return Process([model.output], [[model.input]], [(1.0, 0.0)], free, [model.sigma], [], math.inf)
-    # Of one output, the imaginary part of L psi counts too: it is the real part of -i L psi.
+    # The imaginary part of L psi counts too where there is one output: it is the real part of -i L psi.
     turned = [[(im, -re) for re, im in row] for row in model.spread] if len(model.outputs) == 1 else []
     factor = [*model.spread, *turned]
     return Process(model.outputs, model.terms, model.weights, model.valid, model.sigma, factor, math.inf)

@@ -14,8 +14,6 @@ Every list has a maximum length and every number a range, so that the cost of a 
 anything is built from it: a frame takes at most `TERMS_MAX` products of `FACTORS_MAX` inputs for each model.
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Annotated
@@ -34,7 +32,9 @@ FORMAT = "voronoi-touch-calibration"
 VERSION = 1
 _GIVE = "give one that `python -m calib fit` wrote"
 
-TERMS_MAX = 512  # rows of any table of a model; the largest that `calib fit` tries has about 200
+#: Rows of any table of a model: the square root of its covariance, of pairs as short as this, has to fit in a
+#: file. The largest that `calib fit` tries has about 200.
+TERMS_MAX = math.isqrt(limits.FILE_BYTES // len("[1,0.5],"))
 FACTORS_MAX = len(FRAME_INPUTS)  # inputs in a product
 REST_SIGMA_PX = 0.05  # noise of a rest pin: the file does not keep each pin's own
 

@@ -21,12 +21,8 @@ Sources  Howe, Cutkosky, "Practical force-motion models for sliding manipulation
   15, 557 (1996): limit surface; Johnson, "Contact Mechanics", section 4.2: Hertz's pressure.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
-
-__all__ = ["OF_GRIP", "Grip"]
 
 #: The values without which nothing is known.
 OF_GRIP = frozenset({"force_n", "force_x_n", "force_y_n"})
@@ -46,10 +42,7 @@ class Grip:
         self._held = 0.0
 
     def update(
-        self,
-        values: Mapping[str, float],
-        sigmas: Mapping[str, float],
-        area_mm2: float | None,
+        self, values: Mapping[str, float], sigmas: Mapping[str, float], area_mm2: float | None
     ) -> dict[str, float]:
         """`friction` and `slip_margin` of a frame in contact; empty if the forces are not known.
 

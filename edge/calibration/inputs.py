@@ -7,14 +7,6 @@ Rules
 - A feature that was not computed is NaN.
 """
 
-from __future__ import annotations
-
-from collections.abc import Sequence
-
-import numpy as np
-
-from edge.types import Complex
-
 MODES = tuple(f"c{a}{d - a}" for d in range(6) for a in range(d, -1, -1))  # as `edge.features.modes` has them
 
 #: Inputs made of a frame's features; the order is that of `frame_inputs`. `volume` is real, `shear` the
@@ -31,27 +23,3 @@ FITTED = ("fitted_p", "fitted_potential", "fitted_width", "fitted_shear", "fitte
 #: (a shear moves the maximum within the contact), the root of the contact's area; where the contact's middle
 #: lies at rest, and the first moments of divergence and curl about it; and those of the fit.
 CONTACT_INPUTS: tuple[str, ...] = ("p", "peak", "shear", "size", "middle", *MOMENTS, *FITTED)
-
-
-def term_columns(terms: Sequence[Sequence[str]], inputs: Sequence[str]) -> list[list[int]]:
-    """The factors of each term as columns of the row (inputs, conjugates of inputs).
-
-    Raises  KeyError: a term names an unknown input
-    """
-    column = {name: i for i, name in enumerate((*inputs, *(f"{name}*" for name in inputs)))}
-    return [[column[name] for name in term] for term in terms]
-
-
-def evaluate_terms(z: Complex, terms: Sequence[Sequence[int]]) -> Complex:
-    """Products of inputs.
-
-    z        (n, k) complex128, one row a frame
-    terms    from `term_columns`
-    Returns  (n, n_terms) complex128
-    """
-    row = np.hstack([z, z.conj()])
-    result = np.ones((len(z), len(terms)), dtype=np.complex128)
-    for products, term in zip(result.T, terms, strict=True):
-        for column in term:
-            products *= row[:, column]
-    return result

@@ -48,8 +48,6 @@ from edge.errors import CalibrationError
 from edge.limits import BadContent
 from edge.types import Array, Complex, ContactRegion, Feature, Features, PinPattern, Reading
 
-__all__ = ["OF_FRICTION", "Calibration", "uncalibrated"]
-
 #: Forces along the surface. The torque that a contact can carry depends on its area.
 OF_FRICTION = frozenset({"force_x_n", "force_y_n", "torque_z_nmm"})
 #: Lengths of `Features`, and the values that the scale makes of them.

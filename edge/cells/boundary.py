@@ -27,8 +27,6 @@ from edge.cells.params import PARAMS, CellsParams
 from edge.geometry.layout import affine_terms
 from edge.types import Array, Index
 
-__all__ = ["RimMotion", "make_boundary", "make_fence", "rim_motion"]
-
 # Weights below this share of the largest vanish in the rounding of single precision.
 NEGLIGIBLE = 1e-8
 # Arcs of the ball's path shorter than this (rad) come from rounding: the ball touches three pins at once.

@@ -1,3 +1,4 @@
+# cython: infer_types=True
 r"""Kept Delaunay triangulation of moving points, and the areas of their Voronoi cells.
 
 Idea
@@ -41,8 +42,6 @@ twin[h] the same edge in the neighbouring triangle or -1 on the hull. Triangles 
 in the coordinates' own sense (x right, y up).
 """
 
-# mypy: disable-error-code="attr-defined,no-any-return,untyped-decorator,valid-type"
-
 import cython
 import numpy as np
 
@@ -85,8 +84,8 @@ N_GUARD = cython.declare(cython.Py_ssize_t, 4)
 EXTENT_MIN = cython.declare(cython.double, 2.0**-66)
 EXTENT_MAX = cython.declare(cython.double, 2.0**66)
 SNAP = cython.declare(cython.double, 2.0**-140)
-# Times this, every coordinate is a whole number.
-WHOLE = 2 ** (66 + 140 + 52)
+# Times this, every coordinate is a whole number: the least is EXTENT_MIN SNAP, with 52 bits behind its first.
+WHOLE = int(np.reciprocal(EXTENT_MIN * SNAP * np.finfo(np.float64).eps))
 
 
 @cython.final
@@ -125,7 +124,7 @@ class Mesh:
     stack: cython.int[::1]  # half-edges to check
     parts: cython.double[:, ::1]  # of each triangle, as `measure` writes them
     attached: cython.bint
-    # Of `attach`.
+    # `attach` writes those from here on.
     rest: cython.const[cython.double][:, ::1]
     rim: cython.const[cython.int][::1]
     fit: cython.const[cython.double][:, ::1]
@@ -147,22 +146,17 @@ class Mesh:
         n = n_pins + n_boundary + n_fence
         n_all = n + N_GUARD
         n_triangles = 2 * n + 2
-        self.n_pins = n_pins
-        self.n_bounded = n_pins + n_boundary
-        self.n_points = n
+        self.n_pins, self.n_bounded, self.n_points = n_pins, n_pins + n_boundary, n
         self.n_triangles = self.n_stack = self.n_shared = 0
         self.flips = self.builds = self.changes = 0
-        self.marked, self.reached = -1, False
-        self.has_bounds = self.attached = False
-        self.x, self.y = np.zeros((2, n_all))
-        self.area = np.zeros(n_all)
+        self.marked = -1
+        self.reached = self.has_bounds = self.attached = False
+        self.x, self.y, self.area = np.zeros((3, n_all))
         self.bound = np.zeros(n_pins)
         self.exactly = np.zeros(n_all, np.uint8)
         self.same_as, self.sharers = np.zeros((2, n_all), np.int32)
-        self.tail = np.zeros(3 * n_triangles, np.int32)
-        self.twin = np.zeros(3 * n_triangles, np.int32)
+        self.tail, self.twin, self.stack = np.zeros((3, 3 * n_triangles), np.int32)
         self.stacked = np.zeros(3 * n_triangles, np.uint8)
-        self.stack = np.zeros(3 * n_triangles, np.int32)
         self.parts = np.zeros((n_triangles, 4))
         self.total_area = 0.0
 
@@ -179,7 +173,7 @@ class Mesh:
         """
         if points.shape[0] != self.n_points or points.shape[1] != 2 or areas.shape[0] != self.n_pins:
             raise ValueError(f"points ({self.n_points}, 2) and areas ({self.n_pins},) are wanted")
-        kept: cython.Py_ssize_t = self.n_triangles
+        kept = self.n_triangles
         self.n_triangles = 0  # until the points have been taken
         self._take(points)
         self.n_triangles = kept
@@ -188,7 +182,6 @@ class Mesh:
             raise DegenerateLayout("no triangulation: coordinates out of range")
         self._sum_exactly()
         self._share()
-        i: cython.Py_ssize_t
         self.total_area = 0.0
         for i in range(self.n_pins):
             areas[i] = 0.125 * self.area[i] if self.area[i] < INFINITY else NAN
@@ -222,7 +215,7 @@ class Mesh:
 
         xy  (n_pins, 2) float64
         """
-        n: cython.Py_ssize_t = self.n_pins
+        n = self.n_pins
         if not self.attached or xy.shape[0] != n or xy.shape[1] != 2:
             raise ValueError(f"xy ({n}, 2) is wanted, after `attach`")
         points: cython.double[:, ::1] = self.points
@@ -232,11 +225,11 @@ class Mesh:
         residual: cython.double[::1] = self.residual
         near: cython.ushort[::1] = self.near
         weight: cython.float[::1] = self.weight
-        r: cython.Py_ssize_t = rim.shape[0]
+        r = rim.shape[0]
         affine_x: cython.double[3] = [0.0] * 3
         affine_y: cython.double[3] = [0.0] * 3
-        i: cython.Py_ssize_t
-        k: cython.Py_ssize_t
+        x: cython.double
+        y: cython.double
         for i in range(n):
             points[i, 0] = xy[i, 0]
             points[i, 1] = xy[i, 1]
@@ -274,28 +267,20 @@ class Mesh:
     def triangles(self) -> Index:
         """(k, 3) int32, read-only: the triangles that touch a pin and not the fence, counter-clockwise."""
         corners = np.empty((self.n_triangles, 3), np.int32)
-        k: cython.Py_ssize_t = self._choose(corners)
-        chosen: Index = corners[:k]
+        chosen: Index = corners[: self._choose(corners)]
         chosen.flags.writeable = False
         return chosen
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _choose(self, corners: cython.int[:, ::1]) -> cython.Py_ssize_t:
         """Each triangle is written, over the last one if that was not chosen: half of them are, at random."""
         tail: cython.int[::1] = self.tail
-        n: cython.int = cython.cast(cython.int, self.n_pins)
-        bounded: cython.int = cython.cast(cython.int, self.n_bounded)
+        n = cython.cast(cython.int, self.n_pins)
+        bounded = cython.cast(cython.int, self.n_bounded)
         chosen: cython.Py_ssize_t = 0
-        t: cython.Py_ssize_t
-        a: cython.int
-        b: cython.int
-        c: cython.int
         for t in range(self.n_triangles):
             a, b, c = tail[3 * t], tail[3 * t + 1], tail[3 * t + 2]
-            corners[chosen, 0] = a
-            corners[chosen, 1] = b
-            corners[chosen, 2] = c
+            corners[chosen, 0], corners[chosen, 1], corners[chosen, 2] = a, b, c
             chosen += ((a < n) | (b < n) | (c < n)) & (a < bounded) & (b < bounded) & (c < bounded)
         return chosen
 
@@ -306,7 +291,6 @@ class Mesh:
     # ---- one frame
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _triangulate(self) -> cython.bint:
         """Make the triangles those of the points, and sum the areas; false where none can be built."""
         built: cython.bint = self.n_triangles == 0 or self._parted()
@@ -331,8 +315,7 @@ class Mesh:
     @cython.cfunc
     def _take(self, points: cython.const[cython.double][:, ::1]) -> cython.bint:
         """Take the coordinates, and place the guards round them."""
-        n: cython.Py_ssize_t = self.n_points
-        i: cython.Py_ssize_t
+        n = self.n_points
         x_of: cython.double[::1] = self.x
         y_of: cython.double[::1] = self.y
         left: cython.double = INFINITY
@@ -351,7 +334,7 @@ class Mesh:
             zero += 0.0 * x + 0.0 * y
         if zero != 0.0:
             raise DegenerateLayout("a coordinate is not finite")
-        size: cython.double = max(right - left, bottom - top)
+        size = max(right - left, bottom - top)
         if not EXTENT_MIN < size < EXTENT_MAX:
             raise DegenerateLayout("all points at one place, or farther apart than 7e19")
         if least < SNAP * size:
@@ -359,9 +342,8 @@ class Mesh:
                 x_of[i] = x_of[i] if fabs(x_of[i]) >= SNAP * size else 0.0
                 y_of[i] = y_of[i] if fabs(y_of[i]) >= SNAP * size else 0.0
         # The more points, the flatter triangles their outline can have, and the further out the guards are.
-        half: cython.double = size * n
-        x_mid: cython.double = left + 0.5 * (right - left)
-        y_mid: cython.double = top + 0.5 * (bottom - top)
+        half = size * n
+        x_mid, y_mid = left + 0.5 * (right - left), top + 0.5 * (bottom - top)
         self.x[n] = self.x[n + 3] = x_mid - half
         self.x[n + 1] = self.x[n + 2] = x_mid + half
         self.y[n] = self.y[n + 1] = y_mid - half
@@ -369,10 +351,8 @@ class Mesh:
         return True
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _parted(self) -> cython.bint:
         """Whether points that shared a vertex have separated."""
-        i: cython.Py_ssize_t
         if self.n_shared > 0:
             for i in range(self.n_points):
                 if self.x[i] != self.x[self.same_as[i]] or self.y[i] != self.y[self.same_as[i]]:
@@ -380,22 +360,12 @@ class Mesh:
         return False
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _repair(self) -> cython.bint:
         """Flip the edge that a point crossed, where that makes both triangles valid; true if all are then.
 
         Again and again, while fewer and fewer are turned over.
         """
-        flips: cython.Py_ssize_t = self.flips
-        h: cython.Py_ssize_t
-        g: cython.Py_ssize_t
-        t: cython.Py_ssize_t
-        turned: cython.Py_ssize_t
-        before: cython.Py_ssize_t = self.n_triangles + 1
-        p: cython.Py_ssize_t
-        q: cython.Py_ssize_t
-        r: cython.Py_ssize_t
-        s: cython.Py_ssize_t
+        flips, before = self.flips, self.n_triangles + 1
         while True:
             turned = 0
             for t in range(self.n_triangles):
@@ -419,7 +389,6 @@ class Mesh:
     # ---- triangles and areas
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _is_turned(self, t: cython.Py_ssize_t) -> cython.bint:
         """Whether triangle t is turned over or flat."""
         return not self._orient(self.tail[3 * t], self.tail[3 * t + 1], self.tail[3 * t + 2]) > 0.0
@@ -431,16 +400,12 @@ class Mesh:
         return self.parts[t, 3] < AREA_TOLERANCE * self.parts[t, k]
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _sweep(self) -> cython.bint:
         """Check every edge and sum the areas; edges that are not Delaunay are put onto the stack.
 
         An edge both of whose parts are certain is Delaunay. Certain parts are added triangle by triangle.
         Returns false, and areas are of no use, where a triangle is turned over.
         """
-        i: cython.Py_ssize_t
-        k: cython.Py_ssize_t
-        t: cython.Py_ssize_t
         a: cython.Py_ssize_t
         b: cython.Py_ssize_t
         c: cython.Py_ssize_t
@@ -480,13 +445,11 @@ class Mesh:
     @cython.exceptval(check=False)
     def _sweep_edge(self, h: cython.Py_ssize_t, own: cython.double, error: cython.double) -> cython.void:
         """Check an edge whose part of its triangle is not certain, and add what its cells lack."""
-        g: cython.Py_ssize_t = self.twin[h]
+        g = self.twin[h]
         if g < 0:  # the hull
             return
-        p: cython.Py_ssize_t = self.tail[h]
-        q: cython.Py_ssize_t = self.tail[g]
-        other: cython.Py_ssize_t = g // 3
-        beyond: cython.double = self.parts[other, g % 3]
+        p, q, other = self.tail[h], self.tail[g], g // 3
+        beyond = self.parts[other, g % 3]
         part: cython.double = own + beyond
         is_certain: cython.bint = self._is_certain(other, g % 3)
         if g < h and not is_certain:  # seen from the other side
@@ -504,13 +467,8 @@ class Mesh:
         self.area[q] += part
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _mark(self) -> cython.bint:
         """Make the areas of cells infinite that reach the fence; whether a pin's does."""
-        a: cython.Py_ssize_t
-        b: cython.Py_ssize_t
-        c: cython.Py_ssize_t
-        t: cython.Py_ssize_t
         reached: cython.bint = False
         tail: cython.int[::1] = self.tail
         area: cython.double[::1] = self.area
@@ -551,21 +509,15 @@ class Mesh:
             self.has_bounds = True
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _sum_exactly(self) -> cython.void:
         """Sum the cells again whose error bound is too large, from exact weights."""
         if not self.has_bounds:
             return
-        n: cython.Py_ssize_t = self.n_pins
+        n = self.n_pins
         area: cython.double[::1] = self.area
         bound: cython.double[::1] = self.bound
         exactly: cython.uchar[::1] = self.exactly
         found: cython.uchar = 0
-        i: cython.Py_ssize_t
-        h: cython.Py_ssize_t
-        g: cython.Py_ssize_t
-        p: cython.Py_ssize_t
-        q: cython.Py_ssize_t
         for i in range(n):
             exactly[i] = (bound[i] > AREA_TOLERANCE * area[i]) & (area[i] < INFINITY)
             found |= exactly[i]
@@ -587,13 +539,10 @@ class Mesh:
                 area[q] += part
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _share(self) -> cython.void:
         """Points at one place: each gets an equal part of the cell."""
         if self.n_shared == 0:
             return
-        i: cython.Py_ssize_t
-        first: cython.Py_ssize_t
         sharers: cython.int[::1] = self.sharers
         for i in range(self.n_points):
             sharers[i] = 0
@@ -607,58 +556,43 @@ class Mesh:
             if self.same_as[i] == i:
                 self.area[i] /= sharers[i]
 
+    @cython.cfunc
     def _exact_part(self, h: cython.Py_ssize_t, g: cython.Py_ssize_t) -> cython.double:
-        p: cython.Py_ssize_t = self.tail[h]
-        q: cython.Py_ssize_t = self.tail[g]
-        r: cython.Py_ssize_t = self.tail[_before(h)]
-        s: cython.Py_ssize_t = self.tail[_before(g)]
+        p, q = self.tail[h], self.tail[g]
+        r, s = self.tail[_before(h)], self.tail[_before(g)]
         dx, dy = self.x[q] - self.x[p], self.y[q] - self.y[p]
-        inside: cython.double = self._incircle_exact(p, q, r, s)
-        first: cython.double = self._orient_exact(p, q, r)
-        second: cython.double = self._orient_exact(q, p, s)
+        inside = self._incircle_exact(p, q, r, s)
+        first, second = self._orient_exact(p, q, r), self._orient_exact(q, p, s)
         if first == 0.0 or second == 0.0:  # flat: no weight, or any
             return NAN if inside == 0.0 else INFINITY
-        weight: cython.double = -inside / first / second
-        return (dx * dx + dy * dy) * weight
+        return (dx * dx + dy * dy) * (-inside / first / second)
 
     # ---- on which side of a line, and whether within a circle
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _orient(self, a: cython.Py_ssize_t, b: cython.Py_ssize_t, c: cython.Py_ssize_t) -> cython.double:
         """Above 0: points a, b, c turn counter-clockwise."""
-        left: cython.double = (self.x[b] - self.x[a]) * (self.y[c] - self.y[a])
-        right: cython.double = (self.y[b] - self.y[a]) * (self.x[c] - self.x[a])
-        det: cython.double = left - right
+        left = (self.x[b] - self.x[a]) * (self.y[c] - self.y[a])
+        right = (self.y[b] - self.y[a]) * (self.x[c] - self.x[a])
+        det = left - right
         if fabs(det) > ORIENT_BOUND * (fabs(left) + fabs(right)):
             return det
         return self._orient_exact(a, b, c)
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _incircle(self, h: cython.Py_ssize_t, g: cython.Py_ssize_t) -> cython.double:
         """Above 0: the edge is not Delaunay, one of its triangles' corners is within the other's circle."""
-        a: cython.Py_ssize_t = self.tail[h]
-        b: cython.Py_ssize_t = self.tail[g]
-        c: cython.Py_ssize_t = self.tail[_before(h)]
-        d: cython.Py_ssize_t = self.tail[_before(g)]
-        ax: cython.double = self.x[a] - self.x[d]
-        ay: cython.double = self.y[a] - self.y[d]
-        bx: cython.double = self.x[b] - self.x[d]
-        by: cython.double = self.y[b] - self.y[d]
-        cx: cython.double = self.x[c] - self.x[d]
-        cy: cython.double = self.y[c] - self.y[d]
-        bxcy: cython.double = bx * cy
-        bycx: cython.double = by * cx
-        cxay: cython.double = cx * ay
-        cyax: cython.double = cy * ax
-        axby: cython.double = ax * by
-        aybx: cython.double = ay * bx
-        a2: cython.double = ax * ax + ay * ay
-        b2: cython.double = bx * bx + by * by
-        c2: cython.double = cx * cx + cy * cy
-        det: cython.double = a2 * (bxcy - bycx) + b2 * (cxay - cyax) + c2 * (axby - aybx)
-        permanent: cython.double = (
+        a, b = self.tail[h], self.tail[g]
+        c, d = self.tail[_before(h)], self.tail[_before(g)]
+        ax, ay = self.x[a] - self.x[d], self.y[a] - self.y[d]
+        bx, by = self.x[b] - self.x[d], self.y[b] - self.y[d]
+        cx, cy = self.x[c] - self.x[d], self.y[c] - self.y[d]
+        bxcy, bycx = bx * cy, by * cx
+        cxay, cyax = cx * ay, cy * ax
+        axby, aybx = ax * by, ay * bx
+        a2, b2, c2 = ax * ax + ay * ay, bx * bx + by * by, cx * cx + cy * cy
+        det = a2 * (bxcy - bycx) + b2 * (cxay - cyax) + c2 * (axby - aybx)
+        permanent = (
             a2 * (fabs(bxcy) + fabs(bycx)) + b2 * (fabs(cxay) + fabs(cyax)) + c2 * (fabs(axby) + fabs(aybx))
         )
         if fabs(det) > INCIRCLE_BOUND * permanent:
@@ -666,7 +600,6 @@ class Mesh:
         return self._incircle_exact(a, b, c, d)
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _orient_exact(
         self, a: cython.Py_ssize_t, b: cython.Py_ssize_t, c: cython.Py_ssize_t
     ) -> cython.double:
@@ -675,7 +608,6 @@ class Mesh:
         return (bx * cy - by * cx) / WHOLE**2
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _incircle_exact(
         self, a: cython.Py_ssize_t, b: cython.Py_ssize_t, c: cython.Py_ssize_t, d: cython.Py_ssize_t
     ) -> cython.double:
@@ -732,26 +664,18 @@ class Mesh:
            /  |  \           /     \        t1 = g // 3 holds q, r, s.
           p  h|g  q   --->  p  ...  q       (p-q was the edge, s-r is.)
         """
-        g: cython.Py_ssize_t = self.twin[h]
-        h1: cython.Py_ssize_t = _after(h)
-        g1: cython.Py_ssize_t = _after(g)
-        r: cython.Py_ssize_t = self.tail[_before(h)]
-        s: cython.Py_ssize_t = self.tail[_before(g)]
-        beyond_h1: cython.Py_ssize_t = self.twin[h1]
-        beyond_g1: cython.Py_ssize_t = self.twin[g1]
-        self.tail[h1] = s
-        self.tail[g1] = r
+        g = self.twin[h]
+        h1, g1 = _after(h), _after(g)
+        beyond_h1, beyond_g1 = self.twin[h1], self.twin[g1]
+        self.tail[h1], self.tail[g1] = self.tail[_before(g)], self.tail[_before(h)]  # s, r
         self._link(h, beyond_g1)
         self._link(g, beyond_h1)
         self._link(h1, g1)
         self.flips += 1
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _legalize(self, limit: cython.Py_ssize_t) -> cython.bint:
         """Flip until each edge on the stack, or beside a flip, is Delaunay; false beyond the limit."""
-        h: cython.Py_ssize_t
-        g: cython.Py_ssize_t
         while self.n_stack > 0:
             self.n_stack -= 1
             h = self.stack[self.n_stack]
@@ -769,20 +693,16 @@ class Mesh:
     # ---- from scratch
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _build(self) -> cython.bint:
         """Triangulate from scratch; false if the coordinates' range allows no triangulation."""
-        n: cython.Py_ssize_t = self.n_points
-        flips: cython.Py_ssize_t = self.flips  # those made here do not count
-        near: cython.Py_ssize_t = 0
-        i: cython.Py_ssize_t
+        n, flips = self.n_points, self.flips  # those made here do not count
+        near = 0
         while self.n_stack > 0:
             self.n_stack -= 1
             self.stacked[self.stack[self.n_stack]] = 0
         self.n_triangles = 0
         self.n_shared = 0
-        h: cython.Py_ssize_t = self._add_triangle(n, n + 1, n + 2)
-        g: cython.Py_ssize_t = self._add_triangle(n, n + 2, n + 3)
+        h, g = self._add_triangle(n, n + 1, n + 2), self._add_triangle(n, n + 2, n + 3)
         for i in range(6):
             self.twin[i] = -1
         self._link(h + 2, g)
@@ -798,28 +718,19 @@ class Mesh:
         return True
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _add_triangle(
         self, a: cython.Py_ssize_t, b: cython.Py_ssize_t, c: cython.Py_ssize_t
     ) -> cython.Py_ssize_t:
-        h: cython.Py_ssize_t = 3 * self.n_triangles
+        h = 3 * self.n_triangles
         self.n_triangles += 1
-        self.tail[h] = a
-        self.tail[h + 1] = b
-        self.tail[h + 2] = c
+        self.tail[h], self.tail[h + 1], self.tail[h + 2] = a, b, c
         return h
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _insert(self, i: cython.Py_ssize_t, near: cython.Py_ssize_t) -> cython.Py_ssize_t:
         """Insert point i, walking from triangle `near`. Returns a triangle near it, or -1."""
-        t: cython.Py_ssize_t = near
-        came: cython.Py_ssize_t = -1
-        on_edge: cython.Py_ssize_t = -1
-        zeros: cython.Py_ssize_t = 0
-        steps: cython.Py_ssize_t = 0
-        h: cython.Py_ssize_t
-        out: cython.Py_ssize_t = 0
+        t, came, on_edge, out = near, -1, -1, 0
+        zeros = steps = 0
         while out >= 0:
             if steps > 4 * self.n_triangles + 16:
                 return -1
@@ -853,18 +764,13 @@ class Mesh:
         return t if self._legalize(self.n_triangles + 8) else -1
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _split(self, i: cython.Py_ssize_t, t: cython.Py_ssize_t, on_edge: cython.Py_ssize_t) -> cython.bint:
         """Make three triangles of t, with point i; if it lies on an edge, four of the two at that edge."""
-        a: cython.Py_ssize_t = 3 * t
-        from_a: cython.Py_ssize_t = self.tail[a]
-        from_b: cython.Py_ssize_t = self.tail[a + 1]
-        from_c: cython.Py_ssize_t = self.tail[a + 2]
-        beyond_bc: cython.Py_ssize_t = self.twin[a + 1]
-        beyond_ca: cython.Py_ssize_t = self.twin[a + 2]
+        a = 3 * t
+        from_a, from_b, from_c = self.tail[a], self.tail[a + 1], self.tail[a + 2]
+        beyond_bc, beyond_ca = self.twin[a + 1], self.twin[a + 2]
         self.tail[a + 2] = i
-        b: cython.Py_ssize_t = self._add_triangle(from_b, from_c, i)
-        c: cython.Py_ssize_t = self._add_triangle(from_c, from_a, i)
+        b, c = self._add_triangle(from_b, from_c, i), self._add_triangle(from_c, from_a, i)
         self._link(b, beyond_bc)
         self._link(c, beyond_ca)
         self._link(a + 1, b + 2)
@@ -879,8 +785,8 @@ class Mesh:
         if on_edge < 0:
             return True
         # One of the three is flat: swap its edge with its neighbour.
-        flat: cython.Py_ssize_t = a if on_edge == a else b if on_edge == a + 1 else c
-        g: cython.Py_ssize_t = self.twin[flat]
+        flat = a if on_edge == a else b if on_edge == a + 1 else c
+        g = self.twin[flat]
         if g < 0:
             return False
         self._flip(flat)
@@ -890,7 +796,6 @@ class Mesh:
 
 @cython.cfunc
 @cython.inline
-@cython.exceptval(check=False)
 def _after(h: cython.Py_ssize_t) -> cython.Py_ssize_t:
     """The next half-edge of the same triangle."""
     return h - 2 if h % 3 == 2 else h + 1
@@ -898,7 +803,6 @@ def _after(h: cython.Py_ssize_t) -> cython.Py_ssize_t:
 
 @cython.cfunc
 @cython.inline
-@cython.exceptval(check=False)
 def _before(h: cython.Py_ssize_t) -> cython.Py_ssize_t:
     """The half-edge before it in the same triangle."""
     return h + 2 if h % 3 == 0 else h - 1

@@ -18,8 +18,6 @@ from edge.geometry.layout import must_span
 from edge.geometry.motion_field import PREDICTING, precision
 from edge.types import Array, Index, Mask
 
-__all__ = ["LostPins"]
-
 
 class LostPins:
     """Predicts lost pins of one tip; keeps the equations for the last set of lost ones.

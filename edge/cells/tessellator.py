@@ -11,8 +11,6 @@ from edge.geometry.lattice import side_length_of
 from edge.geometry.layout import circumcentres, must_span, spans
 from edge.types import Array, Cells, Rest, Tracks
 
-__all__ = ["Tessellator", "cell_polygons"]
-
 
 class Tessellator:
     """Cells of the pins of one tip; keeps the triangulation of the last frame.

@@ -3,8 +3,6 @@
 Both give the same to the last bit.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from edge.types import Array, Index

@@ -15,6 +15,7 @@ from edge.cli.options import LoopOptions
 from edge.config import Config, SourceTable
 from edge.drift import DriftParams
 from edge.errors import ConfigError
+from edge.examples import example_calibration
 from edge.faults.registry import FaultLog, FaultRegistry
 from edge.link.node import Node
 from edge.link.settings import NodeSettings, SettingsFile
@@ -24,10 +25,12 @@ from edge.rest.tare import TareParams
 from edge.runtime.board_monitor import BoardMonitor, free_space_problem
 from edge.runtime.calibration_store import CalibrationStore
 from edge.runtime.device import LoopDevice
-from edge.runtime.loop import Loop, LoopConfig
+from edge.runtime.loop import Loop
+from edge.runtime.measurement import LoopConfig
 from edge.runtime.systemd import Notifier
 from edge.sensors import KnownSensor, load_sensor, missing_pins
-from edge.sources import open_source, region_of
+from edge.sources import open_source
+from edge.sources.region import region_of
 from edge.types import FrameSource, Polarity, Result
 from hostlink.interrupt import call_on_signals
 from hostlink.web import Listen
@@ -44,7 +47,7 @@ def open_configured(table: SourceTable) -> FrameSource:
 
 def load_calibration(path: str | Path | None) -> Calibration | None:
     """Raises CalibrationError."""
-    return None if path is None else Calibration.load(path)
+    return None if path is None else Calibration.load(example_calibration(str(path)) or path)
 
 
 def rest_given(source: FrameSource, how: str | None, calibration: Calibration | None) -> GivenRest | None:
@@ -184,7 +187,8 @@ def start_worker(
     """
     if listen is None and options.record_path is None:
         return
-    from edge.worker import WorkerClient, WorkerConfig  # not in a finger that nobody watches
+    from edge.worker.client import WorkerClient  # not in a finger that nobody watches
+    from edge.worker.params import WorkerConfig
 
     # A sink's address may name another number than the configuration does.
     numbers = [sink.number for sink in loop.sinks if isinstance(sink, Node)]

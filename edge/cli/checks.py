@@ -5,6 +5,7 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,9 +26,10 @@ from edge.runtime.board_monitor import HOT_DEGC, STORED_BYTES
 from edge.sensors import KnownSensor, known_sensors, missing_pins
 from edge.sources.camera import CameraSource
 from edge.sources.live import PARAMS as LIVE
+from edge.sources.live import ThreadedSource
 from edge.sources.options import Options, parse_spec
 from edge.sources.v4l2 import lasting_name
-from edge.types import Frame, FrameSource, LiveSource, Rest
+from edge.types import Frame, FrameSource, Rest
 from hostlink.wire.address import Address, AddressError, parse_address
 
 _COLOURS = {"ok": "green", "warn": "yellow", "fail": "red"}
@@ -71,7 +73,7 @@ def worst(lines: Sequence[Line]) -> str:
 def camera(source: FrameSource, frames: Sequence[Frame], config: Config) -> Iterator[Line]:
     """Found, rate."""
     if not frames:
-        why = (source.condition if isinstance(source, LiveSource) else "") or "no images"
+        why = (source.condition if isinstance(source, ThreadedSource) else "") or "no images"
         advice = "unplug it and plug it in again; other program?"
         yield Line("camera", "fail", f"{source.name}: {why}", advice)
         return
@@ -185,29 +187,25 @@ def link(spec: str, machine: Machine) -> Iterator[Line]:
         yield Line("link", "fail", str(error), "check the cable and its name; join the group dialout")
 
 
-def _can(address: Address, machine: Machine) -> Iterator[Line]:
-    name = address.channel
+def _can(address: Address, machine: Machine) -> list[Line]:
+    name, failed = address.channel, partial(Line, "link", "fail")
     found = machine.interface(name)
     if found is None:
-        advice = "load its driver or overlay; see deploy/README.md"
-        yield Line("link", "fail", f"no CAN interface {name}", advice)
-        return
+        return [failed(f"no CAN interface {name}", "load its driver or overlay; see deploy/README.md")]
     info = found.get("linkinfo", {})
     data = info.get("info_data", {})
     if info.get("info_kind") not in ("can", "vcan", "vxcan"):
-        yield Line("link", "fail", f"{name} is no CAN interface", "name one in [link] sinks")
-        return
+        return [failed(f"{name} is no CAN interface", "name one in [link] sinks")]
     if "UP" not in found.get("flags", []):
-        yield Line("link", "fail", f"{name} is down", f"deploy/can-up.sh {name}, or enable systemd-networkd")
-        return
+        return [failed(f"{name} is down", f"deploy/can-up.sh {name}, or enable systemd-networkd")]
     bitrate = data.get("bittiming", {}).get("bitrate", 0)
     fast = data.get("data_bittiming", {}).get("bitrate", 0)
     rates = (f", {bitrate / 1e6:g} Mbit/s" if bitrate else "") + (f" and {fast / 1e6:g}" if fast else "")
-    yield Line("link", "ok", f"{name} is up{rates}")
+    lines = [Line("link", "ok", f"{name} is up{rates}")]
     if address.fd and found.get("mtu", 0) < FD_MTU:
         advice = f"deploy/can-up.sh {name}, or can:{name}?fd=0"
-        yield Line("link", "fail", f"{name} takes classic frames only", advice)
-    yield _bus_errors(data, info)
+        lines.append(failed(f"{name} takes classic frames only", advice))
+    return [*lines, _bus_errors(data, info)]
 
 
 def _bus_errors(data: dict[str, Any], info: dict[str, Any]) -> Line:
@@ -254,25 +252,24 @@ def clock(machine: Machine) -> Line:
     )
 
 
-def disk(config: Config, size_px: tuple[int, int], rate_hz: float, machine: Machine) -> Iterator[Line]:
+def disk(config: Config, size_px: tuple[int, int], rate_hz: float, machine: Machine) -> list[Line]:
     """Whether settings can be stored, and recordings keep up: one second of one is written."""
     folder = Path(config.state.directory or ".")
     need_bytes = round(size_px[0] * size_px[1] * (rate_hz or 60.0))
     try:
         free = machine.free_bytes(folder)
         if free < STORED_BYTES + need_bytes:
-            yield Line("disk", "fail", f"{folder}: {free >> 20} MiB left", "free some space")
-            return
+            return [Line("disk", "fail", f"{folder}: {free >> 20} MiB left", "free some space")]
         seconds = machine.write_s(folder, need_bytes)
     except OSError as error:
         advice = "set [state] directory to a folder we may write"
-        yield Line("disk", "fail", f"{folder}: {error.strerror}", advice)
-        return
+        return [Line("disk", "fail", f"{folder}: {error.strerror}", advice)]
     need = need_bytes / 1e6
     speed = need / max(seconds, 1e-6)
     finding = f"{folder}: {free >> 20} MiB left, writes {speed:.0f} MB/s; raw recording takes {need:.0f}"
     advice = "record at a lower rate, or onto a faster disk; the measurement is not affected"
-    yield judged("disk", finding, (speed < need, "warn", advice))
+    lines = [judged("disk", finding, (speed < need, "warn", advice))]
     if not config.state.directory:
         advice = "set [state] directory, so that they survive a restart"
-        yield Line("settings", "warn", "live in memory only", advice)
+        lines.append(Line("settings", "warn", "live in memory only", advice))
+    return lines

@@ -10,32 +10,25 @@ from pathlib import Path
 
 import click
 
-from edge.cli import checks, picture
+from edge.cli import checks, options, picture
 from edge.cli.assembly import expect_sensor, open_configured
 from edge.cli.checks import Line, worst
 from edge.cli.machine import Machine
-from edge.cli.options import (
-    calibration_option,
-    config_option,
-    configured,
-    sensor_option,
-    sink_option,
-    source_option,
-)
 from edge.cli.progress import waiting
 from edge.config import Config
 from edge.errors import InputError, NoPins
+from edge.examples import example_calibration
 from edge.pins import take_rest
 from edge.rest.tare import PARAMS as TARE
 from edge.types import FrameSource
 
 
 @click.command()
-@config_option
-@source_option
-@sink_option
-@calibration_option
-@sensor_option
+@options.config_option
+@options.source_option
+@options.sink_option
+@options.calibration_option
+@options.sensor_option
 @click.option("--json", "as_json", is_flag=True, help="Print the lines as JSON.")
 def doctor(
     config_path: Path | None,
@@ -52,8 +45,9 @@ def doctor(
     """
     from edge.runtime.calibration_store import CalibrationStore
 
-    config = configured(config_path, sensor_name, sink_specs, source_spec)
-    chosen = calibration_path or (Path(config.calibration.file) if config.calibration.file else None)
+    config = options.configured(config_path, sensor_name, sink_specs, source_spec)
+    chosen = example_calibration(str(calibration_path or config.source.spec)) or calibration_path
+    chosen = chosen or (Path(config.calibration.file) if config.calibration.file else None)
     if config.state.directory and not calibration_path:
         stored = CalibrationStore(Path(config.state.directory)).path
         chosen = stored if stored.is_file() else chosen

@@ -23,7 +23,8 @@ from edge.rest.symmetry import symmetry_of
 from edge.rest.tare import PARAMS as TARE
 from edge.sensors import KnownSensor, known_sensors, load_sensor, missing_pins
 from edge.sources import open_source
-from edge.types import Array, Frame, RecordedSource, Rest
+from edge.sources.files import FileSource
+from edge.types import Frame, Rest
 from edge.view.panels import save_pins_overlay
 from hostlink.cli_exit import print_error
 from hostlink.output_file import check_output, writing
@@ -122,8 +123,8 @@ class _Seen:
             "sensor": None if match is None else match.sensor.name,
             "mm_per_px": None if scale is None else round(scale, 5),
             "touched": symmetry_of(rest).in_contact,
-            "xy_px": _rounded(rest.xy_img),
-            "holes_px": _rounded(picture.holes(rest)),
+            "xy_px": rest.xy_img.round(3).tolist(),
+            "holes_px": picture.holes(rest).round(3).tolist(),
             "settings": self.settings,
             "lines": [asdict(line) for line in self.lines],
         }
@@ -146,10 +147,6 @@ class _Seen:
         )
 
 
-def _rounded(xy: Array) -> list[list[float]]:
-    return [[round(float(x), 3), round(float(y), 3)] for x, y in xy]
-
-
 def _seen_of(
     address: str, how: str | None, calibration: Calibration | None, named: KnownSensor | None
 ) -> _Seen:
@@ -160,7 +157,7 @@ def _seen_of(
     with closing(open_source(address)) as source:
         if named is not None:
             look_as(source, named)
-        several = isinstance(source, RecordedSource) and not source.live and source.frames_n != 1
+        several = isinstance(source, FileSource) and source.frames_n != 1
         if how is not None or several:
             given = rest_of_source(source, how or "auto", calibration)
             frame, rest = given.frame, given.rest
@@ -188,12 +185,10 @@ def _in_words(entry: dict[str, Any], sensors: Sequence[KnownSensor]) -> str:
     message = f"{entry['n_pins']} {'dark' if entry['dark'] else 'bright'} pins, "
     if known is not None:
         message += f"as of {known.title} ({known.name})"
+    elif len(sensors) == 1:
+        message += f"not as of {sensors[0].title}"
     else:
-        message += (
-            f"not as of {sensors[0].title}"
-            if len(sensors) == 1
-            else "as of no known sensor (python -m edge sensor describes it)"
-        )
+        message += "as of no known sensor (python -m edge sensor describes it)"
     if entry["mm_per_px"] is not None:
         message += f", {entry['mm_per_px']:.4f} mm a px"
     if entry["touched"]:

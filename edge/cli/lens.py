@@ -11,7 +11,7 @@ import numpy as np
 
 from edge.cli.options import PATH, overwrite_option
 from edge.errors import InputError
-from edge.sources import read_image
+from edge.sources.files import read_image
 from edge.sources.lens_file import text_of
 from edge.types import Array, Lens
 from hostlink.cli_exit import print_error

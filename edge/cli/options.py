@@ -26,7 +26,8 @@ config_option = click.option("-c", "--config", "config_path", type=PATH, help="T
 source_option = click.option(
     "--source",
     "source_spec",
-    help="v4l2:0, /dev/video0, oak:, sim:press, or a file. Default: the configuration's, else v4l2:0.",
+    help="v4l2:0, /dev/video0, oak:, sim:press, example:press, or a file. Default: the configuration's, "
+    "else v4l2:0.",
 )
 sink_option = click.option(
     "--sink",
@@ -35,7 +36,12 @@ sink_option = click.option(
     help="Where samples go; may be given more than once. can:can0, can:can0?fd=0, virtual:NAME, "
     "udp:239.0.0.1, serial:/dev/ttyACM0?baud=921600, slcan:/dev/ttyACM0, memory:",
 )
-calibration_option = click.option("--calibration", "calibration_path", type=PATH, help="Calibration file.")
+calibration_option = click.option(
+    "--calibration",
+    "calibration_path",
+    type=PATH,
+    help="Calibration file; an example has its own.",
+)
 sensor_option = click.option(
     "--sensor",
     "sensor_name",

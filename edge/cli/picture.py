@@ -24,12 +24,11 @@ from edge.pins import take_rest
 from edge.pins.lens import rest_as_seen
 from edge.rest.symmetry import symmetry_of
 from edge.rest.tip_match import SHARED_MIN
-from edge.sources import region_of
 from edge.sources.live import PARAMS as LIVE
-from edge.types import Array, Frame, FrameSource, Image, Index, Lens, LiveSource, Mask, Polarity, Rest
+from edge.sources.live import ThreadedSource
+from edge.sources.region import region_of
+from edge.types import Array, Frame, FrameSource, Image, Index, Lens, Mask, Polarity, Rest
 
-#: Of full scale: from here on a pixel may be clipped, as lenses, codecs and cameras leave a few levels.
-CLIPPED = 250 / 255
 _AROUND = np.exp(1j * tau * np.arange(24) / 24)
 
 
@@ -54,7 +53,8 @@ def clipped(frame: Frame, rest: Rest) -> Mask:
     """(n,) whether the bright side of a pin's edge is clipped: the pin, or the skin round a dark one."""
     radii = np.array([1.4, 1.7] if rest.pattern.dark else [0.0, 0.3, 0.6])
     level = _levels(frame.image, rest, radii)
-    limit = CLIPPED * ((1 << frame.bits) - 1)
+    # A pixel at full scale may read less by the noise of codec and sensor, of one level of 8 bits.
+    limit = (1.0 - RUNTIME.noise_sigma * ONE_LEVEL) * ((1 << frame.bits) - 1)
     return np.asarray(np.median(level.reshape(len(rest), -1), axis=1) >= limit)
 
 
@@ -206,7 +206,7 @@ def pins(frame: Frame, rest: Rest) -> Iterator[Line]:
 
 def watch(source: FrameSource) -> list[Frame]:
     """The first images of a source, as many as a rate is measured from."""
-    if not isinstance(source, LiveSource):
+    if not isinstance(source, ThreadedSource):
         return list(islice(source, LIVE.rate_frames_n + 1))
     frames: list[Frame] = []
     end_s = time.monotonic() + LIVE.first_s

@@ -1,31 +1,34 @@
-"""`edge render`: a recording as the paper's video: every frame through the pipeline and into a picture.
+"""`edge render`: a recording as the paper's video: every frame through the loop and into a picture.
 
-A frame whose pins cannot be identified is shown with its image and without cells.
+What is sent of a frame is shown; one without values with its image and without cells.
 """
 
 import logging
 from collections.abc import Iterator
 from contextlib import closing
-from dataclasses import asdict, dataclass
 from itertools import islice
 from math import hypot, isnan, nan
 from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
 from numpy.typing import NDArray
 
-from edge.calibration import Calibration
+from edge.calibration import Calibration, uncalibrated
 from edge.cells import cell_polygons
 from edge.cli.assembly import load_calibration, rest_given
 from edge.cli.options import PATH, calibration_option, overwrite_option, rest_option
 from edge.cli.progress import counting
 from edge.cli.summary import damage_of, json_line
 from edge.errors import NoPins, SourceError
-from edge.frame import Pipeline
+from edge.examples import example_calibration
 from edge.rest.tare import TareParams, tare
+from edge.runtime.loop import Loop
+from edge.runtime.measurement import LoopConfig
 from edge.sources import open_source
-from edge.types import Feature, FrameSource, RecordedSource, Rest, Result
+from edge.sources.files import FileSource
+from edge.types import Feature, Frame, FrameSource, Rest, Result, Tracks
 from edge.view.palette import PAPER, SAFE
 from edge.view.panels import View, picture
 from edge.view.video import CODECS, write_video
@@ -73,66 +76,63 @@ def render(
     The first frames must show the untouched tip: they are the rest frame, unless --rest says another.
     """
     check_output(out, tuple(CODECS), filter(None, (recording, calibration_path)), overwrite)
-    style, calibration = Style(palette, rate_hz, height), load_calibration(calibration_path)
+    calibration = load_calibration(calibration_path or example_calibration(recording))
     with writing(out, overwrite) as unfinished:
-        made = render_recording(recording, unfinished, calibration, style, not (quiet or as_json), rest)
+        made = render_recording(
+            recording, unfinished, calibration, palette=palette, rate_hz=rate_hz,
+            height=height, progress=not (quiet or as_json), rest=rest,
+        )  # fmt: skip
     if as_json:
-        click.echo(json_line(asdict(made)))
+        click.echo(json_line(made))
     elif not quiet:
-        click.echo(
-            f"{out}: {counted(made.frames_n, 'frame')} at {made.rate_hz:g} Hz, "
-            f"{made.unidentified_n} without values"
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class Style:
-    palette: str = "paper"  # "paper" or "safe"
-    rate_hz: float | None = None  # pictures a second; None: the recording's own
-    height: int = 640  # of a panel, px
-
-
-@dataclass(frozen=True, slots=True)
-class Made:
-    frames_n: int  # in the video
-    unidentified_n: int  # of them without values, because the pins could not be identified
-    pins_n: int  # of the rest frame
-    rate_hz: float  # pictures a second
+        why = ", ".join(f"{name} {n}" for name, n in made["without_values"].items())
+        lacking = f"{sum(made['without_values'].values())} without values" + (f" ({why})" if why else "")
+        click.echo(f"{out}: {counted(made['frames_n'], 'frame')} at {made['rate_hz']:g} Hz, {lacking}")
 
 
 def render_recording(
     recording: str,
     out: Path,
     calibration: Calibration | None = None,
-    style: Style | None = None,
+    *,
+    palette: str = "paper",
+    rate_hz: float | None = None,
+    height: int = 640,
     progress: bool = False,
     rest: str | None = None,
-) -> Made:
+) -> dict[str, Any]:
     """Write the video.
 
+    palette   a key of `PALETTES`
+    rate_hz   pictures a second; None: the recording's own
+    height    of a panel, px
     progress  show a bar on stderr
     rest      "auto", "none" or the number of an image; None: the rest frame is made of the first images,
               if they do not show a touch
+    Returns   frames_n in the video; unidentified_n of them whose pins could not be identified; pins_n of the
+              rest frame; rate_hz of the pictures; without_values, frames by the fault that explains it
     Raises    SourceError: no such recording, or no pins in its first frames; SinkError: cannot be written;
               OSError: the disk is full; CalibrationError: of another tip
     """
-    style = style or Style()
     with closing(open_source(recording)) as source:
-        rest_frame = _rest_frame(source, rest, calibration)
+        rest_frame, seen_in = _rest_frame(source, rest, calibration)
         mm_per_px = (calibration.mm_per_px if calibration else None) or 0.0
-        palette = PALETTES[style.palette]
-        view = View.of(rest_frame.xy_img, rest_frame.pattern.pitch_px, style.height, mm_per_px, palette)
-        pipeline = Pipeline(rest_frame, calibration, DRAWN)
-        rate_hz = style.rate_hz or source.rate_hz or 30.0
-        total_n = source.frames_n if isinstance(source, RecordedSource) else 0
-        unidentified_n = 0
+        pattern, colours = rest_frame.pattern, PALETTES[palette]
+        view = View.of(rest_frame.xy_img, pattern.pitch_px, height, mm_per_px, colours)
+        loop = Loop(source, [], calibration, LoopConfig(DRAWN))
+        loop.measurement.use_rest(rest_frame, seen_in)
+        n_pins = len(rest_frame)
+        lost = Tracks.of(np.full((n_pins, 2), np.nan), np.full(n_pins, np.nan), np.zeros(n_pins, np.bool_), 0)
+        rate_hz = rate_hz or source.rate_hz or 30.0
+        total_n = source.frames_n if isinstance(source, FileSource) else 0
         with counting(out.name, total_n, progress) as count:
 
             def pictures() -> Iterator[NDArray[np.uint8]]:
-                nonlocal unidentified_n
                 for n, frame in enumerate(source, 1):
-                    result = pipeline.process(frame)
-                    unidentified_n += result.features is None
+                    loop.step(frame)
+                    result = loop.measurement.last
+                    if result is None or result.frame is not frame:  # it could not be measured
+                        result = Result(frame, lost, None, None, uncalibrated(), False)
                     polygons = cell_polygons(result.cells) if result.cells is not None else []
                     text = caption(result)
                     yield picture(view, frame, result.tracks, polygons, result.features, text)
@@ -141,22 +141,27 @@ def render_recording(
             frames_n = write_video(pictures(), out, rate_hz)
     if damage := damage_of(source):
         log.warning("%s: %s", recording, damage)
-    return Made(frames_n, unidentified_n, len(rest_frame), rate_hz)
+    counts = loop.statistics()
+    return {
+        "frames_n": frames_n, "unidentified_n": counts.unidentified_n, "pins_n": n_pins, "rate_hz": rate_hz,
+        "without_values": counts.without_values,
+    }  # fmt: skip
 
 
-def _rest_frame(source: FrameSource, how: str | None, calibration: Calibration | None) -> Rest:
-    """Raises SourceError, CalibrationError."""
+def _rest_frame(source: FrameSource, how: str | None, calibration: Calibration | None) -> tuple[Rest, Frame]:
+    """The rest frame, and an image that shows it. Raises SourceError, CalibrationError."""
     if source.live:
         raise SourceError(f"{source.name}: is live; record it first, then render the recording")
     given = rest_given(source, how, calibration)
     if given is not None:
         log.info("rest frame: %s", given.message)
-        return given.rest
-    images = [frame.image for frame in islice(source, TareParams().frames_n)]
-    if not images:
+        return given.rest, given.frame
+    frames = list(islice(source, TareParams().frames_n))
+    if not frames:
         raise SourceError(f"{source.name}: no images")
     try:
-        return tare(images, np.inf, calibration, source.polarity, source.lens)
+        images = [frame.image for frame in frames]
+        return tare(images, np.inf, calibration, source.polarity, source.lens), frames[-1]
     except NoPins as error:
         raise SourceError(f"{source.name}: {error}") from None
 

@@ -11,9 +11,13 @@ from edge.cli.options import LoopOptions, SpeedFactor, loop_options, rest_option
 from edge.cli.progress import counting, waiting
 from edge.cli.summary import Summary, damage_of, json_line, print_summary
 from edge.errors import InputError
+from edge.examples import example_calibration
 from edge.runtime.loop import Loop
-from edge.sources import Paced, open_source
-from edge.types import LiveSource, RecordedSource, Result
+from edge.sources import open_source
+from edge.sources.files import FileSource
+from edge.sources.live import ThreadedSource
+from edge.sources.paced import Paced
+from edge.types import Result
 from hostlink.cli_types import counted
 from hostlink.wire import FaultCode, State
 
@@ -42,7 +46,7 @@ def replay(
     quiet: bool,
     as_json: bool,
 ) -> None:
-    """Send RECORDING (MCAP, video, folder of images) as if it were live.
+    """Send RECORDING (MCAP, video, folder of images, example:press) as if it were live.
 
     The first frames must show the untouched tip: they are the rest frame, unless --rest says another. If
     they are seen to show a touch, the rest frame is chosen as by --rest auto. A closing summary lists the
@@ -56,11 +60,12 @@ def replay(
     with ExitStack() as stack:
         with waiting(f"opening {recording}", not quiet):
             source = open_source(recording)
-            total_n = source.frames_n if isinstance(source, RecordedSource) else 0
+            total_n = source.frames_n if isinstance(source, FileSource) else 0
             if not isinstance(speed, str):  # of the rest frame no image may be missed
                 source = Paced(source, speed=speed, loop=again, rest_n=config.tare.frames_n)
             stack.callback(source.close)
-            loop = make_loop(stack, source, config, options.calibration_path)
+            calibration_path = options.calibration_path or example_calibration(recording)
+            loop = make_loop(stack, source, config, calibration_path)
             _use_rest(loop, recording, rest, quiet)
         start_worker(stack, loop, options, listen, config)
         summary = Summary(source)
@@ -121,7 +126,7 @@ def _lost_to_tare(loop: Loop, skipped_n: int | None, tare_n: int) -> str:
 
     skipped_n  images before the first result; None: there was no result
     """
-    paced = loop.source if isinstance(loop.source, LiveSource) else None
+    paced = loop.source if isinstance(loop.source, ThreadedSource) else None
     if skipped_n == 0 or not loop.frames_n or (paced and not paced.ended):
         return ""
     way_out = "--loop plays it on" if paced else "replay a longer one"

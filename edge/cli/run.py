@@ -9,6 +9,7 @@ from edge.cli.assembly import make_loop, open_configured, start_worker
 from edge.cli.options import LoopOptions, loop_options, source_option
 from edge.cli.progress import waiting
 from edge.cli.summary import print_summary
+from edge.examples import example_calibration
 from edge.sources.camera import CameraSource
 from hostlink.cli_types import WholeNumber
 
@@ -38,7 +39,8 @@ def run(
             stack.callback(source.close)
             if isinstance(source, CameraSource) and not quiet:
                 click.echo(f"{source.name}: {source.terms}", err=True)
-            loop = make_loop(stack, source, config, options.calibration_path)
+            calibration_path = options.calibration_path or example_calibration(config.source.spec)
+            loop = make_loop(stack, source, config, calibration_path)
         start_worker(stack, loop, options, listen, config)
         if not loop.sinks and listen is None and options.record_path is None:
             log.warning("no sink: samples are not sent; give --sink can:can0, or the key sinks in [link]")

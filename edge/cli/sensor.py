@@ -12,7 +12,7 @@ from edge.pins import take_rest
 from edge.rest.sensor_match import layout_of
 from edge.rest.symmetry import symmetry_of
 from edge.sensors import load_sensor
-from edge.sources import read_image
+from edge.sources.files import read_image
 from edge.types import Rest
 from hostlink.cli_types import FiniteFloat
 from hostlink.output_file import check_output, writing

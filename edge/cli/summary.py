@@ -3,40 +3,26 @@
 import cmath
 import json
 import math
-from bisect import bisect_left
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
-from itertools import accumulate
-from typing import Any
+from statistics import median
+from typing import Any, get_type_hints
 
 import click
 
 from edge.link.sinks import Sink
 from edge.runtime.statistics import LoopStatistics
-from edge.sources import Paced
-from edge.types import FrameSource, RecordedSource, Result
+from edge.sources.files import FileSource
+from edge.sources.paced import Paced
+from edge.types import FrameSource, Result
 from hostlink.web import plain
 from hostlink.wire import State
 
+_COUNTED = get_type_hints(LoopStatistics, include_extras=True)
 #: Keys of the JSON, and their text for people; the last word is the unit.
 LABELS = {
-    "frames_n": "images processed",
-    "lost_by_camera_n": "images lost before they reached this process",
-    "dropped_n": "images replaced by a newer one",
-    "full_searches_n": "searches of the whole image",
-    "unidentified_n": "images without values: pins not identified",
-    "failed_n": "images that could not be processed",
-    "keepalives_n": "samples sent while no image came",
-    "sent_n": "samples sent, all sinks",
-    "pins_n": "pins of the rest frame",
-    "pins_seen_min_n": "pins seen, least",
-    "pins_seen_median_n": "pins seen, median",
-    "drift_px": "largest drift subtracted, px",
-    "rate_hz": "images a second",
-    "compute_us": "computing, median / 99 % / 99.9 %, us",
-    "latency_us": "capture to sample, median / 99 % / 99.9 %, us",
-    "faults": "faults, how often each",
+    **{name: label for name, hint in _COUNTED.items() for label in hint.__metadata__},
     "sinks": "sinks",
     "pins_held_min": "pins seen in the recording, least",
     "pins_held_median": "pins seen in the recording, median",
@@ -54,7 +40,7 @@ LABELS = {
 def damage_of(source: FrameSource) -> str:
     """Message on the unreadable part of a recording; known once it has been read. Empty: none."""
     recorded = source.source if isinstance(source, Paced) else source
-    if not isinstance(recorded, RecordedSource):
+    if not isinstance(recorded, FileSource):
         return ""
     found = [what if n == 1 else f"{what} {n} times" for what, n in recorded.faults.items() if n]
     listed = ", ".join(found).replace("truncated", "cut off at its end")
@@ -103,9 +89,9 @@ class Summary:
             return {"pins_held_median": 0}
         table: dict[str, Any] = {
             "pins_held_min": min(self._held),
-            "pins_held_median": int(_median(self._held)),
+            "pins_held_median": int(median(self._held.elements())),
             "confidence_min": min(self._confidence),
-            "confidence_median": round(_median(self._confidence), 3),
+            "confidence_median": round(median(self._confidence.elements()), 3),
             "contacts_max": self._contacts_max,
         }
         if self._shear_n:
@@ -115,12 +101,6 @@ class Summary:
         if math.isfinite(self._displacement_mm):
             table["displacement_max_mm"] = round(self._displacement_mm, 3)
         return table
-
-
-def _median(counted: Counter[Any]) -> float:
-    values, numbers = zip(*sorted(counted.items()), strict=True)
-    ends, n = list(accumulate(numbers)), counted.total()
-    return float(values[bisect_left(ends, (n + 1) // 2)] + values[bisect_left(ends, n // 2 + 1)]) / 2
 
 
 def print_summary(

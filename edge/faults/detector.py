@@ -3,6 +3,7 @@
 `begin` looks at a frame's time before it is computed, since that decides how; `judge` does all else after it.
 """
 
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -16,8 +17,8 @@ from edge.faults.registry import FaultRegistry
 from edge.params import ASTRAY_REL
 from edge.params import PARAMS as RUNTIME
 from edge.pins.params import PARAMS as PINS
-from edge.sources.live import stalled_after_s
-from edge.types import Array, Clock, Features, Frame, FrameSource, LiveSource, Reading, Rest, Result
+from edge.sources.live import ThreadedSource, stalled_after_s
+from edge.types import Array, Clock, Features, Frame, FrameSource, Reading, Rest, Result
 from hostlink.clock import DRIFT_MAX
 from hostlink.wire import FaultCode as F
 from hostlink.wire import Status
@@ -68,6 +69,8 @@ _OF_THE_REST = (F.TARE_IMPLAUSIBLE, F.CALIBRATION_FOREIGN, F.CAMERA_MOVED, F.TRA
 _CAMERA_FAULT, _TOUCHED, _NOT_LIVE, _FRAMES_DROPPED = map(
     int, (Status.CAMERA_FAULT, Status.TOUCHED, Status.NOT_LIVE, Status.FRAMES_DROPPED)
 )
+#: Why a sample has no values: the first of these that holds, causes before what follows from them.
+_BLINDING = (F.CAMERA_LOST, F.CAMERA_STALLED, F.IMAGE_DARK, F.IMAGE_BRIGHT, F.IMAGE_BLURRED, F.TRACKER_LOST)
 #: Faults under which no drift is learnt.
 _NOT_QUIET = int(
     Status.CAMERA_FAULT | Status.IMAGE_FAULT | Status.PINS_LOST | Status.TRACKER_LOST | Status.CAMERA_MOVED
@@ -82,6 +85,7 @@ class FaultDetector:
     registry      receives the faults
     clock_ns      the host's monotonic clock
     load_pitches  motion of a pin beyond which it counts as overloaded
+    without_values  images that gave none, by the name of the fault that explains it
     """
 
     def __init__(
@@ -92,9 +96,10 @@ class FaultDetector:
         load_pitches: float = RUNTIME.load_pitches,
     ) -> None:
         self._source, self._registry, self._clock_ns = source, registry, clock_ns
-        self._live = source if isinstance(source, LiveSource) else None
+        self._live = source if isinstance(source, ThreadedSource) else None
         self._load_pitches = load_pitches
         self._facts = Facts()
+        self.without_values: Counter[str] = Counter()
         self._gap_ns = stalled_after_s(None) * 1e9  # no camera's is shorter
         self._calibrated = False
         self._verdict = Judge(fault_checks(), registry)
@@ -179,7 +184,7 @@ class FaultDetector:
         """
         facts, pins = self._facts, self._pins
         assert pins is not None
-        facts.why_missing = pins.problem(result.tracks)
+        facts.why_missing = pins.problem(result.tracks, result.features)
         facts.pins_missing = bool(facts.why_missing)
         if pins.impossible and result.features is not None:
             result = replace(result, tracks=replace(result.tracks, confidence=0.0), cells=None, features=None)
@@ -189,9 +194,16 @@ class FaultDetector:
             self._note_motion(pins.counts, result.features, drifted_share)
         self.judge_image(frame, facts.unidentified or pins.needs_focus_check())
         blind = self.frozen or self._registry.status & _CAMERA_FAULT
-        if facts.unidentified or facts.pins_missing or blind:
-            result = replace(result, reading=Reading({}, {}, _NOWHERE, calibrated=self._calibrated))
+        missing = facts.pins_missing and not pins.explained
+        if facts.unidentified or missing or blind:
+            self._count_without_values()
+            nothing = Reading({}, {}, _NOWHERE, calibrated=self._calibrated)
+            result = replace(result, cells=None, features=None, reading=nothing)
         return result
+
+    def _count_without_values(self) -> None:
+        explains = next(filter(self._registry.holds, _BLINDING), F.PINS_LOST)
+        self.without_values[explains.name] += 1
 
     def judge_image(self, frame: Frame, look_closer: bool = False) -> None:
         """Judge brightness; and focus, if due, or if pins are missing and brightness does not explain it."""
@@ -208,6 +220,7 @@ class FaultDetector:
         """Judge a frame that could not be computed."""
         self._facts.failed, self._facts.failure = True, why
         self._end()
+        self._count_without_values()
 
     def _end(self) -> None:
         facts, condition = self._facts, self._condition()

@@ -7,9 +7,12 @@
 - Nor in an image that is corrupt in one place: pins that vanish are next to each other, and those around them
   stand still. Pins that vanish one by one are next to each other too, as often as chance has it: both
   explanations are compared by their likelihoods.
+- Pins that a contact hides are its own evidence: those around them have moved apart. Values come from the
+  others, with the variance that the lost ones leave; the fault says that they are partly seen.
+- Each image is judged by itself: values are back as soon as the pins are.
 """
 
-from math import log, sqrt
+from math import log, pi, sqrt
 
 import numpy as np
 
@@ -20,15 +23,12 @@ from edge.geometry.lattice import N_RING
 from edge.geometry.neighbours import nearest_of
 from edge.params import ASTRAY_REL
 from edge.params import PARAMS as RUNTIME
-from edge.types import Index, Mask, Rest, Tracks
+from edge.types import ContactRegion, Features, Index, Mask, Rest, Tracks
 
 SEEN_REL = 0.8  # smallest share of the rest frame's pins
 HOLE_REL = 0.01  # largest share of them that are lost with all their neighbours
-#: Good frames in a row until values are sent again: those that slip is taken over are good then.
-SETTLED_N = FEATURES.slip_span_frames
 BASELINE_N = FEATURES.noise_frames_n  # frames over which the baseline is learnt
 DROP_REL = RUNTIME.most_rel  # of the baseline share; with fewer, too many vanished at once
-BACK_REL = DROP_REL + RUNTIME.hysteresis_rel * DROP_REL  # until so many are back
 
 
 class PinVisibility:
@@ -36,13 +36,13 @@ class PinVisibility:
 
     counts      what is counted of each frame
     impossible  the pins moved further than skin can: the pattern was matched to itself rotated
+    explained   a contact hides the pins that were the last frame's problem: it has values all the same
     """
 
     def __init__(self, rest: Rest) -> None:
-        self._reason = ""
-        self._good_n = SETTLED_N
         self._baseline_share = 1.0
         self._baseline_px = float(np.nanmean(rest.pins.sigma_px))
+        self._rest_img = rest.xy_img
         self._near = nearest_of(rest.xy_img, rest.xy_img, N_RING + 1)[1]
         self.counts = PinCounts(rest.xy_img, self._near)
         self._before = rest.xy_img
@@ -53,42 +53,57 @@ class PinVisibility:
         self._seen_n = 0
         self._noise_px = 0.0
         self.impossible = False
+        self.explained = False
 
-    def problem(self, tracks: Tracks) -> str:
-        """Count a frame's pins. Why they allow no values for it; empty: they do."""
+    def problem(self, tracks: Tracks, features: Features | None = None) -> str:
+        """Count a frame's pins. What is wrong with them; empty: nothing.
+
+        features  of the frame; None: there are none
+        """
         n = self._n
-        seen_n, _, new_n, hole_n, far_n, self._noise_px = self.counts.seen(
+        self._seen_n, _, new_n, hole_n, far_n, self._noise_px = self.counts.seen(
             tracks.xy_img, tracks.sigma_px, FEATURES.noise_ratio_max * self._baseline_px, self._far_px
         )
-        self._seen_n = seen_n
         self.impossible = far_n > ASTRAY_REL * n
-        identified = tracks.confidence >= Tracks.LOW_CONFIDENCE and not self.impossible
-        share = seen_n / n
-        why = ""
-        if share < SEEN_REL:
-            why = "only {counted}"
-        elif hole_n > HOLE_REL * n:
-            why = "{counted}; around {hole_n} of the others no pin is seen either"
-        elif new_n > 1 and self._image_corrupt(tracks):
-            why = "{counted}; pins vanished side by side while their neighbours stood still"
-        elif share < (BACK_REL if self._reason else DROP_REL) * self._baseline_share:
-            why = "{counted}, {usual:.0%} usually: too many vanished at once"
+        bad, new = self.counts.bad.view(np.bool_), self.counts.new.view(np.bool_)
+        why = self._why(tracks, self._seen_n, hole_n, bad, new) if new_n or self._seen_n < n else ""
+        self.explained = False
+        if why and features is not None and features.contacts:
+            hidden = self._within(features.contacts)
+            seen_n = int(np.count_nonzero(tracks.seen | hidden))
+            bad, new = bad & ~hidden, new & ~hidden
+            hole_n = int(np.count_nonzero(bad[self._near].all(axis=1)))
+            self.explained = not self._why(tracks, seen_n, hole_n, bad, new)
         self._before = tracks.xy_img
-        self._baseline_share += (ASTRAY_REL if why else 1.0) * (share - self._baseline_share) / BASELINE_N
-        if not why and not identified:
-            why = "the pins could not be identified; waiting for several good frames"
-        self._good_n = 0 if why else self._good_n + 1
-        if why:
-            counted = f"{seen_n} of {n} pins are seen"
-            self._reason = why.format(counted=counted, hole_n=hole_n, usual=self._baseline_share)
-        elif self._good_n >= SETTLED_N:
-            self._reason = ""
-        return self._reason
+        known = ASTRAY_REL**2 if why and not self.explained else 1.0
+        self._baseline_share += known * (self._seen_n / n - self._baseline_share) / BASELINE_N
+        return why + "; a contact hides them" if self.explained else why
 
-    def _image_corrupt(self, tracks: Tracks) -> bool:
+    def _why(self, tracks: Tracks, seen_n: int, hole_n: int, bad: Mask, new: Mask) -> str:
+        """Why these pins allow no values; empty: they do."""
+        n, share = self._n, seen_n / self._n
+        counted = f"{self._seen_n} of {n} pins are seen"
+        if share < SEEN_REL:
+            return f"only {counted}"
+        if hole_n > HOLE_REL * n:
+            return f"{counted}; around {hole_n} of the others no pin is seen either"
+        if self._image_corrupt(tracks, bad, new):
+            return f"{counted}; pins vanished side by side while their neighbours stood still"
+        if share < DROP_REL * self._baseline_share:
+            return f"{counted}, {self._baseline_share:.0%} usually: too many vanished at once"
+        return ""
+
+    def _within(self, contacts: tuple[ContactRegion, ...]) -> Mask:
+        """(n,) bool, the pins that lie at rest within a contact's region, or a pitch around it."""
+        within = np.zeros(self._n, np.bool_)
+        for contact in contacts:
+            reach_px = sqrt(contact.area_px2 * contact.elongation / pi) + self._pitch_px
+            within |= np.hypot(*(self._rest_img - contact.middle_img).T) < reach_px
+        return within
+
+    def _image_corrupt(self, tracks: Tracks, bad: Mask, gone: Mask) -> bool:
         """Whether pins vanished side by side since the last frame while those around them did not move."""
         before = self._before
-        gone, bad = self.counts.new.view(np.bool_), self.counts.bad.view(np.bool_)
         if _evidence_of_place(gone, self._near) <= log(Tracks.LOW_CONFIDENCE / (1.0 - Tracks.LOW_CONFIDENCE)):
             return False
         around = self._near[gone, 1:]

@@ -85,9 +85,7 @@ class FaultLog:
         set_status: Callable[[str], None],
         clock_s: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._registry = registry
-        self._set_status = set_status
-        self._clock_s = clock_s
+        self._registry, self._set_status, self._clock_s = registry, set_status, clock_s
         self._logged_s: dict[FaultCode, float] = {}
         self._suppressed: Counter[FaultCode] = Counter()
         self._open: set[FaultCode] = set()  # logged as on, not yet as off

@@ -5,9 +5,10 @@
     pin_motion            motion since rest, pins in the contact, torsion, noise of a pin; areas, volume
     slip_and_vibration    slip and vibration of the pins in the contact, from frame to frame
     modes                 the motion as polynomial coefficients that turn with the tip
-    surface               the grid over the tip, and the constant matrices onto it (`quantized_operator`)
-    contact_field         a frame's fields on that grid, and their peaks
-    contacts              which peaks make one contact; its area, axes, and place, by the pins round it
+    surface               the grid over the tip, and the constant matrices onto it (`contact_field`)
+    contact_field         a frame's fields on that grid
+    regions               a field's peaks; which of them make one contact; its area and axes
+    contacts              a contact's place, by the pins round it; moments
       several             what fits of a few contacts decide; can be left out
     params                every chosen number
 

@@ -3,12 +3,13 @@ cimport cython
 
 @cython.final
 cdef class ContactDetector:
-    cdef Py_ssize_t _n
+    cdef Py_ssize_t _n, _n_looked_up, _min_ring_known
     cdef Py_ssize_t _width  # pins of a ring
     cdef const double[:, ::1] _rest
     cdef unsigned short[:, ::1] _ring
     cdef double[:, :, ::1] _slope
-    cdef double _pitch_px
+    cdef double _pitch_px, _cell_noise, _ring_noise, _median_noise, _raise_sigma, _clear_sigma
+    cdef double _noise_ratio_max, _noise_frames_n
     cdef double _noise_ratio  # of a cell: measured over predicted noise
     cdef double _ring_noise_ratio  # of a ring's mean
     cdef Py_ssize_t _turn  # which rings it is learnt from next
@@ -18,19 +19,8 @@ cdef class ContactDetector:
     cdef double _begins  # area change that begins a contact, of the last `by_area`
     cdef double[:, ::1] _middle  # ring medians of the motion; NaN: not looked up yet
     cdef int[::1] _looked_up  # the first n_looked_up: rows of those that were
-    cdef Py_ssize_t _n_looked_up
     cdef double[::1] _ring_x  # motion of one ring
-    cdef double[::1] _ring_y
-    cdef double[::1] _values
-    cdef double[::1] _ring_values
-    cdef double _cell_noise
-    cdef double _ring_noise
-    cdef double _median_noise
-    cdef double _raise_sigma
-    cdef double _clear_sigma
-    cdef Py_ssize_t _min_ring_known
-    cdef double _noise_ratio_max
-    cdef double _noise_frames_n
+    cdef double[::1] _ring_y, _values, _ring_values
 
     cpdef double cell_noise(self, double sigma_px) noexcept
     cpdef bint by_area(self, const double[::1] area_change, const double[:, ::1] xy, double sigma_px) noexcept

@@ -27,21 +27,10 @@ Rules
 A kernel: compiled by Cython (see setup.py), and the same when it is not.
 """
 
-# mypy: disable-error-code="no-any-return,untyped-decorator,valid-type"
-
-from __future__ import annotations
-
 import cython
 import numpy as np
 
-from edge.features.params import (
-    CELL_NOISE,
-    MEDIAN_NOISE,
-    PARAMS,
-    RING_NOISE,
-    FeatureParams,
-    largest_noise,
-)
+from edge.features.params import CELL_NOISE, MEDIAN_NOISE, PARAMS, RING_NOISE, FeatureParams, largest_noise
 from edge.geometry.lattice import slope_stencil
 from edge.geometry.neighbours import short_rows
 from edge.types import Array, Rest
@@ -56,8 +45,6 @@ else:
     from edge.geometry.select import median, sigma_of
 
 
-@cython.final
-@cython.cclass
 class ContactDetector:
     """In contact or not, frame by frame, for the n pins of one tip."""
 

@@ -1,64 +1,18 @@
 cimport cython
-from edge.features.contact_field cimport ContactField, PeakFinder
+from edge.features.contact_field cimport ContactField
 from edge.features.pin_motion cimport PinNoise
-
-
-@cython.final
-cdef class Regions:
-    cdef readonly Py_ssize_t n_contacts
-    cdef readonly double[:, ::1] middle
-    cdef readonly double[::1] semi_axis
-    cdef readonly double[::1] elongation
-    cdef readonly double[::1] direction
-    cdef readonly double x0
-    cdef readonly double y0
-    cdef readonly double step_px
-    cdef Py_ssize_t[::1] _n_points  # of each region
-    cdef float[::1] _level  # a region's edge
-    cdef double[:, ::1] _sums  # of each region: weight, first and second moments
-    cdef Py_ssize_t _n_peaks
-    cdef int[::1] _at  # of each peak: its place in the padded grid
-    cdef float[::1] _height
-    # the contact it belongs to, -1: one too many; a contact's first peak is its highest
-    cdef int[::1] _contact
-    cdef double[:, ::1] _ridge  # places of one contact's peaks
-    cdef object _ridge_array  # the same memory
-    cdef PeakFinder _peaks
-    cdef float[::1] _grid
-    cdef int[::1] _place
-    cdef int[::1] _active
-    cdef short[::1] _column  # of each place in the padded grid
-    cdef short[::1] _row
-    cdef double _shallow_rel
-    cdef double _min_prominence_sigma
-
-    cpdef Py_ssize_t merge(self, const float[::1] noise, double noise_px) noexcept
-    cpdef void keep(self, const unsigned char[::1] kept) noexcept
-    cpdef double area_px2(self, Py_ssize_t i) noexcept
-    cpdef double peak_height(self, Py_ssize_t i) noexcept
-    cpdef object ridge(self, Py_ssize_t i)
-    cdef Py_ssize_t _nearest_point(self, double x, double y) noexcept
-    cdef Py_ssize_t _highest(self, Py_ssize_t i) noexcept
-    cdef void _drop_peaks(self, int dropped) noexcept
-    cdef void _measure(self) noexcept
-    cdef void _collect(self) noexcept
-    cdef Py_ssize_t _nearest(self, Py_ssize_t at) noexcept
-    cdef void _find_shape(self, Py_ssize_t i) noexcept
+from edge.features.regions cimport PeakFinder, Regions
 
 
 @cython.final
 cdef class ContactFinder:
-    cdef readonly object surface
+    cdef readonly object surface, fitted
     cdef readonly ContactField field
     cdef readonly PeakFinder peaks
     cdef readonly Regions regions
-    cdef readonly double[:, ::1] place
-    cdef readonly double[:, ::1] divergence_moment
-    cdef readonly double[:, ::1] curl_moment
-    cdef readonly object fitted
+    cdef readonly double[:, ::1] place, divergence_moment, curl_moment
     cdef PinNoise _pin_noise
-    cdef const double[:, ::1] _rest
-    cdef const double[:, ::1] _xy
+    cdef const double[:, ::1] _rest, _xy
     cdef object _xy_array  # the same memory
     cdef const float[::1] _field_noise
     cdef int[::1] _near  # grid points round a contact, and their weights
@@ -67,12 +21,8 @@ cdef class ContactFinder:
     cdef object _tables  # place, divergence_moment and curl_moment
     cdef object _middles
     cdef Py_ssize_t _n_before  # regions of the last frame, before any was split or joined
-    cdef double _visibility_radius_px
-    cdef double _place_radius_px
-    cdef double _place_radius_axis
-    cdef double _contact_sigma
-    cdef double _min_area_change
-    cdef double _min_oriented_elongation
+    cdef double _visibility_radius_px, _place_radius_px, _place_radius_axis, _contact_sigma
+    cdef double _min_area_change, _min_oriented_elongation
 
     cpdef void forget(self) except *
     cpdef tuple find(self, object seen, double sigma_px, bint moments=*, int fits=*)

@@ -24,10 +24,6 @@ A kernel: compiled by Cython (see setup.py), and the same when it is not. A fram
 is made of meets at C level.
 """
 
-# mypy: disable-error-code="no-any-return,untyped-decorator,valid-type"
-
-from __future__ import annotations
-
 import cython
 import numpy as np
 
@@ -51,8 +47,6 @@ else:
     from edge.features.contacts import ContactFinder
     from edge.features.pin_motion import AreaChange, ModeProduct, PinMotion
     from edge.features.slip_and_vibration import Slip, Vibration
-
-__all__ = ["FeatureExtractor", "FeaturePlan"]
 
 #: Fields of `Features` that follow from areas: volume, surface, grid, contacts; and from the pins in the
 #: contact: torsion, slip and its probability, vibration and the end of its band.
@@ -135,12 +129,7 @@ class FeatureExtractor:
     _min_area_change: cython.double
 
     def __init__(
-        self,
-        rest: Rest,
-        rest_area_px2: Array,
-        *,
-        grid: int | None = None,
-        params: FeatureParams = PARAMS,
+        self, rest: Rest, rest_area_px2: Array, *, grid: int | None = None, params: FeatureParams = PARAMS
     ) -> None:
         n = len(rest)
         self._n, self._rest, self._grid, self._params = n, rest, grid, params
@@ -247,7 +236,6 @@ class FeatureExtractor:
         )
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _detects(
         self, by_area: cython.bint, change: cython.double[::1], sigma_px: cython.double
     ) -> cython.bint:

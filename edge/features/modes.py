@@ -17,8 +17,6 @@ Terms of equal spin are made orthonormal over the rest pins (Gram-Schmidt, lowes
 the spins and makes coefficients comparable; on a round layout terms of different spin are orthogonal anyway.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Every chosen number of this stage; the evidence for each is in docs/tuning.md, "Features"."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import log, pi, sqrt
 

@@ -3,8 +3,7 @@ cimport cython
 
 @cython.final
 cdef class PinMotion:
-    cdef readonly double[:, ::1] xy
-    cdef readonly double[:, ::1] motion
+    cdef readonly double[:, ::1] xy, motion
     cdef readonly double[::1] mean
     cdef readonly double sigma_px
     cdef readonly int[::1] pins
@@ -39,8 +38,7 @@ cdef class AreaChange:
     cdef readonly double[::1] values
     cdef Py_ssize_t _n
     cdef const double[:, ::1] _rest
-    cdef double[::1] _rest_area
-    cdef double[::1] _inverse_area
+    cdef double[::1] _rest_area, _inverse_area
     cdef int[:, ::1] _ring
     cdef double[:, :, ::1] _slope
 
@@ -55,9 +53,8 @@ cdef class PinNoise:
     cdef const double[:, ::1] _rest
     cdef int[::1] _start
     cdef unsigned short[::1] _near
-    cdef float[::1] _weight
+    cdef float[::1] _weight, _residual
     cdef float[::1] _motion  # (2 n,), single precision: its error is 1e-6 px
-    cdef float[::1] _residual
     cdef double[::1] _sizes
 
     cpdef double sigma_px(self, const double[:, ::1] xy, const unsigned char[::1] seen) noexcept

@@ -25,10 +25,6 @@ Statistica Sinica 7, 1997), so that an untouched tip has volume zero and a press
 A kernel: compiled by Cython (see setup.py), and the same when it is not.
 """
 
-# mypy: disable-error-code="no-any-return,untyped-decorator,valid-type"
-
-from __future__ import annotations
-
 import cython
 import numpy as np
 
@@ -59,8 +55,6 @@ _ELLIPSE = cython.declare(cython.double, 4.0)
 ROW = 24
 
 
-@cython.final
-@cython.cclass
 class PinMotion:
     """Motion of the n pins of one tip. Good until the next frame:
 
@@ -279,8 +273,6 @@ class PinMotion:
                         g[row, c] -= factor * g[r, c]
 
 
-@cython.final
-@cython.cclass
 class ModeProduct:
     """The modes of all n pins' motion: a product with `Modes.of_all` in single precision, whose error is 1e-7
     of the motion.
@@ -319,8 +311,6 @@ class ModeProduct:
         return result
 
 
-@cython.final
-@cython.cclass
 class AreaChange:
     """Area changes of one frame of one tip with n pins; `values` (n,) float64, good until the next frame.
 
@@ -388,8 +378,6 @@ class AreaChange:
         return (1.0 + xx) * (1.0 + yy) - xy_ * yx - 1.0
 
 
-@cython.final
-@cython.cclass
 class PinNoise:
     """Measures the noise of the n pins of one tip: behind glare it is 3 to 10 times what their sigmas claim.
 

@@ -4,37 +4,25 @@ from edge.features.pin_motion cimport PinMotion
 
 @cython.final
 cdef class Slip:
-    cdef readonly double slip_px
-    cdef readonly double probability
-    cdef Py_ssize_t _n
+    cdef readonly double slip_px, probability
+    cdef Py_ssize_t _n, _span, _n_core, _n_around, _n_path
     cdef PinMotion _motion
     cdef const double[:, ::1] _rest
-    cdef Py_ssize_t _span
-    cdef double _pressing_rel
+    cdef double _pressing_rel, _noise_q, _spacing_px, _turned_sigma, _model_rel, _prior_odds
     cdef double[:, :, ::1] _past_px  # motion of the last frames, in turn, and their area changes
     cdef double[:, ::1] _past_change
     cdef Py_ssize_t _n_kept  # since the touch
     cdef bint _begun
     cdef double[:, ::1] _begin  # motion where the path begins
     cdef int[::1] _core  # rows of the pins in the core, and of those around the contact
-    cdef Py_ssize_t _n_core
     cdef int[::1] _around
-    cdef Py_ssize_t _n_around
     cdef unsigned char[::1] _is_around
     cdef double[::1] _far2  # of the contact's pins, px2 from its middle
-    cdef double[::1] _some
+    cdef double[::1] _some, _q, _curve
     cdef double _noise_s  # px
-    cdef double _noise_q
     cdef double[::1] _s  # the path
-    cdef double[::1] _q
-    cdef Py_ssize_t _n_path
-    cdef double _spacing_px
     cdef double[::1] _weight  # of its points
-    cdef double[::1] _curve
     cdef double[::1] _square  # of each share: of the path's distance from its curve, in sigmas
-    cdef double _turned_sigma
-    cdef double _model_rel
-    cdef double _prior_odds
 
     cpdef void forget(self) noexcept
     cpdef void update(self, const double[::1] area_change, double sigma_px) noexcept
@@ -48,15 +36,10 @@ cdef class Slip:
 
 @cython.final
 cdef class Vibration:
-    cdef double _from_hz
-    cdef double[:, ::1] _before
-    cdef double[:, ::1] _once
-    cdef double[:, ::1] _twice
+    cdef double _from_hz, _lasted_s, _power_px2
+    cdef double[:, ::1] _before, _once, _twice
     cdef long long[::1] _frame_of  # the frame in which each pin was followed last
-    cdef long long _frame
-    cdef long long _before_ns
-    cdef double _lasted_s
-    cdef double _power_px2
+    cdef long long _frame, _before_ns
 
     cpdef void forget(self) noexcept
     cpdef object update(

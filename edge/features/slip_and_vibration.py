@@ -46,10 +46,6 @@ Source  Mindlin, "Compliance of elastic bodies in contact", J. Appl. Mech. 16, 2
 A kernel: compiled by Cython (see setup.py), and the same when it is not.
 """
 
-# mypy: disable-error-code="no-any-return,untyped-decorator,valid-type"
-
-from __future__ import annotations
-
 import cython
 import numpy as np
 
@@ -69,8 +65,6 @@ else:
     from edge.features.pin_motion import PinMotion
     from edge.geometry.select import select_kth
 
-__all__ = ["Rms", "Slip", "Vibration"]
-
 #: Shares of the area that slides, in the middle of equal intervals; a path has as many points.
 _SHARES = cython.declare(cython.Py_ssize_t, 24)
 
@@ -78,8 +72,6 @@ _SHARES = cython.declare(cython.Py_ssize_t, 24)
 Rms = tuple[float | None, float | None]
 
 
-@cython.final
-@cython.cclass
 class Slip:
     """Slip of one touch, frame by frame.
 
@@ -273,8 +265,6 @@ class Slip:
         self.probability = most / total
 
 
-@cython.final
-@cython.cclass
 class Vibration:
     """Follows the high-passed motion of the contact's pins, of those at rest_xy (n, 2)."""
 

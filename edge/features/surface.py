@@ -15,16 +15,12 @@ Heights are relative area changes of material cells, at the cells' rest places: 
 skin. `contacts` finds where a contact lies in the current image.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from edge.features.contact_field import ContactField
 from edge.features.params import PARAMS, FeatureParams
 from edge.geometry.thin_plate import thin_plate_operators
 from edge.types import Array, Heights, Mask, Rest
-
-__all__ = ["Surface"]
 
 
 class Surface:

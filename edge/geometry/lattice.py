@@ -5,8 +5,6 @@ each other. The predictions are linear in the motion: their weights depend on th
 computed once.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2
@@ -17,22 +15,6 @@ from edge.errors import DegenerateLayout
 from edge.geometry.layout import spans
 from edge.geometry.neighbours import nearest_of
 from edge.types import Array, Index, Mask
-
-__all__ = [
-    "N_RING",
-    "N_TWO_RINGS",
-    "PARAMS",
-    "THIRD_RING",
-    "Lattice",
-    "LatticeParams",
-    "groups_of",
-    "inside_hull",
-    "nearest",
-    "pitch_of",
-    "residual_stencil",
-    "side_length_of",
-    "slope_stencil",
-]
 
 # A hexagonal lattice has these: pins of the first ring, of the first two; where the third is, in pitches.
 N_RING, N_TWO_RINGS, THIRD_RING = 6, 18, 7.0**0.5

@@ -1,14 +1,10 @@
 """Regular layouts of pins, and small facts about a set of pins."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from edge.errors import DegenerateLayout
 from edge.limits import PINS_MAX, PINS_MIN
 from edge.types import Array, Index
-
-__all__ = ["LAYOUTS", "affine_terms", "circumcentres", "must_span", "pin_layout", "spans"]
 
 LAYOUTS = ("hex", "rings", "square")
 # Directions in which pins spread less than this share of their longest extent count as a line.

@@ -6,14 +6,10 @@
 Both are px of the same image: focal length and centre stay as they are.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 
 from edge.types import Array, Lens
-
-__all__ = ["corrected", "magnification", "seen"]
 
 EXACT_PX = 1e-6  # a thousandth of what centroids are good to
 STEPS_MAX = 20  # a step doubles the exact digits: more are needed where the lens folds the image over

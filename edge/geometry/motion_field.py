@@ -16,16 +16,12 @@ Source  Narcowich and Ward, Generalized Hermite interpolation via matrix-valued 
         Gaussian processes, ICASSP 2013 (curl-free and divergence-free kernels).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
 
 from edge.geometry.layout import affine_terms
 from edge.types import Array
-
-__all__ = ["PREDICTING", "SHARP", "MotionPrior", "component_covariance", "precision"]
 
 
 @dataclass(frozen=True, slots=True)

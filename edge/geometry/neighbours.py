@@ -1,13 +1,10 @@
+# cython: infer_types=True
 """Which points are near which, whether they still stand apart, and weighted sums of the motion of those near.
 
 A kernel: compiled by Cython, and the same when it is not; other kernels import it through `neighbours.pxd`.
 
 All distances are taken: for the points of one tip that is as fast as a search tree.
 """
-
-# mypy: disable-error-code="attr-defined,no-any-return,untyped-decorator,valid-type"
-
-from __future__ import annotations
 
 import cython
 import numpy as np
@@ -90,11 +87,9 @@ def weighted_sums(
     motion               (2 m,) px, x and y of each point in turn; finite
     sums                 (2 n,) px, likewise; written
     """
-    i: cython.Py_ssize_t
-    k: cython.Py_ssize_t
+    # Every second neighbour into the same sums: these do not wait for the others.
     a: cython.Py_ssize_t
     b: cython.Py_ssize_t
-    # Every second neighbour into the same sums: these do not wait for the others.
     x: cython.float
     y: cython.float
     other_x: cython.float
@@ -120,7 +115,6 @@ def _checked(xy: Array) -> Array:
 
 
 @cython.cfunc
-@cython.exceptval(check=False)
 def _nearest(
     points: cython.const[cython.double][:, ::1],
     xy: cython.const[cython.double][:, ::1],
@@ -128,12 +122,6 @@ def _nearest(
     row: cython.int[:, ::1],
 ) -> cython.void:
     k: cython.Py_ssize_t = distance.shape[1]
-    i: cython.Py_ssize_t
-    j: cython.Py_ssize_t
-    c: cython.Py_ssize_t
-    dx: cython.double
-    dy: cython.double
-    d2: cython.double
     for i in range(xy.shape[0]):
         for j in range(points.shape[0]):
             dx = points[j, 0] - xy[i, 0]
@@ -153,16 +141,11 @@ def _nearest(
 
 
 @cython.cfunc
-@cython.exceptval(check=False)
 def _pairs(
     xy: cython.const[cython.double][:, ::1], reach: cython.double, pairs: cython.int[:, ::1]
 ) -> cython.Py_ssize_t:
     """How many pairs there are; as many as fit are written."""
     counted: cython.Py_ssize_t = 0
-    i: cython.Py_ssize_t
-    j: cython.Py_ssize_t
-    dx: cython.double
-    dy: cython.double
     for i in range(xy.shape[0]):
         for j in range(i + 1, xy.shape[0]):
             dx = xy[j, 0] - xy[i, 0]
@@ -176,7 +159,6 @@ def _pairs(
     return counted
 
 
-@cython.cclass
 class Separation:
     """Whether n moving points that were compared and stood apart still do.
 
@@ -199,9 +181,6 @@ class Separation:
         xy       (n, 2) px; NaN: not there, near to none
         Returns  False: they are to be compared; so is a point that was not there then
         """
-        i: cython.Py_ssize_t
-        x: cython.double
-        y: cython.double
         for i in range(self.n):
             x = xy[i, 0] - self.at[i, 0]
             y = xy[i, 1] - self.at[i, 1]

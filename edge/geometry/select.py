@@ -1,13 +1,7 @@
+# cython: infer_types=True
 """Order statistics without sorting. A kernel; other kernels import it through `select.pxd`."""
 
-# mypy: disable-error-code="untyped-decorator"
-
-from __future__ import annotations
-
 import cython
-import numpy as np
-
-from edge.types import Array
 
 if cython.compiled:
     from cython.cimports.libc.math import INFINITY, NAN
@@ -19,17 +13,6 @@ else:
 #: The median absolute deviation of normal noise, times this, is its standard deviation.
 SIGMA_OF_MAD = 1.4826
 _SIGMA_OF_MAD = cython.declare(cython.double, SIGMA_OF_MAD)
-
-
-def kth_smallest(values: Array, k: int) -> float:
-    """k-th smallest, from 0, of values (n,) float64 without NaN.
-
-    Raises  ValueError: no such k
-    """
-    if not 0 <= k < len(values):
-        raise ValueError(f"the {k}-th of {len(values)} values: k must be 0 to {len(values) - 1}")
-    smallest: float = select_kth(np.array(values, np.float64), len(values), k)
-    return smallest
 
 
 def select_kth(v: cython.double[::1], n: cython.Py_ssize_t, k: cython.Py_ssize_t) -> cython.double:
@@ -50,10 +33,6 @@ def _select(
     v: cython.double[::1], low: cython.Py_ssize_t, high: cython.Py_ssize_t, k: cython.Py_ssize_t
 ) -> cython.void:
     """The same of v[low] to v[high]."""
-    i: cython.Py_ssize_t
-    j: cython.Py_ssize_t
-    few: cython.Py_ssize_t
-    pivot: cython.double
     while low < high:
         few = (high - low) // 16
         if few > 4:  # whose k-th is nearer to that of all than any one of them
@@ -81,7 +60,6 @@ def median(v: cython.double[::1], n: cython.Py_ssize_t) -> cython.double:
     """Median of the first n, which change places; the mean of the middle two if n is even. NaN of none."""
     if n == 0:
         return NAN
-    i: cython.Py_ssize_t
     below: cython.double = -INFINITY  # the largest of those before the middle
     middle: cython.double = select_kth(v, n, n // 2)
     if n % 2 == 1:

@@ -7,8 +7,6 @@ import numpy as np
 from edge.errors import DegenerateLayout
 from edge.types import Array
 
-__all__ = ["thin_plate_at", "thin_plate_operators"]
-
 
 def thin_plate_operators(knots: Array, points: Array) -> tuple[Array, Array, Array]:
     """Matrices that give the spline through values at the knots, and its slopes, at points.

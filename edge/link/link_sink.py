@@ -21,16 +21,18 @@ import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import count
 from typing import Any
 
 from edge.errors import SinkError
 from edge.link.medium import Medium, MediumError, MediumFull
-from edge.link.params import PARAMS, LinkParams
+from edge.link.params import PARAMS
 from edge.link.send_queue import SendQueue, Spaced
 from hostlink.link_guard import LinkGuard
 from hostlink.wire import FaultCode, State
+from hostlink.wire.open_errors import message_of
 
 log = logging.getLogger(__name__)
 
@@ -55,17 +57,16 @@ class ReadBudget:
     cpu_s, now_s  processor time of the reader's thread, and the time
     """
 
-    def __init__(self, cpu_s: float, now_s: float, params: LinkParams = PARAMS) -> None:
-        self._params = params
+    def __init__(self, cpu_s: float, now_s: float) -> None:
         self._cpu_s, self._now_s, self._paid_s = cpu_s, now_s, now_s
 
     def pause_s(self, cpu_s: float, now_s: float) -> float:
         """How long to pause reading; 0.0: go on. Time that was not used is no credit for later."""
         used_s = cpu_s - self._cpu_s
-        self._paid_s = max(self._paid_s, self._now_s) + used_s / self._params.read_rel
+        self._paid_s = max(self._paid_s, self._now_s) + used_s / PARAMS.read_rel
         self._cpu_s, self._now_s = cpu_s, now_s
         pause_s = self._paid_s - now_s
-        return pause_s if pause_s > self._params.read_pause_s else 0.0
+        return pause_s if pause_s > PARAMS.read_pause_s else 0.0
 
 
 class LinkSink(ABC):
@@ -77,12 +78,11 @@ class LinkSink(ABC):
     guard        counts the exceptions that nobody foresaw
     """
 
-    def __init__(self, name: str, open_medium: Callable[[], Medium], params: LinkParams = PARAMS) -> None:
+    def __init__(self, name: str, open_medium: Callable[[], Medium]) -> None:
         self.name = name
         self.on_message: Callable[[Any], None] | None = None
         self.on_faults: Callable[[], None] | None = None
         self.guard = LinkGuard(name)
-        self._params = params
         self._open_medium = open_medium
         self._tried_s = time.monotonic()
         try:
@@ -91,7 +91,7 @@ class LinkSink(ABC):
             raise SinkError(f"{name}: {error}") from None
         self._lost = False  # and nothing was sent since: a medium that opens may still not take frames
         self._failed: Medium | None = None  # to be closed before another one is opened
-        self._queue = SendQueue(params.samples_n, params.control_n)
+        self._queue = SendQueue(PARAMS.samples_n, PARAMS.control_n)
         self._refused_s: float | None = None  # since when nothing was accepted
         self._writing_since_s: float | None = None  # begin of the present write
         self._fault_event = threading.Event()  # faults may have changed
@@ -102,7 +102,7 @@ class LinkSink(ABC):
         self._numbers = count()
         self._counters = SinkCounters()
         self._counting = threading.Lock()
-        self._budget = ReadBudget(0.0, time.monotonic(), params)  # the thread that it counts is to begin
+        self._budget = ReadBudget(0.0, time.monotonic())  # the thread that it counts is to begin
         self._threads = [
             threading.Thread(
                 target=self.guard.run,
@@ -130,7 +130,7 @@ class LinkSink(ABC):
         if self._medium is None or self._lost:
             return False
         idle_s = [s for s in (self._refused_s, self._writing_since_s) if s is not None]
-        return not idle_s or time.monotonic() - min(idle_s) <= self._params.stall_s
+        return not idle_s or time.monotonic() - min(idle_s) <= PARAMS.stall_s
 
     @property
     def faults(self) -> frozenset[FaultCode]:
@@ -209,12 +209,12 @@ class LinkSink(ABC):
             return self._changed.wait_for(lambda: self._queue.empty, timeout_s)
 
     def close(self) -> None:
-        self.drain(self._params.close_s if self.up else 0.0)
+        self.drain(PARAMS.close_s if self.up else 0.0)
         with self._changed:
             self._closing = True
             self._changed.notify_all()
         self._fault_event.set()
-        end_s = time.monotonic() + self._params.close_s
+        end_s = time.monotonic() + PARAMS.close_s
         for thread in self._threads:
             if thread is not threading.current_thread():
                 thread.join(max(0.0, end_s - time.monotonic()))
@@ -246,7 +246,7 @@ class LinkSink(ABC):
         except MediumFull:
             self._refuse(began_s)
             return False
-        except (Exception, SystemExit) as error:  # noqa: BLE001 - of a driver: whatever it is, the medium has failed
+        except (Exception, SystemExit) as error:  # noqa: BLE001 - whatever a driver raises, the medium has failed
             self._lose(medium, error)
             return False
         finally:
@@ -261,13 +261,13 @@ class LinkSink(ABC):
         return True
 
     def _lose(self, medium: Medium, error: BaseException) -> None:
-        if not isinstance(error, MediumError):
+        if not isinstance(error, (MediumError, *medium.broken)):
             self.guard.note(error)
         with self._changed:
             if self._medium is not medium:
                 return
             if not self._lost:
-                log.warning("%s: %s", self.name, error)
+                log.warning("%s: %s", self.name, message_of(error))
             self._medium, self._failed, self._lost = None, medium, True
             dropped_n = self._queue.clear()
             self._changed.notify_all()
@@ -279,7 +279,7 @@ class LinkSink(ABC):
         medium = self._medium
         if medium is not None:
             self._lose(medium, MediumError("unforeseen error"))
-        self._pause(self._params.retry_s)
+        self._pause(PARAMS.retry_s)
 
     def _pause(self, seconds: float) -> None:
         """Wait, unless the link is closed."""
@@ -320,7 +320,7 @@ class LinkSink(ABC):
             failed, self._failed = self._failed, None
         self._close_medium(failed)
         # SocketCAN opens on an interface that is down, and fails at once: do not retry without a pause.
-        self._pause(self._tried_s + self._params.retry_s - time.monotonic())
+        self._pause(self._tried_s + PARAMS.retry_s - time.monotonic())
         if self._closing:
             return
         self._tried_s = time.monotonic()
@@ -335,7 +335,7 @@ class LinkSink(ABC):
 
     def _close_medium(self, medium: Medium | None) -> None:
         if medium is not None:
-            with self._writing, self._reading:
+            with self._writing, self._reading, suppress(*medium.broken):  # a dead bus fails to close
                 medium.close()
 
     # ---- fault watch ------------------------------------------------------------------------------
@@ -343,10 +343,10 @@ class LinkSink(ABC):
     def _watch(self) -> None:
         medium = self._medium
         may_stall = self._refused_s is not None or (medium is not None and not medium.instant)
-        self._fault_event.wait(self._params.check_s if may_stall else None)
+        self._fault_event.wait(PARAMS.check_s if may_stall else None)
         self._fault_event.clear()
         if not self._closing and self.on_faults is not None and not self.guard.call(self.on_faults):
-            self._pause(self._params.retry_s)
+            self._pause(PARAMS.retry_s)
             self._fault_event.set()  # they must be reported some time
 
     # ---- the reader -------------------------------------------------------------------------------
@@ -362,7 +362,7 @@ class LinkSink(ABC):
             message, bus_off = None, medium.bus_off
             try:
                 if medium is self._medium:
-                    message = medium.read(self._params.read_s)
+                    message = medium.read(PARAMS.read_s)
             except (Exception, SystemExit) as error:  # noqa: BLE001 - the same
                 self._lose(medium, error)
         if medium.bus_off != bus_off:

@@ -45,15 +45,10 @@ class Node:
         self.name = sink.name
         self._device = device
         self._settings = settings or SettingsFile()
-        self._sending = threading.Lock()
-        self._watching = threading.Lock()
+        self._sending, self._watching = threading.Lock(), threading.Lock()
         self._latched: tuple[State, float] | None = None
-        self._syncs = 0
-        self._frames = 0
+        self._syncs = self._frames = self._dropped_n = self._detail_counter = self._detail_frames = 0
         self._next_us = 0.0
-        self._dropped_n = 0
-        self._detail_counter = 0
-        self._detail_frames = 0
         self._active: set[FaultCode] = set()
         self._link_faults: frozenset[FaultCode] = frozenset()
         self.number, self.state = sink.node, NmtState.INITIALISING
@@ -136,17 +131,13 @@ class Node:
     def watch_link(self) -> None:
         """Report the link's current faults; called by the sink when they may have changed."""
         with self._watching:
-            if self.sink.faults != self._link_faults:
-                self._report_link_faults()
-
-    def _report_link_faults(self) -> None:
-        faults = self.sink.faults
-        for code in faults ^ self._link_faults:
-            self._device.report(code, code in faults, f"{self.name}: {_FAULTS[code].meaning}")
-        self._link_faults = faults
-        if not faults:  # emergencies sent meanwhile were lost: repeat them
-            for code in sorted(self._active):
-                self._send_emergency(code, True)
+            faults, before = self.sink.faults, self._link_faults
+            for code in faults ^ before:
+                self._device.report(code, code in faults, f"{self.name}: {_FAULTS[code].meaning}")
+            self._link_faults = faults
+            if before and not faults:  # emergencies sent meanwhile were lost: repeat them
+                for code in sorted(self._active):
+                    self._send_emergency(code, True)
 
     def _start(self) -> None:
         """Send the boot-up message, and be operational, with heartbeat."""

@@ -56,45 +56,36 @@ class Device(Protocol):
         """Read-only objects by name (`hostlink.wire.OBJECTS`): serial_number (required), hardware_version,
         software_version, calibration_id, pin_n, camera, camera_rate_hz, uptime_s, samples_n, dropped_n,
         latency_p50_us, latency_p99_us. Missing ones read as their default."""
-        ...
 
     def clock_us(self) -> int | None:
         """The clock that stamps the images, now, us of any width; None where it cannot be read."""
-        ...
 
     def tare(self, force: bool) -> None:
         """Have a new rest frame taken from the next images; `rest_frame` reports the outcome.
 
         Raises RequestRefused: something touches the tip, and `force` is not set; or one is being taken
         """
-        ...
 
     def rest_frame(self) -> Mapping[str, Value]:
         """Objects rest_frame_request_n, _state, _reason, _words: the outcome of the last request."""
-        ...
 
     def calibration_bytes(self) -> bytes:
         """The calibration file in use; empty: none."""
-        ...
 
     def upload_calibration(self, data: bytes) -> None:
         """Check another calibration file and have a rest frame taken with it; then it is stored and used.
 
         Raises ValueError, edge.errors.CalibrationError: not usable, nothing changed; RequestRefused: not now
         """
-        ...
 
     def set_features(self, names: frozenset[str]) -> None:
         """Compute these features (`edge.types.Feature` values) from now on."""
-        ...
 
     def reboot(self) -> None:
         """Restart the software, after the answer had time to leave."""
-        ...
 
     def report(self, code: FaultCode, active: bool, message: str = "") -> None:
         """A fault of the link appeared or cleared: `FaultRegistry.report`."""
-        ...
 
 
 class ObjectServer:
@@ -114,11 +105,8 @@ class ObjectServer:
         link: Callable[[], dict[str, int]],
         maps: bool = True,
     ) -> None:
-        self._device = device
-        self._settings = settings
-        self._node = node
-        self._ids = ids
-        self._on_change = on_change
+        self._device, self._settings, self._node = device, settings, node
+        self._ids, self._on_change = ids, on_change
         self._link, self._maps = link, maps
         self.newest: State | None = None
         self._description: Mapping[str, Value] = {}

@@ -1,31 +1,27 @@
-"""Buses that python-can drives: all but the kernel's own. It reports a dead bus in many ways (`_BROKEN`)."""
+"""Buses that python-can drives: all but the kernel's own. It reports a dead bus in many ways (`broken`)."""
 
 import logging
-from contextlib import suppress
 
 import can
 import serial
 
-from edge.link.medium import FULL, CanFrame, MediumError, MediumFull, is_off_after
+from edge.link.medium import FULL, CanFrame, Medium, MediumFull, is_off_after
 from edge.link.params import PARAMS
 from hostlink.can_bus import OpenBus, open_can_bus
 from hostlink.wire.address import Address
-from hostlink.wire.open_errors import message_of
 
 INSTANT = frozenset({"virtual", "udp_multicast"})  # interfaces whose send(timeout=0) returns
 # python-can also logs what it raises: that would be a second line on stderr.
 logging.getLogger("can").propagate = False
 
-_BROKEN = (can.CanError, OSError, ValueError, TypeError)
 
-
-class CanMedium:
+class CanMedium(Medium):
     """A python-can bus; instant: its `send(timeout=0)` returns at once."""
 
+    broken = (can.CanError, *Medium.broken)
+
     def __init__(self, bus: can.BusABC | OpenBus, instant: bool) -> None:
-        self.instant = instant
-        self.bus_off = False
-        self._bus = bus
+        self.instant, self._bus = instant, bus
         self._timeout_s = 0.0 if instant else PARAMS.write_s
 
     def write(self, item: CanFrame) -> None:
@@ -38,17 +34,14 @@ class CanMedium:
         )
         try:
             self._bus.send(message, timeout=self._timeout_s)
-        except _BROKEN as error:
+        except self.broken as error:
             if _means_full(error):
                 raise MediumFull(str(error)) from error
-            raise MediumError(message_of(error)) from error
+            raise
         self.bus_off = False
 
     def read(self, timeout_s: float) -> CanFrame | None:
-        try:
-            message = self._bus.recv(timeout_s)
-        except _BROKEN as error:
-            raise MediumError(message_of(error)) from error
+        message = self._bus.recv(timeout_s)
         if message is None:
             return None
         if message.is_error_frame:
@@ -59,8 +52,7 @@ class CanMedium:
         return CanFrame(message.arbitration_id, bytes(message.data), message.is_fd)
 
     def close(self) -> None:
-        with suppress(*_BROKEN):  # a dead bus fails to close
-            self._bus.shutdown()
+        self._bus.shutdown()
 
 
 def open_python_can(address: Address) -> CanMedium:

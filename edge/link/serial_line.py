@@ -5,21 +5,13 @@ from typing import Any
 
 import serial
 
-from edge.link.medium import MediumError, MediumFull
+from edge.link.medium import Medium, MediumFull
 from edge.link.params import PARAMS
 from hostlink.wire.address import Address
-from hostlink.wire.open_errors import message_of
-
-# A port that is gone is an OSError (serial.SerialException is one), ValueError for a closed file descriptor,
-# TypeError for a handle that became None.
-_BROKEN = (OSError, ValueError, TypeError)
 
 
-class SerialMedium:
+class SerialMedium(Medium):
     """A pyserial port."""
-
-    instant = False
-    bus_off = False
 
     def __init__(self, port: Any) -> None:
         self._port = port
@@ -28,26 +20,18 @@ class SerialMedium:
         try:
             self._port.write(item)
         except serial.SerialTimeoutException as error:
-            with suppress(*_BROKEN):
+            with suppress(*self.broken):
                 self._port.reset_output_buffer()  # its contents are old by now
             raise MediumFull(str(error)) from error
-        except _BROKEN as error:
-            raise MediumError(message_of(error)) from error
 
     def read(self, timeout_s: float) -> bytes | None:
-        try:
-            if self._port.timeout != timeout_s:  # to set it takes system calls, which can fail
-                self._port.timeout = timeout_s
-            first = self._port.read(1)
-            if not first:
-                return None
-            return bytes(first + self._port.read(self._port.in_waiting))
-        except _BROKEN as error:
-            raise MediumError(message_of(error)) from error
+        if self._port.timeout != timeout_s:  # to set it takes system calls, which can fail
+            self._port.timeout = timeout_s
+        first = self._port.read(1)
+        return bytes(first + self._port.read(self._port.in_waiting)) if first else None
 
     def close(self) -> None:
-        with suppress(*_BROKEN):
-            self._port.close()
+        self._port.close()
 
 
 def open_port(address: Address) -> SerialMedium:

@@ -6,8 +6,7 @@ from typing import Protocol
 
 from edge.errors import SinkError
 from edge.link.link_sink import LinkSink, SinkCounters
-from edge.link.medium import CanFrame, Medium, opener
-from edge.link.params import PARAMS, LinkParams
+from edge.link.medium import CanFrame, Medium, MediumError
 from edge.link.state_packer import StatePacker
 from hostlink.wire import (
     CanIds,
@@ -17,11 +16,11 @@ from hostlink.wire import (
     encode_frame,
     pack_message,
     pack_parts,
-    pack_state,
     unpack_message,
 )
-from hostlink.wire.address import DEFAULT_BAUD, AddressError, parse_address
+from hostlink.wire.address import DEFAULT_BAUD, Address, AddressError, parse_address
 from hostlink.wire.errors import CorruptFrame
+from hostlink.wire.open_errors import cannot_open
 from hostlink.wire.serial import FRAME_MAX, decode_frame
 from hostlink.wire.state import frame_of
 from hostlink.wire.timing import classic_frame_s, fd_frame_s, serial_frame_s
@@ -41,21 +40,16 @@ class Sink(Protocol):
 
     def send(self, state: State) -> bool:
         """Send a sample; False: dropped and counted. Never blocks, never raises."""
-        ...
 
     def drain(self, timeout_s: float) -> bool:
         """Wait until nothing waits to be sent: for recordings, which are sent as fast as possible."""
-        ...
 
     def close(self) -> None: ...
 
 
 def packed(state: State, counter: int) -> bytes:
     """The 64-byte frame of a sample, as `pack_state` gives it."""
-    values = vars(state)
-    if "raws" in values:  # of a sample that was received
-        return pack_state(state, counter)
-    return frame_of(_PACKER.pack(values), counter)
+    return frame_of(state.body or _PACKER.pack(vars(state)), counter)
 
 
 class MemorySink:
@@ -64,15 +58,11 @@ class MemorySink:
     def __init__(self, name: str = "memory:", keep: int = 100_000) -> None:
         self.name = name
         self.states: deque[State] = deque(maxlen=keep)
-        self._sent = 0
-
-    @property
-    def counters(self) -> SinkCounters:
-        return SinkCounters(sent=self._sent)
+        self.counters = SinkCounters()
 
     def send(self, state: State) -> bool:
         self.states.append(state)
-        self._sent += 1
+        self.counters.sent += 1
         return True
 
     def drain(self, timeout_s: float) -> bool:
@@ -85,23 +75,17 @@ class MemorySink:
 class CanSink(LinkSink):
     """A node on a CAN bus. Items and incoming messages are `CanFrame`.
 
-    node    CANopen node number, 1..127
-    ids     bases of the identifiers
-    params  the link's times and counts
+    node  CANopen node number, 1..127
+    ids   bases of the identifiers
     """
 
     def __init__(
-        self,
-        name: str,
-        open_medium: Callable[[], Medium],
-        node: int = NODE_DEFAULT,
-        ids: CanIds | None = None,
-        params: LinkParams = PARAMS,
+        self, name: str, open_it: Callable[[], Medium], node: int = NODE_DEFAULT, ids: CanIds | None = None
     ) -> None:
         self.node = node
         self.ids = ids or CanIds()
         self._state_id = self.ids.state(node)  # ValueError: no such node
-        super().__init__(name, open_medium, params)
+        super().__init__(name, open_it)
 
     bitrate, dbitrate = BITRATE, DBITRATE  # of the bus, where the address names them
 
@@ -182,6 +166,35 @@ class SerialSink(LinkSink):
                 continue
             if self.on_frame is not None:
                 self.on_frame(kind, counter, body)
+
+
+def opener(address: Address, wanted: Sequence[int] = ()) -> Callable[[], Medium]:
+    """A function that opens the bus or serial port of an address, again and again. Whatever a driver raises,
+    it raises MediumError with one line for the user.
+
+    Each kind of medium is a module of its own, loaded when the first of it is opened: their libraries take a
+    part of the start and memory.
+
+    wanted  identifiers of the messages that must be received on a bus; others may be
+    """
+
+    def open_it() -> Medium:
+        try:
+            if not address.is_can:
+                from edge.link.serial_line import open_port
+
+                return open_port(address)
+            if address.interface == "socketcan":
+                from edge.link.socketcan import open_socket
+
+                return open_socket(address.channel, address.fd, wanted)
+            from edge.link.python_can import open_python_can
+
+            return open_python_can(address)
+        except Exception as error:
+            raise MediumError(cannot_open(address, error)) from error
+
+    return open_it
 
 
 def open_sink(spec: str, node: int = NODE_DEFAULT, ids: CanIds | None = None) -> Sink:

@@ -16,11 +16,10 @@ from edge.link.medium import (
     CAN_ERR_RESTARTED,
     FULL,
     CanFrame,
-    MediumError,
+    Medium,
     MediumFull,
     is_off_after,
 )
-from hostlink.wire.open_errors import message_of
 
 INTERFACES = Path("/sys/class/net")
 
@@ -33,7 +32,7 @@ CAN_SFF_MASK = 0x7FF
 CAN_RAW_ERR_FILTER = 2  # not in the type checker's `socket`
 
 
-class SocketCanMedium:
+class SocketCanMedium(Medium):
     """An open interface.
 
     bus       a raw CAN socket that does not block
@@ -44,9 +43,7 @@ class SocketCanMedium:
     instant = True
 
     def __init__(self, bus: socket.socket, carrier: Path) -> None:
-        self.bus_off = False
-        self._bus = bus
-        self._carrier = carrier
+        self._bus, self._carrier = bus, carrier
 
     def write(self, item: CanFrame) -> None:
         if self.bus_off:
@@ -60,17 +57,15 @@ class SocketCanMedium:
             self._bus.send(frame)
         except OSError as error:
             if error.errno in FULL:
-                raise MediumFull(message_of(error)) from error
-            raise MediumError(message_of(error)) from error
+                raise MediumFull(str(error)) from error
+            raise
 
     def read(self, timeout_s: float) -> CanFrame | None:
+        ready = select.select([self._bus], (), (), timeout_s)[0]
         try:
-            ready = select.select([self._bus], (), (), timeout_s)[0]
             frame = self._bus.recv(_FD.size) if ready else b""
         except BlockingIOError:  # the reader was woken by an error that a writer got
             return None
-        except (OSError, ValueError) as error:  # ValueError: closed
-            raise MediumError(message_of(error)) from error
         found = self._take(frame) if ready else None
         if self.bus_off:  # also if the restart's message was missed
             with suppress(OSError):  # an interface that is down raises an error
@@ -83,7 +78,7 @@ class SocketCanMedium:
     def _take(self, frame: bytes) -> CanFrame | None:
         """The frame, if it is one that a node may listen to."""
         if len(frame) not in (_CLASSIC.size, _FD.size):
-            raise MediumError(f"{len(frame)} bytes are no CAN frame")
+            raise ValueError(f"{len(frame)} bytes are no CAN frame")
         can_id, length = struct.unpack_from("=IB", frame)
         if can_id & CAN_ERR_FLAG:
             self.bus_off = is_off_after(can_id, self.bus_off)

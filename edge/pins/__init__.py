@@ -12,8 +12,8 @@ Rules
   of the followed pins count is decided there, over all of them.
 """
 
-from edge.pins.detect import detect, inspect_image, learn_pattern, to_grey
+from edge.pins.detect import detect, learn_pattern, to_grey
 from edge.pins.refine import CentroidRefiner
 from edge.pins.rest_frame import take_rest
 
-__all__ = ["CentroidRefiner", "detect", "inspect_image", "learn_pattern", "take_rest", "to_grey"]
+__all__ = ["CentroidRefiner", "detect", "learn_pattern", "take_rest", "to_grey"]

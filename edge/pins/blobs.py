@@ -138,19 +138,15 @@ def measure_discs(image: Image, spots: Spots) -> tuple[Array, float]:
     near = reach < np.maximum(0.6 * spots.radius_px, 1.0)[:, None]
     top = (profile * near).sum(axis=1) / near.sum(axis=1)
     bottom = np.minimum.accumulate(profile, axis=1)
-    floor = np.take_along_axis(
-        bottom,
-        np.minimum((1.8 * spots.radius_px / step).astype(np.intp) + 1, len(reach) - 1)[:, None],
-        axis=1,
-    )
+    outside = np.minimum((1.8 * spots.radius_px / step).astype(np.intp) + 1, len(reach) - 1)
+    floor = np.take_along_axis(bottom, outside[:, None], axis=1)
     level = (bottom - floor) / np.maximum(top[:, None] - floor, 1e-6)
     radius = _crossing(level, 0.5) * step
     # between 0.8 and 0.2 of its height a Gaussian edge is 1.683 sigma wide
     edge = (_crossing(level, 0.2) - _crossing(level, 0.8)) * step / 1.683
     good = (radius > 0.5 * spots.radius_px) & (radius < 1.5 * spots.radius_px)
-    return np.where(good, radius, spots.radius_px), float(
-        np.clip(np.median(edge), 0.35, max(0.35, np.median(radius) / 2))
-    )
+    edge_px = np.clip(np.median(edge), 0.35, max(0.35, np.median(radius) / 2))
+    return np.where(good, radius, spots.radius_px), float(edge_px)
 
 
 def _crossing(profile: Levels, height: float) -> Array:

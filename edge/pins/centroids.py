@@ -1,3 +1,4 @@
+# cython: infer_types=True
 """Where each pin is now: one call over all pins, reading only their windows. Compiled; runs uncompiled too.
 
 Idea: a pin is a blurred disc of known radius d(r) on a local plane. Around a guess c the image is
@@ -23,8 +24,6 @@ Rules
 """
 
 # mypy: disable-error-code="untyped-decorator,valid-type,index,attr-defined,assignment"
-
-from __future__ import annotations
 
 import cython
 import numpy as np
@@ -246,12 +245,8 @@ class CentroidKernel:
         return True
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _read(self) -> cython.void:
         """Each pin steps from its prediction to its centroid."""
-        i: cython.Py_ssize_t
-        k: cython.Py_ssize_t
-        asked: cython.Py_ssize_t
         n: cython.Py_ssize_t = self.n  # that have to take the next step
         iteration: cython.int = 0
         if n == 0:
@@ -287,7 +282,6 @@ class CentroidKernel:
             iteration += 1
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _reject(self) -> cython.void:
         """NaN in `xy` and `sigma` of the pins whose disc explains too little of its window, or is too dim
         beside the pin at rest. Illumination may have changed for all pins at once: brightness is compared
@@ -299,7 +293,6 @@ class CentroidKernel:
         at_rest: cython.double[::1] = self._rest_amplitude
         fit: cython.double[::1] = self._fit
         ratio: cython.double[::1] = self._ratio
-        i: cython.Py_ssize_t
         m: cython.Py_ssize_t = 0
         low = HUGE_VAL
         high = 0.0
@@ -321,14 +314,12 @@ class CentroidKernel:
 
     @cython.cfunc
     @cython.inline
-    @cython.exceptval(check=False)
     def _far2_of(self, iteration: cython.int) -> cython.double:
         """Far off, slopes alone give a coarse step first."""
         return self._far2 if iteration < self._steps_max - 3 else HUGE_VAL
 
     @cython.cfunc
     @cython.inline
-    @cython.exceptval(check=False)
     def _near2_of(self, iteration: cython.int) -> cython.double:
         """The last step that is allowed ends everywhere."""
         return self._near2 if iteration < self._steps_max - 1 else HUGE_VAL
@@ -346,7 +337,6 @@ class CentroidKernel:
             iteration += 1
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _begin_to_fetch(self) -> cython.void:
         """What lies round the predictions is to be fetched while windows are read: pins come in rows."""
         left: cython.double = self._columns
@@ -373,14 +363,12 @@ class CentroidKernel:
 
     @cython.cfunc
     @cython.inline
-    @cython.exceptval(check=False)
     def _level(self, x: cython.Py_ssize_t, y: cython.Py_ssize_t) -> cython.int:
         if self._wide:
             return cython.cast(cython.int, self._image16[y, x])
         return cython.cast(cython.int, self._image8[y, x])
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _step(
         self, i: cython.Py_ssize_t, px: cython.double, py: cython.double, near2: cython.double,
         far2: cython.double, first: cython.bint,
@@ -415,15 +403,12 @@ class CentroidKernel:
         return take_step(self._steps_of, self._sums, i, norm, middle_x, middle_y, near2, far2, first)
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _sum_levels(
         self, kind: cython.Py_ssize_t, phase: cython.Py_ssize_t, norm: cython.Py_ssize_t
     ) -> cython.void:
         """`_sums` of the levels in `_window`, whose squares may have 24 bits."""
         k: Kind = self._kinds[kind]
         t: cython.Py_ssize_t = k.first + 3 * k.plane * phase
-        i: cython.Py_ssize_t
-        level: cython.int
         d: cython.int = 0
         tx: cython.int = 0
         ty: cython.int = 0
@@ -446,19 +431,13 @@ class CentroidKernel:
             self._sums[i] *= self._norms[norm, i]
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _take_window(
         self, cx: cython.Py_ssize_t, cy: cython.Py_ssize_t, kind: cython.Py_ssize_t
     ) -> cython.void:
         """Pixels of the support less the middle's level, as of bright pins; zero outside of the image."""
         k: Kind = self._kinds[kind]
         level: cython.int = self._level(cx, cy)
-        i: cython.int
-        j: cython.Py_ssize_t
-        x: cython.Py_ssize_t
-        y: cython.Py_ssize_t
         at: cython.Py_ssize_t = 0
-        step: cython.int
         self._in_view = 0
         for j in range(k.first_span, k.end_span):
             y = cy + self._spans[j, 1]
@@ -476,7 +455,6 @@ class CentroidKernel:
             at += 1
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _step_cut(
         self, i: cython.Py_ssize_t, kind: cython.Py_ssize_t, phase: cython.Py_ssize_t,
         middle_x: cython.double, middle_y: cython.double, near2: cython.double,
@@ -485,7 +463,6 @@ class CentroidKernel:
         n: cython.Py_ssize_t = self._norm_of[i] + phase
         step_max: cython.double = self._norms[n, LONGEST]
         freedom: cython.double = self._in_view - 4
-        r: cython.int
         self._gather_cut(kind, phase, n)
         if self._normal[1, 1] < self._share_min * self._norms[n, D2] or freedom <= 0 or not self._solve():
             return False
@@ -519,7 +496,6 @@ class CentroidKernel:
         return False
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _gather_cut(
         self, kind: cython.Py_ssize_t, phase: cython.Py_ssize_t, norm: cython.Py_ssize_t
     ) -> cython.void:
@@ -527,10 +503,6 @@ class CentroidKernel:
         k: Kind = self._kinds[kind]
         t: cython.Py_ssize_t = k.first + 3 * k.plane * phase
         unit_t: cython.double = self._norms[norm, UNIT_T]
-        r: cython.int
-        c: cython.int
-        at: cython.Py_ssize_t
-        level: cython.double
         self._normal[:, :] = 0
         self._right[:] = 0
         self._energy = 0
@@ -549,12 +521,8 @@ class CentroidKernel:
             self._energy += level * level
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _solve(self) -> cython.bint:
         """Gauss-Jordan on the small symmetric matrix; the inverse gives sigma. False: singular."""
-        r: cython.int
-        c: cython.int
-        o: cython.int
         for r in range(4):
             for c in range(4):
                 self._inverse[r, c] = 1 if r == c else 0
@@ -580,7 +548,6 @@ class CentroidKernel:
 
 @cython.cfunc
 @cython.inline
-@cython.exceptval(check=False)
 def square(x: cython.double, y: cython.double) -> cython.double:
     """Squared length."""
     return x * x + y * y

@@ -62,11 +62,6 @@ def detect(image: Image, pattern: PinPattern | None = None) -> Pins:
     return join([whole, cut])
 
 
-def inspect_image(image: Image) -> Pins:
-    """The pins of a single image, without prior knowledge; raises NoPins where there are none."""
-    return detect(image)
-
-
 def to_grey(image: Image) -> Image:
     """(h, w) uint8 or uint16, rows contiguous; colour (h, w, 3) is taken as BGR."""
     if image.ndim == 3:
@@ -201,9 +196,8 @@ def _find(grey: Image, pattern: PinPattern) -> Spots:
     small, large = pattern.radius_range_px
     if small <= 0.0:
         small = large = pattern.pin_radius_px
-    count = max(
-        1, int(np.ceil(np.log(large / small) / np.log(PARAMS.scale_range[1] / PARAMS.scale_range[0])))
-    )
+    steps = np.log(large / small) / np.log(PARAMS.scale_range[1] / PARAMS.scale_range[0])
+    count = max(1, int(np.ceil(steps)))
     scales = small * (large / small) ** ((np.arange(count) + 0.5) / count)
     # The light may have halved since.
     found = _at_scales(grey, scales, 0.5 * PARAMS.depth_min_pins * pattern.brightness)
@@ -228,8 +222,7 @@ def _at_scales(grey: Image, scales: Array, depth_min: float) -> Spots:
 
 
 def _well_shaped(spots: Spots) -> Mask:
-    shape: Mask = spots.spread < PARAMS.ray_spread_max
-    return shape
+    return np.asarray(spots.spread < PARAMS.ray_spread_max)
 
 
 def _settle(grey: Image, found: Spots, radius_px: float, depth_min: float) -> Spots:

@@ -19,8 +19,6 @@ from edge.geometry import lens as geometry
 from edge.geometry.lattice import pitch_of
 from edge.types import Array, Lens, PinPattern, Pins, Rest
 
-__all__ = ["corrected_pins", "corrected_rest", "pattern_as_seen", "rest_as_seen"]
-
 
 def corrected_pins(pins: Pins, lens: Lens) -> Pins:
     """Pins at their places without distortion."""

@@ -14,8 +14,6 @@ Rules
   distorts the arc's ends.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +23,6 @@ from edge.geometry.neighbours import nearest_of
 from edge.pins.params import PARAMS
 from edge.pins.templates import PHASES
 from edge.types import Array, Image, PinPattern, Pins
-
-__all__ = ["find_cut"]
 
 #: The arc is read on an image this many times finer.
 FINER = PHASES
@@ -40,6 +36,7 @@ def find_cut(grey: Image, pins: Pins, pattern: PinPattern, most: int) -> Pins:
     most  how many may be missing: those with the smallest sigma are returned
     """
     rows: list[tuple[float, float, float, float, float]] = []
+    own_px = PARAMS.own_pitches * pattern.pitch_px
     if len(pins) > N_RING:
         xy, pitch = pins.xy_img, pattern.pitch_px
         hull = cv2.convexHull(xy.astype(np.float32))[:, 0].astype(np.float32)
@@ -50,33 +47,22 @@ def find_cut(grey: Image, pins: Pins, pattern: PinPattern, most: int) -> Pins:
                 continue
             outwards = at - xy[beside].mean(0)
             outwards /= max(float(np.hypot(*outwards)), 1e-9)
-            brightness, radius = (
-                float(np.median(pins.brightness[beside])),
-                float(np.median(pins.radius_px[beside])),
-            )
+            brightness = float(np.median(pins.brightness[beside]))
+            radius = float(np.median(pins.radius_px[beside]))
             fit = _fit_arc(grey, at, outwards, radius, brightness, pattern.edge_px)
             if fit is None:
                 continue
             (x, y), sigma = fit
             outside = cv2.pointPolygonTest(hull, (x, y), False) < 0
-            known = any(
-                np.hypot(x - gx, y - gy) < PARAMS.own_pitches * pitch for gx, gy in pattern.glints_img
-            )
-            if (
-                outside
-                and not known
-                and PARAMS.own_pitches * pitch
-                < nearest_of(xy, np.array([[x, y]]))[0][0, 0]
-                < PARAMS.link_pitches_outside * pitch
-            ):
+            known = any(np.hypot(x - gx, y - gy) < own_px for gx, gy in pattern.glints_img)
+            to_pin = nearest_of(xy, np.array([[x, y]]))[0][0, 0]
+            if outside and not known and own_px < to_pin < PARAMS.link_pitches_outside * pitch:
                 rows.append((x, y, sigma, radius, brightness))
     found = np.array(rows).reshape(-1, 5)
     # A glint may split a sliver in two: the half with the smaller sigma is kept.
     kept: list[int] = []
     for i in np.argsort(found[:, 2], kind="stable"):
-        if all(
-            np.hypot(*(found[i, :2] - found[k, :2])) > PARAMS.own_pitches * pattern.pitch_px for k in kept
-        ):
+        if all(np.hypot(*(found[i, :2] - found[k, :2])) > own_px for k in kept):
             kept.append(int(i))
     kept = kept[:most]
     return Pins(found[kept, :2], found[kept, 2], found[kept, 3], found[kept, 4])

@@ -72,13 +72,8 @@ def fills_gap(spots: Spots, pins: Spots) -> Mask:
     pitch = np.median(nearest_of(pins.xy_img, pins.xy_img, 3)[0][:, 1:].mean(axis=1)[near], axis=1)
     size = spots.radius_px / np.median(pins.radius_px[near], axis=1)
     depth = spots.depth / np.median(pins.depth[near], axis=1)
-    fits: Mask = (
-        (distance[:, 0] > PARAMS.gap_pitches_min * pitch)
-        & (size > 0.65)
-        & (size < 1.5)
-        & (depth > 0.45)
-        & (depth < 1.7)
-    )
+    fits: Mask = (size > 0.65) & (size < 1.5) & (depth > 0.45) & (depth < 1.7)
+    fits &= distance[:, 0] > PARAMS.gap_pitches_min * pitch
     fits[fits] = inside_hull(pins.xy_img, spots.xy_img[fits], 0.5 * pitch_of(pins.xy_img))
     return fits
 
@@ -98,16 +93,10 @@ def _outlierness(spots: Spots) -> Array:
     """How far each spot is from its neighbours in size, depth and spacing; infinite: a reflection."""
     distance, near = nearest_of(spots.xy_img, spots.xy_img, N_RING + 1)
     distance, near = distance[:, 1:], near[:, 1:]
-    difference = np.stack(
-        [
-            _log_ratio(spots.radius_px, near),
-            _log_ratio(spots.depth, near),
-            np.maximum(_log_ratio(distance[:, :2].mean(axis=1), near), 0.0),
-        ]
-    )
-    scatter = np.clip(
-        SIGMA_OF_MAD * np.median(np.abs(difference), axis=1), PARAMS.scatter_min, PARAMS.scatter_max
-    )
+    apart = np.maximum(_log_ratio(distance[:, :2].mean(axis=1), near), 0.0)
+    difference = np.stack([_log_ratio(spots.radius_px, near), _log_ratio(spots.depth, near), apart])
+    scatter = SIGMA_OF_MAD * np.median(np.abs(difference), axis=1)
+    scatter = np.clip(scatter, PARAMS.scatter_min, PARAMS.scatter_max)
     outlierness: Array = ((difference / scatter[:, None]) ** 2).sum(axis=0)
     # Two that overlap where their neighbours do not: one is a reflection on or beside the other, if it is
     # further off than pins are on average.

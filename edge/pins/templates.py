@@ -22,7 +22,8 @@ PHASES = 4  # subpixel offsets along each axis
 FAR_PX = 2.0**0.5 / PHASES  # a phase's diagonal: a longer step goes beyond the middles of those next to it
 LANES = 16  # bytes: a window's rows are copied in multiples of it
 BLOCK = 32  # a plane's length is a multiple of it: loops have no remainder
-HALF_MAX = 39  # px, half width of a window
+#: px, half width of a window: two levels times it fit 16 bits, in which columns and rows are summed.
+HALF_MAX = int(np.iinfo(np.int16).max // (np.iinfo(np.uint8).max + np.iinfo(np.uint8).max))
 STEP_MAX = 4095  # a pixel against the window's middle, levels: 12 bits; brighter images lose their last bits
 
 #: One phase has these, in this order, which `centroid_steps.pxd` numbers. |p| is the root of
@@ -203,12 +204,8 @@ def _whole(rows: Array) -> Array:
 
 def _scale(plane: Array) -> float:
     """The largest factor with which neither the integers nor their sum over any window overflow."""
-    return float(
-        min(
-            32767.0 / np.abs(plane).max(),
-            (2.0**31 - 1.0) / (STEP_MAX * np.abs(plane).sum(axis=(1, 2)).max()),
-        )
-    )
+    size = np.abs(plane)
+    return float(min(32767.0 / size.max(), (2.0**31 - 1.0) / (STEP_MAX * size.sum(axis=(1, 2)).max())))
 
 
 def _freed(plane: Array, one: Array, d: Array) -> Array:

@@ -122,7 +122,7 @@ __attribute__((target("avx2"))) static inline void vt_sums_avx2(const unsigned c
         ex += VT_PAIRS(a, VT_LOAD(tx + i)) + VT_PAIRS(b, VT_LOAD(tx + i + 16));
         ey += VT_PAIRS(a, VT_LOAD(ty + i)) + VT_PAIRS(b, VT_LOAD(ty + i + 16));
         one += (vt_ints)_mm256_sad_epu8(w, zero);
-        u += VT_PAIRS(_mm256_maddubs_epi16(w, VT_LOAD(uv + i)), ones); /* 2 x 255 x 39 are 16 bits */
+        u += VT_PAIRS(_mm256_maddubs_epi16(w, VT_LOAD(uv + i)), ones); /* 2 x 255 x 64 are 16 bits */
         v += VT_PAIRS(_mm256_maddubs_epi16(w, VT_LOAD(pv + i)), ones);
         w2 += VT_PAIRS(a, a) + VT_PAIRS(b, b);
     } while ((i += 32) < n);
@@ -143,7 +143,7 @@ __attribute__((target("avx2"))) static inline void vt_sums_avx2(const unsigned c
         sum = vmlal_high_s16(vmlal_s16(sum, vget_low_s16(a), vget_low_s16(t0)), a, t0); \
         sum = vmlal_high_s16(vmlal_s16(sum, vget_low_s16(b), vget_low_s16(t1)), b, t1); \
     } while (0)
-/* 2 x 128 x 39 are 16 bits */
+/* 2 x 128 x 64 are 16 bits */
 #define VT_ADD_SIGNED(sum, p) \
     do { \
         const int8x16_t q = vld1q_s8(p + i); \

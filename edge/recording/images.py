@@ -58,17 +58,17 @@ class _Picture(msgspec.Struct):
     step: int = 0
 
 
-def decode_image(raw: RawMessage, size_px: tuple[int, int] | None = None) -> Image:
+def decode_image(raw: RawMessage, size_px: tuple[int, int]) -> Image:
     """Grey image of a message.
 
-    size_px  required (width, height); None: any within the limits of a camera
+    size_px  required (width, height); (0, 0): any within the limits of a camera
     Raises   OtherSize, before its pixels are decoded; ValueError: damaged, too large, of an unknown kind;
              SourceError: rosbags is not installed
     """
 
     def check(width: int, height: int) -> None:
         check_size(width, height)
-        if size_px not in (None, (width, height)):
+        if size_px not in ((0, 0), (width, height)):
             raise OtherSize(f"{width}x{height} pixels, not {size_px}")
 
     if raw.encoding == "protobuf":

@@ -46,11 +46,16 @@ class McapWriter:
             raise SinkError(f"recording: {error}; install voronoi-touch[edge]") from error
         proto("RawImage")
         self.written_n: Counter[str] = Counter()
-        self._file = _open(path, overwrite)
+        try:
+            self._file: Any = path.open("wb" if overwrite else "xb")
+        except FileExistsError as error:
+            raise SinkError(f"recording: {path} exists; give another name") from error
+        except OSError as error:
+            advice = "give a folder that can be written"
+            raise SinkError(f"recording: cannot write {path}: {error.strerror}; {advice}") from error
         self._writer: Any = Writer(self._file, compression=CompressionType[compression.upper()])
         self._channels: dict[str, int] = {}
-        self._chunk_open = False
-        self._chunk_since_s = 0.0
+        self._chunk_open, self._chunk_since_s = False, 0.0
         self._writer.start(profile="", library="voronoi-touch")
         self._writer.add_metadata("voronoi_touch", dict(metadata))
         try:
@@ -107,15 +112,3 @@ class McapWriter:
     def close(self) -> None:
         """Raises OSError: the buffered tail did not fit."""
         self._file.close()
-
-
-def _open(path: Path, overwrite: bool) -> Any:
-    """Raises SinkError."""
-    try:
-        return path.open("wb" if overwrite else "xb")
-    except FileExistsError as error:
-        raise SinkError(f"recording: {path} exists; give another name") from error
-    except OSError as error:
-        raise SinkError(
-            f"recording: cannot write {path}: {error.strerror}; give a folder that can be written"
-        ) from error

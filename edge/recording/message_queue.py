@@ -15,8 +15,7 @@ class MessageQueue:
     """
 
     def __init__(self, size_bytes: int) -> None:
-        self.dropped_n = 0
-        self._size_bytes = size_bytes
+        self.dropped_n, self._size_bytes = 0, size_bytes
         self._groups: deque[tuple[Calls, int]] = deque()
         self._waiting_bytes = 0
         self._closed = False

@@ -12,8 +12,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from edge.cells import cell_polygons
 from edge.recording.topics import proto, stamp
 from edge.types import Array, Cells, Features, Frame, Reading, Tracks
+from edge.view.palette import cell_rgba
 
 _PIXEL_CENTRE = 0.5  # foxglove.ImageAnnotations: origin on the corner of the top-left pixel
 
@@ -94,25 +96,29 @@ def cells_cloud(cells: Cells, log_ns: int) -> bytes:
     )
 
 
-def annotations_of(
-    log_ns: int,
-    *,
-    points: Array | None = None,
-    polygons: Sequence[Array] = (),
-    colours: Sequence[tuple[float, float, float, float]] = (),
-) -> bytes:
-    """Overlay on the image.
+def pins_overlay(tracks: Tracks, log_ns: int) -> bytes:
+    """The seen pins as dots on the image."""
+    annotation = proto("PointsAnnotation")
+    dots = annotation(
+        timestamp=stamp(log_ns),
+        type=annotation.POINTS,
+        outline_color=proto("Color")(r=1.0, g=0.8, b=0.0, a=1.0),
+        thickness=3.0,
+    ).SerializeToString()
+    visible = tracks.xy_img[np.isfinite(tracks.xy_img).all(axis=1)]
+    return _annotations([dots + _points(visible).tobytes()])
 
-    points    (n, 2) px; dots; rows with NaN are skipped
-    polygons  (k, 2) px each; outlines, filled with colours[i] (r, g, b, a in 0..1)
-    """
-    annotation, colour = proto("PointsAnnotation"), proto("Color")
+
+def cells_overlay(cells: Cells, features: Features, log_ns: int) -> bytes:
+    """The cells' outlines on the image, shaded by their area change."""
+    annotation = proto("PointsAnnotation")
     outline = annotation(
         timestamp=stamp(log_ns),
         type=annotation.LINE_LOOP,
-        outline_color=colour(r=0.35, g=0.35, b=0.35, a=0.8),
+        outline_color=proto("Color")(r=0.35, g=0.35, b=0.35, a=0.8),
         thickness=1.0,
     ).SerializeToString()
+    polygons, colours = cell_polygons(cells), cell_rgba(features.area_change)
     chosen = [i for i, p in enumerate(polygons) if len(p) >= 3 and np.isfinite(p).all()]
     shapes = []
     if chosen:
@@ -121,15 +127,10 @@ def annotations_of(
         fills = _doubles(np.asarray([colours[i] for i in chosen]), _FILL_COLOR)
         for begin, end, fill in zip([0, *ends], ends, fills, strict=False):
             shapes.append(outline + corners[begin:end].tobytes() + fill.tobytes())
-    if points is not None:
-        visible = points[np.isfinite(points).all(axis=1)]
-        dots = annotation(
-            timestamp=stamp(log_ns),
-            type=annotation.POINTS,
-            outline_color=colour(r=1.0, g=0.8, b=0.0, a=1.0),
-            thickness=3.0,
-        ).SerializeToString()
-        shapes.append(dots + _points(visible).tobytes())
+    return _annotations(shapes)
+
+
+def _annotations(shapes: Sequence[bytes]) -> bytes:
     return b"".join(_POINTS_FIELD + _varint(len(shape)) + shape for shape in shapes)
 
 

@@ -5,7 +5,7 @@ Damage is counted in `faults`, and reading goes on; only a file without any imag
 """
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,13 +13,13 @@ from typing import Annotated, Any
 import msgspec
 
 from edge.errors import SourceError
+from edge.examples import SCHEME, example_file
 from edge.limits import RATE_MAX_HZ
 from edge.recording.images import IMAGE_SCHEMAS, OtherSize, decode_image
 from edge.recording.mcap_file import RawMessage, damage, image_count, raw_messages, read_metadata
 from edge.recording.ros import bag_messages
-from edge.recording.topics import TOPICS, proto
-from edge.sources.files import PARAMS as FILES
-from edge.sources.files import FileSource, growing
+from edge.recording.topics import TOPICS
+from edge.sources.files import FileSource
 from edge.sources.live import PARAMS as LIVE
 from edge.sources.live import rate_of
 from edge.sources.options import Options
@@ -42,28 +42,6 @@ class _Truth(msgspec.Struct):
     """The truth of a frame, from a rig or simulator."""
 
     truth: dict[str, Any] | None = None
-
-
-def read_messages(path: str | Path, topics: Sequence[str] | None = None) -> Iterator[tuple[str, int, Any]]:
-    """(topic, log time ns, message) in order of time: JSON as dict, Foxglove as protobuf object.
-
-    A damaged message is skipped.
-    Raises SourceError: does not exist, not MCAP
-    """
-    broken = damage(msgspec.DecodeError, SourceError)  # SourceError: unknown schema
-    for raw in raw_messages(Path(path), Counter()):
-        if topics is not None and raw.topic not in topics:
-            continue
-        try:
-            if raw.encoding == "json":
-                message = msgspec.json.decode(raw.data)
-            elif raw.encoding == "protobuf" and raw.schema.startswith("foxglove."):
-                message = proto(raw.schema.removeprefix("foxglove.")).FromString(raw.data)
-            else:
-                continue
-        except broken:
-            continue
-        yield raw.topic, raw.log_ns, message
 
 
 class RecordingSource(FileSource):
@@ -112,7 +90,7 @@ class RecordingSource(FileSource):
     def _is_image(self, raw: RawMessage) -> bool:
         return raw.schema in IMAGE_SCHEMAS and self._topic in (None, raw.topic)
 
-    def _frames(self, faults: Counter[str], size_px: tuple[int, int] | None = None) -> Iterator[Frame]:
+    def _frames(self, faults: Counter[str]) -> Iterator[Frame]:
         about_ns = truth_ns = -1  # log times of the data beside an image
         about, truth = _About(0, 0), None
         n = 0
@@ -124,7 +102,7 @@ class RecordingSource(FileSource):
                 elif raw.topic == TOPICS["truth"].name:
                     truth, truth_ns = msgspec.json.decode(raw.data, type=_Truth).truth, raw.log_ns
                 elif self._is_image(raw):
-                    image = decode_image(raw, size_px)
+                    image = decode_image(raw, self.size_px)
                     self._topic = raw.topic
                     if about_ns != raw.log_ns:  # another tool's file
                         about = _About(raw.sequence or n, raw.log_ns)
@@ -140,14 +118,6 @@ class RecordingSource(FileSource):
                 faults["damaged message"] += 1
                 self._refused = self._refused or f"{raw.topic}: {error}"
 
-    def __iter__(self) -> Iterator[Frame]:
-        faults: Counter[str] = Counter()
-        self.faults = faults
-        for frame in growing(self._frames(faults, self.size_px), self.rate_hz or FILES.stills_hz):
-            if self._closed:
-                return
-            yield frame.within(self.region)
-
     @property
     def frames_n(self) -> int:
         """Images, from the file's index; 0: it has none, as after a kill."""
@@ -161,3 +131,8 @@ class RecordingKeys(msgspec.Struct):
 def open_recording(where: str, options: Options) -> RecordingSource:
     """The scheme `mcap:FILE?topic=...`, and files that end in .mcap. Raises SourceError."""
     return RecordingSource(where, options.own(where, RecordingKeys).topic)
+
+
+def open_example(where: str, options: Options) -> RecordingSource:
+    """The scheme `example:NAME`. Raises SourceError."""
+    return open_recording(str(example_file(SCHEME + where, ".mcap")), options)

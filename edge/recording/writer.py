@@ -11,19 +11,17 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from functools import partial
 from pathlib import Path
-from types import TracebackType
-from typing import Literal, Self
+from typing import Literal
 
-from edge.cells import cell_polygons
 from edge.recording import messages
 from edge.recording.images import image_message
 from edge.recording.mcap_writer import PARAMS, Compression, McapWriter
 from edge.recording.message_queue import MessageQueue
 from edge.recording.topics import TOPICS, FoxgloveMessages, Topic, contacts_topic, sample_topic
 from edge.types import Frame, Result
-from edge.view.palette import cell_rgba
 from hostlink.topics import (
     DIAGNOSIS_S,
     Diagnosis,
@@ -56,13 +54,9 @@ class _LogClock:
         self._last_ns = 0
         self._overlay_due_ns = 0
 
-    def _wall_ns(self) -> int:
-        """Wall time that does not step while the file is open."""
-        return self._wall_minus_monotonic_ns + time.monotonic_ns()
-
     def now_ns(self) -> int:
-        """Time for messages that belong to no frame."""
-        return self._wall_ns() if self._learns else self._last_ns
+        """Time for messages that belong to no frame: wall time that does not step while the file is open."""
+        return self._wall_minus_monotonic_ns + time.monotonic_ns() if self._learns else self._last_ns
 
     def of(self, frame: Frame) -> int:
         """Of a frame; it grows, though the camera's clock may begin anew."""
@@ -79,7 +73,7 @@ class _LogClock:
         return True
 
 
-class Recorder:
+class Recorder(AbstractContextManager["Recorder"]):
     """Writes one MCAP file.
 
     path         must not exist, unless `overwrite`
@@ -116,10 +110,8 @@ class Recorder:
         self._png = image == "png"
         self._serial = about.get("serial", "")
         self._since_ns: int | None = None  # of the samples counted for the next diagnosis
-        self._samples_n = 0
-        self._lost_noted_n = 0
+        self._samples_n = self._lost_noted_n = self.refused_n = 0
         self.finger = 1
-        self.refused_n = 0
         self.fault: str | None = None
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()
@@ -170,19 +162,12 @@ class Recorder:
         n_bytes = 4 * tracks.xy_img.nbytes
         due = self._clock.overlay_is_due(log_ns)
         if due:
-            parts.append(("pins_overlay", lambda: messages.annotations_of(log_ns, points=tracks.xy_img)))
+            parts.append(("pins_overlay", lambda: messages.pins_overlay(tracks, log_ns)))
         if cells is not None and features is not None:
             parts.append(("cells", lambda: messages.cells_cloud(cells, log_ns)))
             n_bytes += 3 * cells.xy_img.nbytes
             if due:
-                parts.append(
-                    (
-                        "cells_overlay",
-                        lambda: messages.annotations_of(
-                            log_ns, polygons=cell_polygons(cells), colours=cell_rgba(features.area_change)
-                        ),
-                    )
-                )
+                parts.append(("cells_overlay", lambda: messages.cells_overlay(cells, features, log_ns)))
             parts.append(("features", lambda: messages.to_json(messages.features_json(frame, features))))
         parts.append(("reading", lambda: messages.to_json(messages.reading_json(frame, result.reading))))
         self._put(frame, parts, n_bytes)
@@ -249,12 +234,7 @@ class Recorder:
             self._queue.close(give_up=True)
             self._thread.join(1.0)
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     def _put(self, frame: Frame, parts: Sequence[_Part], n_bytes: int = 0) -> bool:

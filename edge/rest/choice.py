@@ -59,9 +59,7 @@ class RestChoice:
 
 
 def choose_rest(
-    images: Sequence[Image],
-    polarity: Polarity = Polarity.FOUND,
-    lens: Lens | None = None,
+    images: Sequence[Image], polarity: Polarity = Polarity.FOUND, lens: Lens | None = None
 ) -> RestChoice:
     """The least deformed of some images, in any order. Raises NoPins: no image shows pins."""
     start, rest = _first_with_pins(images, polarity, lens)

@@ -76,8 +76,7 @@ class BoardMonitor:
         self._thermometer = thermometer or Thermometer()
         self.storage = list(storage)
         self.checks: list[Callable[[], None]] = []
-        self._period_s = period_s
-        self._hot_degc = hot_degc
+        self._period_s, self._hot_degc = period_s, hot_degc
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="board monitor", daemon=True)
         self.temperature_degc = nan

@@ -23,9 +23,7 @@ class LoopDevice:
     """
 
     def __init__(self, loop: Loop, serial_number: str, store: CalibrationStore | None = None) -> None:
-        self._loop = loop
-        self._serial_number = serial_number
-        self._store = store
+        self._loop, self._serial_number, self._store = loop, serial_number, store
         self._started_s = time.monotonic()
         # Features that no node can switch, such as the surface for a viewer.
         self._extra = loop.measurement.demand - set(_NAMED)

@@ -39,10 +39,9 @@ from edge.runtime.board_monitor import BoardMonitor
 from edge.runtime.measurement import LoopConfig, Measurement
 from edge.runtime.statistics import LoopStatistics, StatisticsCollector
 from edge.runtime.systemd import Notifier
-from edge.types import Clock, Frame, FrameSource, LiveSource, Result
+from edge.sources.live import ThreadedSource
+from edge.types import Clock, Frame, FrameSource, Result
 from hostlink.wire import State, Status
-
-__all__ = ["Loop", "LoopConfig", "ResultCallback"]
 
 log = logging.getLogger(__name__)
 T = TypeVar("T")
@@ -98,8 +97,7 @@ class Loop:
         self._commands: deque[tuple[Callable[[], Any], Future[Any]]] = deque()
         self._stop = Event()
         self._garbage_due_ns = clock_ns() + round(RUNTIME.rarely_s * 1e9)
-        self._sample = 0
-        self._keepalive_due_ns = 0
+        self._sample = self._keepalive_due_ns = 0
         self._frame_begun_ns: int | None = None  # when work on the current frame began
 
     # ---- from other threads ------------------------------------------------------------------------
@@ -127,6 +125,7 @@ class Loop:
             pins_n=len(m.pipeline.rest) if m.pipeline else 0,
             drift_px=m.drift.offset_px if m.drift else 0.0,
             faults={code.name: n for code, n in self.faults.appeared.items()},
+            without_values=dict(self._detector.without_values),
         )
 
     # ---- the loop -----------------------------------------------------------------------------------
@@ -165,7 +164,7 @@ class Loop:
     def _frames(self) -> Iterator[Frame | None]:
         """The source's frames; from a live source also None, whenever none came for a while."""
         source = self.source
-        if not isinstance(source, LiveSource):
+        if not isinstance(source, ThreadedSource):
             yield from source
             return
         wait_s = RUNTIME.wait_s
@@ -222,7 +221,7 @@ class Loop:
         pins_n = nan if result is None else result.tracks.n_seen
         self._counters.add(compute_us, latency_us, pins_n)
         self._notifier.frame()
-        if self.session.recorder is not None:
+        if self.session.put is not None:
             self.session.take(frame, result, state)
         if result is not None and self.result_callbacks:
             _call_each(self.result_callbacks, result, state)

@@ -148,7 +148,7 @@ class Measurement:
             self.pipeline.forget()
         result = self.pipeline.step(frame, self._detector)
         self._counters.counts.full_searches_n += result.searched
-        self._counters.counts.unidentified_n += result.features is None
+        self._counters.counts.unidentified_n += self._faults.holds(FaultCode.TRACKER_LOST)
         return result
 
     def use_rest(self, rest: Rest, frame: Frame) -> None:

@@ -3,35 +3,39 @@
 import time
 from collections import deque
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from edge.params import PARAMS
 from edge.types import Array
 
+Quantiles = tuple[float, float, float]  # median, 99 %, 99.9 %
+
 
 @dataclass(slots=True)
 class LoopStatistics:
-    """Statistics since the loop started. `edge.cli.summary.LABELS` has a label for each."""
+    """Statistics since the loop started, each with what it says to people; the last word is the unit.
+    Quantiles are of the last `latencies_n` frames.
+    """
 
-    frames_n: int = 0  # images that were processed
-    lost_by_camera_n: int = 0  # gaps in the camera's numbering: images that never reached this process
-    dropped_n: int = 0  # images that a newer one replaced before they were processed
-    full_searches_n: int = 0  # frames in which the pins were searched for in the whole image
-    unidentified_n: int = 0  # frames without values, because pins could not be identified
-    failed_n: int = 0  # frames that could not be processed at all
-    keepalives_n: int = 0  # samples without values, sent while no image came
-    sent_n: int = 0  # samples that left, summed over the sinks
-    pins_n: int = 0  # pins of the rest frame
-    pins_seen_min_n: int = 0  # pins seen in a frame, of the last `latencies_n` frames
-    pins_seen_median_n: int = 0
-    drift_px: float = 0.0  # largest slow drift that is subtracted now
-    rate_hz: float = 0.0  # frames a second
-    #: Image taken up to sample ready: median, 99 %, 99.9 % of the last `latencies_n` frames.
-    compute_us: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    latency_us: tuple[float, float, float] = (0.0, 0.0, 0.0)  # capture to sample sent, likewise
-    faults: dict[str, int] = field(default_factory=dict)  # how often each fault appeared
+    frames_n: Annotated[int, "images processed"] = 0
+    lost_by_camera_n: Annotated[int, "images lost before they reached this process"] = 0
+    dropped_n: Annotated[int, "images replaced by a newer one"] = 0
+    full_searches_n: Annotated[int, "searches of the whole image"] = 0
+    unidentified_n: Annotated[int, "images whose pins were not identified"] = 0
+    failed_n: Annotated[int, "images that could not be processed"] = 0
+    keepalives_n: Annotated[int, "samples sent while no image came"] = 0
+    sent_n: Annotated[int, "samples sent, all sinks"] = 0
+    pins_n: Annotated[int, "pins of the rest frame"] = 0
+    pins_seen_min_n: Annotated[int, "pins seen, least"] = 0
+    pins_seen_median_n: Annotated[int, "pins seen, median"] = 0
+    drift_px: Annotated[float, "largest drift subtracted, px"] = 0.0
+    rate_hz: Annotated[float, "images a second"] = 0.0
+    compute_us: Annotated[Quantiles, "computing, median / 99 % / 99.9 %, us"] = (0.0, 0.0, 0.0)
+    latency_us: Annotated[Quantiles, "capture to sample, median / 99 % / 99.9 %, us"] = (0.0, 0.0, 0.0)
+    faults: Annotated[dict[str, int], "faults, how often each"] = field(default_factory=dict)
+    without_values: Annotated[dict[str, int], "images without values, why"] = field(default_factory=dict)
 
 
 class StatisticsCollector:
@@ -71,8 +75,8 @@ class StatisticsCollector:
         )
 
 
-def _quantiles(values: Array) -> tuple[float, float, float]:
-    """Median, 99 %, 99.9 %; zeros while there are none."""
+def _quantiles(values: Array) -> Quantiles:
+    """Zeros while there are none."""
     if not values.size:
         return (0.0, 0.0, 0.0)
     a, b, c = np.quantile(values, (0.5, 0.99, 0.999))

@@ -13,17 +13,6 @@ from edge import limits
 from edge.errors import ConfigError
 from edge.types import Polarity
 
-__all__ = [
-    "KnownSensor",
-    "SensorCamera",
-    "SensorPins",
-    "SensorTip",
-    "known_sensors",
-    "load_sensor",
-    "missing_pins",
-    "sensor_names",
-]
-
 _FOLDER = Path(__file__).resolve().parent
 Length = Annotated[float, msgspec.Meta(gt=0, le=1000)]
 

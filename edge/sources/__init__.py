@@ -6,6 +6,7 @@
     oak:, oak:MXID              an OAK module, through depthai
     picamera:0                  a Raspberry Pi's CSI camera, through picamera2
     sim:...                     the simulator
+    example:press               a recording that every installation has
 
 Each takes options after a question mark: `north.avi?pins=dark`, `v4l2:0?rate_hz=120&lens=lens.toml`,
 `a.png?roi=40,30,560,420` (`region`).
@@ -24,29 +25,14 @@ from typing import TYPE_CHECKING, Any
 
 from edge.errors import SourceError
 from edge.limits import RATE_MIN_HZ
-from edge.sources.files import IMAGE_SUFFIXES, FolderSource, VideoSource, read_image
+from edge.sources.files import IMAGE_SUFFIXES
 from edge.sources.lens_file import lens_for
-from edge.sources.live import ThreadedSource
-from edge.sources.options import NoKeys, Options, Spec, parse_spec
-from edge.sources.paced import Paced
+from edge.sources.options import Options, Spec, parse_spec
 from edge.sources.region import region_of
 from edge.types import FrameSource
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoints
-
-__all__ = [
-    "FolderSource",
-    "NoKeys",
-    "Options",
-    "Paced",
-    "ThreadedSource",
-    "VideoSource",
-    "known_schemes",
-    "open_source",
-    "read_image",
-    "region_of",
-]
 
 GROUP = "voronoi_touch.sources"
 Opener = Callable[[str, Options], FrameSource]
@@ -60,6 +46,7 @@ _BUILT_IN = {
     "oak": "edge.sources.oak:open_oak",
     "picamera": "edge.sources.picamera:open_picamera",
     "mcap": "edge.recording.reader:open_recording",
+    "example": "edge.recording.reader:open_example",
 }
 _RECORDINGS = (".mcap", ".db3")
 _FROM_EXTRA = {"sim": "voronoi-touch[calib]"}
@@ -72,27 +59,21 @@ def _from_packages(name: str | None = None) -> EntryPoints:
     return found if name is None else found.select(name=name)
 
 
-def known_schemes() -> list[str]:
-    """Every scheme that `open_source` accepts in this installation."""
-    return sorted({*_BUILT_IN, *(point.name for point in _from_packages())})
-
-
 def _opener(spec: Spec) -> Opener:
-    opener: Opener
     if spec.scheme in _BUILT_IN:
         module, _, name = _BUILT_IN[spec.scheme].partition(":")
-        opener = getattr(import_module(module), name)
+        opener: Opener = getattr(import_module(module), name)
         return opener
     for point in _from_packages(name=spec.scheme):
         try:
             opener = point.load()
+            return opener
         except ImportError as error:
             hint = _FROM_EXTRA.get(spec.scheme, f"the package of {point.value}")
             raise SourceError(f"source {spec.text}: {error}; install {hint}") from error
-        return opener
     if spec.scheme in _FROM_EXTRA:
         raise SourceError(f"source {spec.text}: not installed here; install {_FROM_EXTRA[spec.scheme]}")
-    known = ", ".join(f"{name}:" for name in known_schemes())
+    known = ", ".join(f"{name}:" for name in sorted({*_BUILT_IN, *_from_packages().names}))
     raise SourceError(f"source {spec.text!r}: no scheme {spec.scheme!r}; known: {known}")
 
 

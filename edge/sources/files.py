@@ -6,10 +6,11 @@ is counted in `faults`, and reading goes on.
 
 import os
 import re
+from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from edge.sources.live import PARAMS as LIVE
 from edge.sources.live import rate_of
 from edge.sources.options import NoKeys, Options
 from edge.sources.pixels import decode_picture, to_grey
-from edge.types import Clock, Frame, Image, Lens, Polarity, Region
+from edge.types import Clock, Frame, FrameSource, Image
 from hostlink.input_file import read_bounded
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".webp")
@@ -31,14 +32,6 @@ _DEPTHS = (8, 10, 12, 14, 16)  # bits of a sensor's pixel
 _GIVE = f"give {', '.join(IMAGE_SUFFIXES)}"
 
 
-@dataclass(frozen=True, slots=True)
-class FileParams:
-    """Parameters by name."""
-
-    stills_hz: float = 30.0  # of stills, and of videos that do not state a rate: a live replay uses it
-
-
-PARAMS = FileParams()
 #: FFmpeg's names of grey that OpenCV gives as it is, of 8 and 16 bits; all else becomes colour of 8 bits.
 _GREY_FORMATS = [int.from_bytes(name, "little") for name in (b"Y800", b"Y1\0\x10")]
 
@@ -104,7 +97,7 @@ def growing(frames: Iterable[Frame], rate_hz: float) -> Iterator[Frame]:
         yield replace(frame, capture_ns=last_ns)
 
 
-class FileSource:
+class FileSource(FrameSource, ABC):
     """What all recordings have in common. Each iteration starts from the beginning.
 
     faults  how often each kind of damage was met, in the last reading
@@ -115,10 +108,6 @@ class FileSource:
     def __init__(self, kind: str, path: str | Path) -> None:
         self.path = Path(path)
         self.name = f"{kind} {self.path}"
-        self.dropped_n = 0
-        self.polarity = Polarity.FOUND
-        self.lens: Lens | None = None
-        self.region: Region | None = None
         self.faults: Counter[str] = Counter()
         self._bits = 0  # of a pixel, by the first image
         self._closed = False
@@ -128,6 +117,22 @@ class FileSource:
         largest = int(image.max())
         self._bits = self._bits or next(bits for bits in _DEPTHS if not largest >> bits)
         return 8 * image.itemsize if largest >> self._bits else self._bits
+
+    @property
+    @abstractmethod
+    def frames_n(self) -> int:
+        """Images in it; 0: not known before it has been read."""
+
+    @abstractmethod
+    def _frames(self, faults: Counter[str]) -> Iterator[Frame]:
+        """The frames from the beginning, with their own times; damage is counted."""
+
+    def __iter__(self) -> Iterator[Frame]:
+        self.faults = Counter()
+        for frame in growing(self._frames(self.faults), self.rate_hz or LIVE.stills_hz):
+            if self._closed:
+                return
+            yield frame.within(self.region)
 
     def close(self) -> None:
         self._closed = True
@@ -142,7 +147,7 @@ class FolderSource(FileSource):
 
     def __init__(self, path: str | Path, rate_hz: float = 0.0) -> None:
         super().__init__("images", path)
-        self.rate_hz = rate_hz or PARAMS.stills_hz
+        self.rate_hz = rate_hz or LIVE.stills_hz
         if self.path.is_dir():
             found = [p for p in self.path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES and p.is_file()]
             self.paths = sorted(found, key=_natural)
@@ -164,16 +169,13 @@ class FolderSource(FileSource):
     def frames_n(self) -> int:
         return len(self.paths)
 
-    def __iter__(self) -> Iterator[Frame]:
+    def _frames(self, faults: Counter[str]) -> Iterator[Frame]:
         """Raises SourceError on the way if an image has another size: one tip has one camera."""
-        self.faults = Counter()
         for n, path in enumerate(self.paths):
-            if self._closed:
-                return
             try:
                 image = _read_image(path)
             except ValueError:
-                self.faults["damaged frame"] += 1
+                faults["damaged frame"] += 1
                 continue
             if image.shape[::-1] != self.size_px:
                 raise SourceError(
@@ -181,16 +183,14 @@ class FolderSource(FileSource):
                     f"{self.size_px[0]}x{self.size_px[1]}; keep one size in a folder"
                 )
             capture_ns = round(n * 1e9 / self.rate_hz)
-            frame = Frame(image, capture_ns, n, Clock.RECORDED, self._bits_of(image))
-            yield frame.within(self.region)
+            yield Frame(image, capture_ns, n, Clock.RECORDED, self._bits_of(image))
 
 
 class VideoSource(FileSource):
     """A video file, through OpenCV's FFmpeg.
 
-    rate_hz   0: the file's own, measured from its first images if they do not come at the stated rate
-    frames_n  as the file states it, which is an estimate in some; 0: it does not
-    Raises    SourceError: does not exist, not a video, no frame in it
+    rate_hz  0: the file's own, measured from its first images if they do not come at the stated rate
+    Raises   SourceError: does not exist, not a video, no frame in it
     """
 
     def __init__(self, path: str | Path, rate_hz: float = 0.0) -> None:
@@ -198,7 +198,7 @@ class VideoSource(FileSource):
         capture = self._open()
         try:
             stated_n = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
-            self.frames_n = max(0, min(stated_n, self.path.stat().st_size))  # a frame takes a byte at least
+            self._stated_n = max(0, min(stated_n, self.path.stat().st_size))  # a frame takes a byte at least
             stated_hz = float(capture.get(cv2.CAP_PROP_FPS))
             check_size(
                 int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
@@ -213,13 +213,18 @@ class VideoSource(FileSource):
             capture.release()
         if not ok:
             raise SourceError(f"{self.name}: no frame can be decoded; give a complete video")
-        stated_hz = stated_hz if 0 < stated_hz < RATE_MAX_HZ else PARAMS.stills_hz
+        stated_hz = stated_hz if 0 < stated_hz < RATE_MAX_HZ else LIVE.stills_hz
         measured_hz = rate_of(times_ms, 1e3) or stated_hz
         self._own_times = not rate_hz and max(times_ms) > times_ms[0]
         mean_hz = (len(times_ms) - 1) * 1e3 / max(1e-3, times_ms[-1] - times_ms[0])  # of a variable rate
         as_stated = any(LIVE.slow_rel < hz / stated_hz < 1 / LIVE.slow_rel for hz in (measured_hz, mean_hz))
         self.rate_hz = rate_hz or (stated_hz if as_stated else measured_hz)
         self.size_px = (image.shape[1], image.shape[0])
+
+    @property
+    def frames_n(self) -> int:
+        """As the file states it, which is an estimate in some; 0: it does not."""
+        return self._stated_n
 
     def _open(self) -> Any:
         if not self.path.is_file():
@@ -236,12 +241,7 @@ class VideoSource(FileSource):
             capture.set(cv2.CAP_PROP_CONVERT_RGB, 0)
         return capture
 
-    def __iter__(self) -> Iterator[Frame]:
-        return growing(self._frames(), self.rate_hz)
-
-    def _frames(self) -> Iterator[Frame]:
-        faults: Counter[str] = Counter()
-        self.faults = faults
+    def _frames(self, faults: Counter[str]) -> Iterator[Frame]:
         capture = self._open()
         n = bad_n = 0
         try:
@@ -260,8 +260,7 @@ class VideoSource(FileSource):
                 own_ms = float(capture.get(cv2.CAP_PROP_POS_MSEC))
                 capture_ns = round(own_ms * 1e6 if self._own_times else n * 1e9 / self.rate_hz)
                 grey = to_grey(image)
-                frame = Frame(grey, capture_ns, n, Clock.RECORDED, self._bits_of(grey))
-                yield frame.within(self.region)
+                yield Frame(grey, capture_ns, n, Clock.RECORDED, self._bits_of(grey))
                 n += 1
         finally:
             capture.release()

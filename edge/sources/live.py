@@ -16,7 +16,8 @@ import numpy as np
 
 from edge.errors import SourceError
 from edge.params import PARAMS as RUNTIME
-from edge.types import Frame, Lens, Polarity, Region
+from edge.types import Frame, FrameSource
+from hostlink.web.limits import WebLimits
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,9 +25,13 @@ class LiveParams:
     """Parameters by name; evidence in docs/tuning.md."""
 
     first_s: float = 10.0  # for the first frames of a camera that starts
-    rate_frames_n: int = 24  # intervals that a rate is measured from
+    rate_frames_n: int = RUNTIME.sample_n  # intervals that a rate is measured from: their median
     slow_rel: float = 0.8  # share of the asked rate below which the camera counts as slow
     size_px: tuple[int, int] = (640, 400)  # width and height of a camera that has to be told one
+    gain_iso: int = 200  # of an OAK module, if none is asked for
+    exposure_us: int = 2000  # of an OAK module, if none is asked for
+    #: Rate of stills, and of videos that state none: a live replay shows as many as the page draws.
+    stills_hz: float = WebLimits().rate_hz
 
 
 PARAMS = LiveParams()
@@ -71,7 +76,7 @@ class Watch:
         return self.condition
 
 
-class ThreadedSource(ABC):
+class ThreadedSource(FrameSource, ABC):
     """Base of live sources; a subclass gives `_work`, which runs in the thread and calls `_offer`."""
 
     live = True
@@ -79,23 +84,15 @@ class ThreadedSource(ABC):
 
     def __init__(self, name: str) -> None:
         self.name = name
-        self.size_px = (0, 0)
-        self.rate_hz = 0.0
-        self.polarity = Polarity.FOUND
-        self.lens: Lens | None = None
-        self.region: Region | None = None
-        self.dropped_n = 0
         self.received_n = 0
         self.faults: Counter[str] = Counter()
         self._slot: Frame | None = None
         self._times: list[int] | None = None  # of the frames that arrive while the rate is measured
         self._changed = threading.Condition()
         self._closing = threading.Event()
-        self._ended = False
-        self._started = False
+        self._ended = self._started = False
         self._last_s = 0.0
-        self._condition = ""
-        self._slot_condition = ""
+        self._condition = self._slot_condition = ""
         self.frame_condition = ""  # fault of the frame that `read` gave last: frozen, black, slow
         self._failure: Exception | None = None
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)

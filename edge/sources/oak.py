@@ -21,7 +21,6 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 from datetime import timedelta
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
@@ -41,15 +40,6 @@ if TYPE_CHECKING:
 MakeOutput = Callable[["dai.Pipeline"], "dai.Node.Output"]
 
 
-@dataclass(frozen=True, slots=True)
-class OakParams:
-    """Parameters by name; evidence in docs/tuning.md, "Cameras"."""
-
-    gain_iso: int = 200  # if none is asked for
-    exposure_us: int = 2000  # if none is asked for
-
-
-PARAMS = OakParams()
 RATE_HZ = 60.0  # that every camera of the maker's gives at this size; without a rate the modules give 30
 _READ = timedelta(seconds=RUNTIME.wait_s)
 
@@ -99,7 +89,7 @@ def camera_output(
         rate_hz = options.rate_hz
         camera = pipeline.create(dai.node.Camera).build(_socket(socket), sensorFps=rate_hz)
         control = camera.initialControl
-        control.setManualExposure(options.exposure_us or PARAMS.exposure_us, options.gain or PARAMS.gain_iso)
+        control.setManualExposure(options.exposure_us or LIVE.exposure_us, options.gain or LIVE.gain_iso)
         control.setAntiBandingMode(dai.CameraControl.AntiBandingMode.OFF)
         if options.focus is not None:
             control.setManualFocus(options.focus)

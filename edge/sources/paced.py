@@ -40,25 +40,18 @@ class Paced(ThreadedSource):
         self.rate_hz = rate_hz or source.rate_hz * speed
         self._speed = speed
         self._own_times = not rate_hz
-        self._loop = loop
-        self._rest_n = rest_n
-        self._clock_ns = clock_ns
+        self._loop, self._rest_n, self._clock_ns = loop, rest_n, clock_ns
 
     def _due(self) -> Iterator[tuple[int, Frame]]:
         """(ns since the start, frame with its new sequence number)."""
         period_ns = 1e9 / self.rate_hz if self.rate_hz else 1e9 / 30
         due_ns = -period_ns
         sequence_shift = 0
-        n = 0
         while True:
             previous: Frame | None = None
             for frame in self.source:
-                step_ns = (frame.capture_ns - previous.capture_ns) / self._speed if previous else 0.0
-                if not self._own_times:
-                    due_ns = n * period_ns
-                else:
-                    due_ns += step_ns if step_ns > 0 else period_ns  # a recording's clock may stand still
-                n += 1
+                own_ns = frame.capture_ns - previous.capture_ns if previous and self._own_times else 0
+                due_ns += own_ns / self._speed if own_ns > 0 else period_ns  # its clock may stand still
                 previous = frame
                 yield round(due_ns), replace(frame, sequence=frame.sequence + sequence_shift)
             if not self._loop or previous is None:

@@ -117,7 +117,7 @@ def lasting_name(where: str, sys_root: Path = Path("/sys"), dev_root: Path = Pat
     return ""
 
 
-#: What is taken unasked, in the order in which it is tried: no colour, no loss first.
+#: These are taken unasked, in the order in which they are tried: no colour, no loss first.
 _AUTO = ("GREY", "MJPG", "YUYV", "UYVY", "NV12")
 _FORMATS = ("MJPG", *(name for name in LAYOUTS if name.isupper() and "UC" not in name))
 

@@ -5,10 +5,9 @@
 
 tracker    the state between frames, and whether the identities are held
 follow     which followed pins are seen (a kernel), without the photometric outliers (`outliers`, a kernel)
-search     identities after a jump: `coarse` fits, matches grown from them (`match`, `links`, kernels)
-hypothesis the posterior of a match, by the motion's prior (`motion_model`; `kriging`, a kernel), and which of
-           its pins are certain
-tip        what all of them share: the rest lattice and its local affine maps (`affine`, a kernel)
+search     identities after a jump: `coarse` fits, matches grown from them (`match`, a kernel)
+hypothesis the posterior of a match, by the motion's prior (`motion_model`), and which of its pins are certain
+tip        what all of them share: the rest lattice and its local affine maps
 params     all thresholds
 """
 

@@ -13,8 +13,6 @@ from edge.tracking.match import NearestBlob
 from edge.tracking.tip import TrackedTip
 from edge.types import Array, Mask
 
-__all__ = ["CoarseFit", "PolynomialField"]
-
 
 class PolynomialField:
     """Least-squares vector polynomials of the rest position, Legendre products up to a total degree."""
@@ -65,11 +63,8 @@ class CoarseFit:
         """Motions (h, n, 2) px and which pins of each have a blob (h, n); guesses (n, 2) px are further
         starts.
         """
-        p, rest_xy, local_pitch = (
-            self._tip.params,
-            self._tip.lattice.rest_xy,
-            self._tip.lattice.local_pitch_px,
-        )
+        p, lattice = self._tip.params, self._tip.lattice
+        rest_xy, local_pitch = lattice.rest_xy, lattice.local_pitch_px
         at = np.concatenate([np.stack(guesses), self._starts]) if guesses else self._starts
         gate_px, anywhere = p.gate * local_pitch, np.full(len(self._tip), np.inf)
         for degree in p.coarse_degrees:

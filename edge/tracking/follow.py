@@ -65,7 +65,6 @@ class Follower:
     full_share_min: cython.double
     baseline_share_min: cython.double
     baseline_frames: cython.double
-    research_frames: cython.Py_ssize_t
     damping: cython.double  # share of a frame's motion that is expected again
     start: cython.int[::1]  # of `weighted_rows`, where all neighbours are known
     near: cython.ushort[::1]
@@ -80,8 +79,7 @@ class Follower:
     last_residual: cython.float[::1]  # (2 n,)
     last_seen: cython.uchar[::1]
     baseline_share: cython.double  # of the pins, seen lately
-    found_share: cython.double  # the largest that a search found
-    since_search_n: cython.Py_ssize_t  # frames
+    doubted_n: cython.Py_ssize_t  # pins that a search did not find where a blob is, the fewest since
     # of the frame in hand
     pins: Pins  # found, and the same memory
     found: cython.const[cython.double][:, ::1]
@@ -125,7 +123,7 @@ class Follower:
         self.leap2, self.gate2 = params.leap_innovation**2, params.gate**2
         self.full_share_min, self.baseline_share_min = params.full_share_min, params.baseline_share_min
         self.damping = params.velocity_damping
-        self.baseline_frames, self.research_frames = params.baseline_frames, params.research_frames
+        self.baseline_frames = params.baseline_frames
         full = np.take_along_axis(photometric.affine.matrix(), lattice.near, 1)
         full[lattice.weight <= 0.0] = 0.0
         self.start, self.near, self.weight = weighted_rows(lattice.near, full)
@@ -151,8 +149,8 @@ class Follower:
         self.expected[:] = self.rest
         self.last_residual[:] = 0
         self.last_seen[:] = False
-        self.baseline_share = self.found_share = 0.0
-        self.since_search_n = 0
+        self.baseline_share = 0.0
+        self.doubted_n = 0
 
     def last_xy(self) -> Array:
         """(n, 2) px, where each pin was in the last frame that was accepted."""
@@ -186,7 +184,6 @@ class Follower:
             if leapt:
                 strayed = self._is_median_beyond(self.now, self.gate2)
             goes_on = 2.0 * self.share >= 1.0 and not strayed
-            self.since_search_n += 1
             is_held = goes_on and not self._is_too_few(leapt)
             self.baseline_share += (self.share - self.baseline_share) / self.baseline_frames
             if is_held:
@@ -198,7 +195,7 @@ class Follower:
 
     def accept(self) -> None:
         """Make the frame that was followed the last one, though few pins are seen: a search found no more."""
-        self.since_search_n = 0
+        self.doubted_n = self._count_refused()
         self._accept()
 
     def settle(self, xy: Array, residual: Array, seen: Mask) -> float:
@@ -218,8 +215,8 @@ class Follower:
         np.asarray(self.last_residual)[:] = residual.ravel()
         np.asarray(self.last_seen)[:] = is_seen
         self.baseline_share = np.count_nonzero(seen) / self.n
-        self.found_share = max(self.baseline_share, self.found_share)
-        self.since_search_n = 0
+        np.asarray(self.seen)[:] = is_seen
+        self.doubted_n = self._count_refused()
         return float(self.autocorrelation)
 
     def strayed(self, xy: Array) -> bool:
@@ -469,14 +466,33 @@ class Follower:
         """Whether so few pins are seen, against the baseline, that the identities are given up.
 
         If a third vanish at once, the rest may be a lattice that slipped. A region that was lost as a whole
-        does not come back by itself: it is searched for from time to time. And in a leap some pins may take
-        their neighbours' blobs while others are lost.
+        does not come back by itself, but blobs do, and are refused: a search tells whose they are. And in a
+        leap some pins may take their neighbours' blobs while others are lost.
         """
         vanished: cython.bint = self.share < self.baseline_share_min * self.baseline_share
-        incomplete: cython.bint = self.share < self.full_share_min * self.found_share
-        is_due: cython.bint = self.since_search_n >= self.research_frames
+        refused_n: cython.Py_ssize_t = self._count_refused()
+        # As many again stand at the region's border, and have neighbours that are seen.
+        is_back: cython.bint = 2 * (refused_n - self.doubted_n) >= (1.0 - self.full_share_min) * self.n
+        self.doubted_n = min(self.doubted_n, refused_n)
         swapped: cython.bint = leapt and self.share < self.full_share_min * self.baseline_share
-        return vanished or (incomplete and is_due) or swapped
+        return vanished or is_back or swapped
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    @cython.nogil
+    def _count_refused(self) -> cython.Py_ssize_t:
+        """How many pins are refused though a blob is there: none of their neighbours was seen."""
+        i: cython.Py_ssize_t
+        c: cython.Py_ssize_t
+        near_n: cython.int
+        refused_n: cython.Py_ssize_t = 0
+        for i in range(self.n):
+            if self.found[i, 0] == self.found[i, 0] and not self.seen[i]:
+                near_n = 0
+                for c in range(self.closest.shape[1]):
+                    near_n += self.last_seen[self.closest[i, c]]
+                refused_n += near_n == 0
+        return refused_n
 
     @cython.cfunc
     @cython.exceptval(check=False)

@@ -28,8 +28,6 @@ from edge.tracking.match import assign
 from edge.tracking.motion_model import MotionModel
 from edge.types import Array, Index, Mask
 
-__all__ = ["Hypothesis", "certain_match"]
-
 
 def certain_match(found: Hypothesis) -> tuple[Hypothesis, Mask]:
     """The match with what was uncertain assigned anew, and (n,) its pins that are certain."""
@@ -134,10 +132,8 @@ class Hypothesis:
         if not self.known.any():
             return
         tip, pins, free = self._tip, _rows(~self.known), _rows(self._unassigned())
-        at, blob_at = (
-            tip.lattice.rest_xy[pins] / tip.lattice.pitch_px,
-            self.blob_xy[free] / tip.lattice.pitch_px,
-        )
+        pitch_px = tip.lattice.pitch_px
+        at, blob_at = tip.lattice.rest_xy[pins] / pitch_px, self.blob_xy[free] / pitch_px
         mean, variance = self.model.from_around(self.motion, self.known, pins)
         before = (0, 0.0)
         while True:

@@ -1,3 +1,4 @@
+# cython: infer_types=True
 """Which blob each pin takes: the arithmetic of the search. A kernel: compiled by Cython, and the same when
 it is not.
 
@@ -8,10 +9,6 @@ Links        pairs of pins whose motion is alike -> pieces
 Kriging      motion of the known pins -> that of each pin as they predict it, with its variance
 assign       costs of pins and blobs -> the cheapest assignment
 """
-
-# mypy: disable-error-code="attr-defined,no-any-return,untyped-decorator,valid-type"
-
-from __future__ import annotations
 
 import cython
 import numpy as np
@@ -83,13 +80,11 @@ class NearestBlob:
         blobs: cython.int[:, ::1] = blob
         squares: cython.double[:, ::1] = square
         has: cython.uchar[:, ::1] = matched.view(np.uint8)
-        h: cython.Py_ssize_t
         for h in range(where.shape[0]):
             self._match(where[h], gate, blobs[h], squares[h], has[h])
         return blob, square, matched
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _match(
         self,
         at: cython.const[cython.double][:, ::1],
@@ -99,9 +94,6 @@ class NearestBlob:
         matched: cython.uchar[::1],
     ) -> cython.void:
         """Each pin takes the blob nearest to it within its gate; of two with the same blob the nearer."""
-        i: cython.Py_ssize_t
-        j: cython.Py_ssize_t
-        other: cython.Py_ssize_t
         for j in range(self.n_blobs):
             self.owner[j] = UNMATCHED
         for i in range(at.shape[0]):
@@ -123,7 +115,6 @@ class NearestBlob:
 
     @cython.cfunc
     @cython.inline
-    @cython.exceptval(check=False)
     def _nearest(self, x: cython.double, y: cython.double) -> cython.Py_ssize_t:
         column: cython.double = (x - self.left) * self.cells_per_px
         row: cython.double = (y - self.top) * self.cells_per_px
@@ -198,7 +189,6 @@ class RegionGrower:
         return blob, moved, known
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _sweep(
         self,
         blobs: NearestBlob,
@@ -207,10 +197,6 @@ class RegionGrower:
         blob: cython.int[::1],
     ) -> cython.void:
         """Every sweep matches all pins anew; pins whose neighbours changed are predicted again before."""
-        i: cython.Py_ssize_t
-        now: cython.int
-        sweep: cython.int
-        moving: cython.bint
         for i in range(self.n):
             self.before[i] = SEED if known[i] else UNMATCHED
             self.changed[i] = True
@@ -236,9 +222,7 @@ class RegionGrower:
 
     @cython.cfunc
     @cython.inline
-    @cython.exceptval(check=False)
     def _has_changed_neighbour(self, i: cython.Py_ssize_t) -> cython.bint:
-        c: cython.Py_ssize_t
         for c in range(self.affine.k):  # noqa: SIM110 (no generators in a kernel)
             if self.changed[self.affine.near[i, c]]:
                 return True
@@ -290,13 +274,9 @@ class Links:
         return np.asarray(label == np.bincount(label[known], minlength=1).argmax()) if known.any() else known
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _join(
         self, motion: cython.const[cython.double][:, ::1], known: cython.uchar[::1], label: cython.int[::1]
     ) -> cython.void:
-        c: cython.Py_ssize_t
-        a: cython.Py_ssize_t
-        b: cython.Py_ssize_t
         for c in range(self.pairs.shape[0]):
             a = self.pairs[c, 0]
             b = self.pairs[c, 1]
@@ -313,7 +293,6 @@ class Links:
 
 @cython.cfunc
 @cython.inline
-@cython.exceptval(check=False)
 def _root(label: cython.int[::1], i: cython.Py_ssize_t) -> cython.int:
     while label[i] != i:
         label[i] = label[label[i]]
@@ -391,7 +370,6 @@ class Kriging:
         weight, variance = np.empty((r, self.k)), np.empty(r)
         weight_of: cython.double[:, ::1] = weight
         variance_of: cython.double[::1] = variance
-        i: cython.Py_ssize_t
         for i in range(row.shape[0]):
             variance_of[i] = self._without_unknown(row[i], is_known[i], weight_of[i])
         return weight, variance
@@ -407,8 +385,6 @@ class Kriging:
         moved: cython.const[cython.double][:, ::1] = np.ascontiguousarray(motion, np.float64)
         mean = np.zeros((self.n, 2))
         mean_of: cython.double[:, ::1] = mean
-        i: cython.Py_ssize_t
-        c: cython.Py_ssize_t
         for i in range(self.n):
             for c in range(self.k):
                 mean_of[i, 0] += weight_of[i, c] * moved[self.near[i, c], 0]
@@ -436,9 +412,6 @@ class Kriging:
         square, counts = np.zeros(n), np.zeros(n)
         square_of: cython.double[::1] = square
         counts_of: cython.double[::1] = counts
-        i: cython.Py_ssize_t
-        c: cython.Py_ssize_t
-        at: cython.Py_ssize_t
         for i in range(self.n):
             for c in range(self.k):
                 at = self.near[i, c]
@@ -452,12 +425,8 @@ class Kriging:
         return square, counts
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _without_unknown(
-        self,
-        i: cython.Py_ssize_t,
-        known: cython.const[cython.uchar][::1],
-        weight: cython.double[::1],
+        self, i: cython.Py_ssize_t, known: cython.const[cython.uchar][::1], weight: cython.double[::1]
     ) -> cython.double:
         """The weights of pin i, and their variance. The inverse's block of the unknown is positive definite:
         Cholesky's method.
@@ -465,9 +434,7 @@ class Kriging:
         block: cython.double[:, ::1] = self.block
         up: cython.double[::1] = self.given_up
         unknown: cython.int[::1] = self.unknown
-        a: cython.Py_ssize_t
-        b: cython.Py_ssize_t
-        c: cython.Py_ssize_t
+        total: cython.double
         m: cython.Py_ssize_t = 0
         for c in range(self.k):
             if not known[c]:
@@ -528,7 +495,6 @@ def assign(cost: Array) -> Index:
 
 
 @cython.cfunc
-@cython.exceptval(check=False)
 def _assign(
     cost: cython.const[cython.double][:, ::1],
     row_of: cython.int[::1],
@@ -543,11 +509,6 @@ def _assign(
     distance   of each column that is not yet reached
     """
     m: cython.Py_ssize_t = cost.shape[1]
-    i: cython.Py_ssize_t
-    j: cython.Py_ssize_t
-    at: cython.Py_ssize_t
-    row: cython.Py_ssize_t
-    next_: cython.Py_ssize_t
     for i in range(cost.shape[0]):
         for j in range(m + 1):
             distance[j] = HUGE_VAL

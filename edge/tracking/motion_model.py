@@ -12,8 +12,6 @@ from edge.tracking.match import Kriging
 from edge.tracking.tip import TrackedTip
 from edge.types import Array, Index, Mask
 
-__all__ = ["MotionModel"]
-
 #: Keeps the equations solvable where fewer than three pins are known: the inverse of a variance.
 UNDETERMINED = 1e-6
 

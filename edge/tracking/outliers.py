@@ -1,3 +1,4 @@
+# cython: infer_types=True
 """What the neighbours of a pin say of it: the motion that they predict for it, and whether it is an outlier.
 
 A kernel: compiled by Cython, and the same when it is not.
@@ -13,10 +14,6 @@ contact, and each one's light falls into the other's window. The limits come fro
 gain that all pins share and the scatter of the others, scaled by the pin's own ratio at rest (permanent glare
 is no anomaly).
 """
-
-# mypy: disable-error-code="attr-defined,no-any-return,untyped-decorator,valid-type"
-
-from __future__ import annotations
 
 import cython
 import numpy as np
@@ -54,7 +51,6 @@ UNKNOWN = cython.declare(cython.double, -2)
 UNSUPPORTED = cython.declare(cython.double, -1)
 
 
-@cython.cclass
 class LocalAffine:
     """The maps of the n pins of one tip.
 
@@ -125,9 +121,8 @@ def _sums(
     known: cython.const[cython.uchar][::1],
     i: cython.Py_ssize_t,
 ) -> Sums:
-    s: Sums = Sums(NO_NEIGHBOUR, 0, 0, affine.ridge, 0, affine.ridge, 0, 0, 0, 0, 0, 0)
-    c: cython.Py_ssize_t
     at: cython.Py_ssize_t
+    s: Sums = Sums(NO_NEIGHBOUR, 0, 0, affine.ridge, 0, affine.ridge, 0, 0, 0, 0, 0, 0)
     for c in range(affine.k):
         at = affine.near[i, c]
         weight = cython.cast(cython.double, affine.weight[i, c])
@@ -166,7 +161,6 @@ def _solve(s: Sums) -> Fit:
 
 
 @cython.cfunc
-@cython.exceptval(check=False)
 def _predict_all(
     affine: LocalAffine,
     motion: cython.const[cython.double][:, ::1],
@@ -175,7 +169,6 @@ def _predict_all(
     support: cython.double[::1],
     gradient: cython.double[:, :, ::1],
 ) -> cython.void:
-    i: cython.Py_ssize_t
     for i in range(affine.n):
         s = _sums(affine, motion, known, i)
         one = _solve(s)
@@ -194,7 +187,6 @@ def _predict_all(
         gradient[i, 1, 1] = (c * s.my + e * s.xmy + g * s.ymy) / det
 
 
-@cython.cclass
 class PhotometricFilter:
     """Rejects the outliers among the n pins of one tip.
 
@@ -248,17 +240,14 @@ class PhotometricFilter:
         return is_seen.view(np.bool_)
 
     def find_suspects(
-        self,
-        residual: cython.const[cython.float][::1],
-        seen: cython.const[cython.uchar][::1],
+        self, residual: cython.const[cython.float][::1], seen: cython.const[cython.uchar][::1]
     ) -> cython.bint:
         """The seen pins whose residual is so large that they must not be outliers; whether there are any."""
         most2: cython.double[::1] = self.most2
         suspect: cython.uchar[::1] = self.suspect
-        i: cython.Py_ssize_t
+        some: cython.uchar = 0
         x: cython.double
         y: cython.double
-        some: cython.uchar = 0
         for i in range(self.n):
             x = residual[2 * i]
             y = residual[2 * i + 1]
@@ -275,7 +264,6 @@ class PhotometricFilter:
         searched: cython.bint,
     ) -> cython.void:
         """`accepted` where `find_suspects` found any, for arrays of the right size; updates seen."""
-        i: cython.Py_ssize_t
         gain = self._find_trusted(brightness, sigma, seen, HUGE_VAL if searched else self.sigma_ratio_max)
         for i in range(self.n):
             self.off[i] = UNKNOWN
@@ -299,7 +287,6 @@ class PhotometricFilter:
         at_rest: cython.double[::1] = self.rest_brightness
         sigma_ratio: cython.double[::1] = self.rest_sigma_ratio
         trusted: cython.uchar[::1] = self.trusted
-        i: cython.Py_ssize_t
         sigmas: cython.double = self.ratio * _SIGMA_OF_MAD  # that count, in median absolute deviations
         m: cython.Py_ssize_t = 0
         within: cython.Py_ssize_t = 0
@@ -326,10 +313,7 @@ class PhotometricFilter:
         return gain
 
     def _fits(
-        self,
-        motion: cython.const[cython.double][:, ::1],
-        i: cython.Py_ssize_t,
-        light2: cython.double,
+        self, motion: cython.const[cython.double][:, ::1], i: cython.Py_ssize_t, light2: cython.double
     ) -> cython.bint:
         """Whether a pin fits the trusted ones nearly as closely as two thirds of its trusted neighbours do,
         or light can have moved it by less than those are off.
@@ -338,8 +322,6 @@ class PhotometricFilter:
         """
         own: cython.double = self._off_trusted(motion, i)
         ratio2: cython.double = self.ratio * self.ratio
-        c: cython.Py_ssize_t
-        at: cython.Py_ssize_t
         m: cython.Py_ssize_t = 0
         above: cython.Py_ssize_t = 0
         if own < self.most2[i]:

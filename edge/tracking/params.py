@@ -27,7 +27,6 @@ class TrackingParams:
     # --- whether the identities are held
     baseline_share_min: float = 0.65  # of the baseline: the share seen lately
     baseline_frames: float = 30.0  # time constant of the baseline, frames
-    research_frames: int = 60  # until an incomplete tip is searched again
     leap_innovation: float = 0.1  # with fewer than all pins of the baseline: a leap
     # --- coarse fits, search
     gate: float = 0.33  # of a blob from a coarse fit; of neighbours' motions; of a tip's median innovation
@@ -44,6 +43,13 @@ class TrackingParams:
     # pitches; beyond this standard deviation a step of a pitch may go unnoticed, beyond twice as much where
     # one of the two signs of a slip is not seen
     slip_spread: float = 0.03
+
+    @property
+    def research_frames(self) -> int:
+        """Until an incomplete tip is searched again: two time constants leave a seventh of what the baseline
+        knew of the lost part.
+        """
+        return round(2.0 * self.baseline_frames)
 
     @property
     def full_share_min(self) -> float:

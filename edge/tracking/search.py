@@ -31,8 +31,6 @@ from edge.tracking.motion_model import MotionModel
 from edge.tracking.tip import TrackedTip
 from edge.types import Array, Index, Mask
 
-__all__ = ["Identifier", "Identity"]
-
 
 @dataclass(frozen=True, slots=True)
 class Identity:

@@ -11,8 +11,6 @@ from edge.tracking.outliers import LocalAffine, PhotometricFilter
 from edge.tracking.params import TrackingParams
 from edge.types import Array, Rest
 
-__all__ = ["TrackedTip"]
-
 
 @dataclass(frozen=True, slots=True)
 class TrackedTip:

@@ -18,8 +18,6 @@ from edge.tracking.search import Identifier, Identity
 from edge.tracking.tip import TrackedTip
 from edge.types import Array, Pins, Rest, Tracks
 
-__all__ = ["Tracker"]
-
 
 class Tracker:
     """Keeps which blob is which pin. Row i of everything is pin i of the rest frame.

@@ -1,13 +1,14 @@
 """Colours (BGR, as in OpenCV), and how an area change becomes one.
 
 The paper shades compressed cells (area up) red and expanded ones blue; `SAFE` takes orange and blue of the
-Okabe-Ito set, and black vectors. Between white and the full colour they are mixed in OKLab (Ottosson 2020),
-where equal steps look equal: mixed in sRGB, blue fades earlier than red.
+Okabe-Ito set, and black vectors. Between white and the full colour they are mixed in CIELAB, where equal
+steps look equal: mixed in sRGB, blue fades earlier than red.
 """
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -79,36 +80,16 @@ def cell_colours(area_change: Array, palette: Palette = PAPER) -> NDArray[np.uin
     return colours
 
 
-#: OKLab from linear sRGB: first matrix, cube root, second matrix.
-_TO_CONES = np.array([[0.4122214708, 0.5363325363, 0.0514459929],
-                      [0.2119034982, 0.6806995451, 0.1073969566],
-                      [0.0883024619, 0.2817188376, 0.6299787005]])  # fmt: skip
-_TO_LAB = np.array([[0.2104542553, 0.7936177850, -0.0040720468],
-                    [1.9779984951, -2.4285922050, 0.4505937099],
-                    [0.0259040371, 0.7827717662, -0.8086757660]])  # fmt: skip
-
-
 @lru_cache(maxsize=4)
 def _ramp(palette: Palette) -> NDArray[np.uint8]:
     """Colours from fully expanded through unchanged to fully compressed, BGR."""
-    expanded, paper, compressed = _oklab(np.array([palette.expanded, palette.paper, palette.compressed]))
+    ends = np.array([[palette.expanded, palette.paper, palette.compressed]], np.float32) / 255
+    expanded, paper, compressed = cv2.cvtColor(ends, cv2.COLOR_BGR2Lab)[0]
     share = np.linspace(-1.0, 1.0, 2 * COLOUR_STEPS + 1)
     end = np.where(share[:, None] < 0, expanded, compressed)
-    return _bgr(paper + (end - paper) * np.abs(share)[:, None])
-
-
-def _oklab(bgr: NDArray[np.int_]) -> Array:
-    c = bgr[:, ::-1] / 255.0
-    linear = np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)  # IEC 61966-2-1
-    lab: Array = np.cbrt(linear @ _TO_CONES.T) @ _TO_LAB.T
-    return lab
-
-
-def _bgr(lab: Array) -> NDArray[np.uint8]:
-    cones = (lab @ np.linalg.inv(_TO_LAB).T) ** 3
-    linear = np.clip(cones @ np.linalg.inv(_TO_CONES).T, 0.0, 1.0)
-    c = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-    return np.rint(255.0 * c[:, ::-1]).astype(np.uint8)
+    lab = np.asarray(paper + (end - paper) * np.abs(share)[:, None], np.float32)
+    bgr: NDArray[np.uint8] = np.rint(255 * cv2.cvtColor(lab[None], cv2.COLOR_Lab2BGR)[0]).astype(np.uint8)
+    return bgr
 
 
 def cell_rgba(area_change: Array, palette: Palette = PAPER) -> list[tuple[float, float, float, float]]:

@@ -103,32 +103,15 @@ def _local_shear(canvas: Canvas, view: View, tracks: Tracks, features: Features)
 
 
 def _arrow(canvas: Canvas, tail: Array, head: Array, width_px: float, palette: Palette) -> None:
-    """A filled arrow with a halo, canvas px; none where it is too short to have a direction.
-
-    OpenCV's own has a head that scales with its length.
-    """
-    along = head - tail
-    length = float(np.hypot(*along))
+    """An arrow with a halo, canvas px; none where it is too short to have a direction."""
+    length = float(np.hypot(*(head - tail)))
     if length < width_px:
         return
-    u = along / length
-    v = np.array([-u[1], u[0]])
-    barb = min(4.0 * width_px, 0.6 * length)
-    neck = head - barb * u
-    outline = np.array(
-        [
-            tail + v * width_px / 2,
-            neck + v * width_px / 2,
-            neck + v * barb * 0.45,
-            head,
-            neck - v * barb * 0.45,
-            neck - v * width_px / 2,
-            tail - v * width_px / 2,
-        ]
-    )
-    shape = [_fixed(outline)]
-    cv2.polylines(canvas, shape, True, palette.halo, max(2, round(width_px)), cv2.LINE_AA, _SHIFT)
-    cv2.fillPoly(canvas, shape, palette.shear, cv2.LINE_AA, _SHIFT)
+    barb = min(4.0 * width_px / length, 0.6)  # as long in each arrow
+    begin, end = _fixed(np.stack([tail, head])).tolist()
+    width = max(1, round(width_px))
+    for colour, thickness in ((palette.halo, 3 * width), (palette.shear, width)):
+        cv2.arrowedLine(canvas, begin, end, colour, thickness, cv2.LINE_AA, _SHIFT, barb)
 
 
 def _global_shear(canvas: Canvas, view: View, tracks: Tracks, features: Features) -> None:
@@ -173,10 +156,10 @@ def save_pins_overlay(
     path: str | Path,
     image: Image,
     pins: Pins,
-    clipped: Mask | None = None,
-    holes_img: Array | None = None,
-    rois: Sequence[Sequence[int]] = (),
-    text: Sequence[str] = (),
+    clipped: Mask,
+    holes_img: Array,
+    rois: Sequence[Sequence[int]],
+    text: Sequence[str],
 ) -> None:
     """The image, twice its size, with a circle of each pin's own radius and a cross at its centre.
 
@@ -187,11 +170,11 @@ def save_pins_overlay(
     scale = 2.0
     view = View((-0.5, -0.5), scale, (int(scale * image.shape[1]), int(scale * image.shape[0])))
     canvas = draw_camera(view, image, 8 if image.dtype == np.uint8 else 16)
-    red = [False] * len(pins) if clipped is None else clipped.tolist()
-    for (x, y), r, full in zip(view.fixed(pins.xy_img).tolist(), pins.radius_px.tolist(), red, strict=True):
+    marks = view.fixed(pins.xy_img).tolist(), pins.radius_px.tolist(), clipped.tolist()
+    for (x, y), r, full in zip(*marks, strict=True):
         cv2.circle(canvas, (x, y), round(r * scale * _ONE), _CROSS if full else _RING, 1, cv2.LINE_AA, _SHIFT)
         cv2.drawMarker(canvas, (round(x / _ONE), round(y / _ONE)), _CROSS, cv2.MARKER_CROSS, 5, 1)
-    for x, y in [] if holes_img is None else np.rint(view.canvas(holes_img)).astype(int).tolist():
+    for x, y in np.rint(view.canvas(holes_img)).astype(int).tolist():
         cv2.drawMarker(canvas, (x, y), _HOLE, cv2.MARKER_TILTED_CROSS, 14, 2)
     for left, top, wide, high in rois:
         low, far = view.canvas(np.array([[left, top], [left + wide, top + high]])).astype(int).tolist()
@@ -238,7 +221,7 @@ def picture(
     size = 0.17 * foot
     for line, text in enumerate((*_about(frame, tracks, features), caption)):
         at = (width + gap + 0.02 * width, height + (0.30 + 0.29 * line) * foot)
-        _text(canvas, at, text, size, view.palette.ink)
+        _text(canvas, at, text, min(size, 1.5 * width / max(1, len(text))), view.palette.ink)
     return canvas
 
 

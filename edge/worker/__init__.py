@@ -8,8 +8,3 @@
 Pictures, packets, protobuf and the web server are Python, and would delay the loop in its own process. The
 loop never waits, and sends only while somebody watches or a recording is made. Either process may die.
 """
-
-from edge.worker.client import WorkerClient
-from edge.worker.messages import WorkerConfig
-
-__all__ = ["WorkerClient", "WorkerConfig"]

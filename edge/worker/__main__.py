@@ -13,6 +13,7 @@ import threading
 import time
 from collections.abc import Mapping
 from datetime import datetime
+from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -25,8 +26,7 @@ from edge.errors import EdgeError, InputError  # noqa: E402  (after the number o
 from edge.recording.topics import TOPICS  # noqa: E402
 from edge.recording.writer import Recorder  # noqa: E402
 from edge.runtime.process import run_and_exit  # noqa: E402
-from edge.worker.messages import WorkerConfig  # noqa: E402
-from edge.worker.params import PARAMS  # noqa: E402
+from edge.worker.params import PARAMS, WorkerConfig  # noqa: E402
 from edge.worker.shared_memory import Inbox  # noqa: E402
 from hostlink.interrupt import ENDING  # noqa: E402
 from hostlink.web import CommandRefused, WebError  # noqa: E402
@@ -46,8 +46,7 @@ class Worker:
         self._control, self._config, self._rate_hz = control, config, rate_hz
         self._serial = config.tip.get("serial", "")
         self._recording: Recorder | None = None
-        self._sending = threading.Lock()
-        self._taring = threading.Lock()
+        self._sending, self._taring = threading.Lock(), threading.Lock()
         self._switching = threading.Lock()  # one worker thread at a time starts or stops a recording
         self._drained = threading.Event()
         self._reported: tuple[int, str | None] = (0, None)
@@ -59,7 +58,7 @@ class Worker:
             from edge.worker.page import LivePage
 
             commands = {"tare": self._tare, "record": self._record}
-            self._page = LivePage(config.listen, source, self._serial, commands, self._on_wants)
+            self._page = LivePage(config.listen, source, self._serial, commands, partial(self._send, "want"))
 
     def start(self) -> None:
         """Serve the page, and tell the loop at which port. Raises WebError."""
@@ -113,9 +112,6 @@ class Worker:
                 self._send("recorded", dropped_n, fault)
         if self._page is not None:
             self._page.recording = shown
-
-    def _on_wants(self, wants: frozenset[str] | None) -> None:
-        self._send("want", wants)
 
     # ---- commands of viewers, in worker threads -----------------------------------------------------
 

@@ -20,9 +20,8 @@ from typing import Any
 from edge.errors import InputError, RequestRefused
 from edge.runtime.loop import Loop
 from edge.types import Feature
-from edge.worker.feeds import RecordingFeed, ViewFeed
-from edge.worker.messages import WorkerConfig
-from edge.worker.params import PARAMS
+from edge.worker.feeds import ViewFeed
+from edge.worker.params import PARAMS, WorkerConfig
 from edge.worker.shared_memory import Outbox
 from hostlink.web import Listen
 from hostlink.wire import RestFrameState
@@ -36,16 +35,15 @@ SHOWN = frozenset({Feature.DISPLACEMENT, Feature.CONTACTS, Feature.SHEAR, Featur
 class WorkerClient:
     """Viewers and recorder of a loop.
 
-    recording  the loop's recorder, while there is one
+    recording  the loop's session
     process    None: not started
     """
 
     def __init__(self, loop: Loop, config: WorkerConfig) -> None:
-        self._loop = loop
-        self._config = config
+        self._loop, self._config = loop, config
         self._listen = config.listen
         self.view = ViewFeed(loop, self._put)
-        self.recording = RecordingFeed(self._put)
+        self.recording = loop.session
         self.process: subprocess.Popen[bytes] | None = None
         self._closing = False
         self._sending = threading.Lock()  # the channel may be replaced
@@ -79,10 +77,8 @@ class WorkerClient:
         with suppress(ValueError):  # it was never started
             loop.result_callbacks.remove(self.view.on_result)
             loop.tick_callbacks.remove(self.view.on_tick)
-        recording = loop.session.recorder is self.recording
-        if recording:
-            loop.session.recorder = None
-        self._put("stopped")
+        recording = self.recording.put is not None
+        self._stop_recording()
         self._close_channel()
         if self.process is not None:
             _end(self.process)
@@ -108,12 +104,10 @@ class WorkerClient:
         calibration = self._loop.measurement.calibration
         if calibration is not None:
             self._put("attach", "calibration.json", PickleBuffer(calibration.encoded))
-        self.recording.begin()
-        self._loop.session.recorder = self.recording
+        self.recording.begin(self._put)
 
     def _stop_recording(self) -> None:
-        if self._loop.session.recorder is self.recording:
-            self._loop.session.recorder = None
+        self.recording.put = None
         self._put("stopped")
 
     # ---- the process ----------------------------------------------------------------------------------
@@ -157,12 +151,19 @@ class WorkerClient:
     # ---- the thread that receives ---------------------------------------------------------------------
 
     def _receive_loop(self, control: Connection) -> None:
+        def record(wanted: bool) -> None:
+            self._loop.post(self._start_recording if wanted else self._stop_recording)
+
+        def answer(force: bool) -> None:
+            with suppress(OSError):  # the worker has ended
+                control.send(self._tare(force))
+
         def tare(force: bool) -> None:  # takes seconds, and other messages come meanwhile
-            threading.Thread(target=lambda: _answer(control, self._tare(force)), daemon=True).start()
+            threading.Thread(target=answer, args=(force,), daemon=True).start()
 
         table: dict[str, Callable[..., None]] = {
             "want": self._on_wants,
-            "record": self._on_record,
+            "record": record,
             "recorded": self.recording.on_report,
             "tare": tare,
         }
@@ -171,9 +172,6 @@ class WorkerClient:
                 table[name](*arguments)
         if not self._closing:
             self._on_worker_exit()
-
-    def _on_record(self, wanted: bool) -> None:
-        self._loop.post(self._start_recording if wanted else self._stop_recording)
 
     def _on_wants(self, wants: frozenset[str] | None) -> None:
         """Have only those features computed that are shown.
@@ -221,11 +219,6 @@ def _messages(control: Connection) -> Iterator[Any]:
     with suppress(EOFError, OSError):
         while True:
             yield control.recv()
-
-
-def _answer(control: Connection, refused: str) -> None:
-    with suppress(OSError):  # the worker has ended
-        control.send(refused)
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:

@@ -1,4 +1,4 @@
-"""What the loop's thread sends to the worker: new results for viewers, and every turn for the recorder."""
+"""What the loop's thread sends to the worker for viewers: new results."""
 
 import time
 from collections import deque
@@ -8,7 +8,6 @@ from math import nan
 from edge.runtime.loop import Loop
 from edge.types import Features, Frame, Rest, Result
 from edge.view.scene import CHARTED
-from edge.worker.messages import Show
 from edge.worker.params import PARAMS
 from hostlink.web.limits import WebLimits
 from hostlink.wire import FAULTS, State
@@ -24,15 +23,15 @@ class ViewFeed:
     """
 
     def __init__(self, loop: Loop, put: Callable[..., bool]) -> None:
-        self._loop = loop
-        self._put = put
+        self._loop, self._put = loop, put
         self.watched = False
         self._results_n = 0
         self._result_s = time.monotonic()
         self._latest: tuple[Result, State] | None = None
         self._rows: deque[tuple[float, ...]] = deque()
         self._due_s = self._sent_s = 0.0
-        self._shown: tuple[Frame | None, Result | None, Rest | None] = (None, None, None)
+        self._shown: tuple[Frame | None, tuple[Result, State] | None, Rest | None]
+        self.forget_shown()
 
     def on_result(self, result: Result, state: State) -> None:
         """Note a result; a result callback of the loop."""
@@ -50,21 +49,20 @@ class ViewFeed:
         if not self.watched or now_s < self._due_s:
             return
         loop = self._loop
-        frame, (result, state) = loop.frame, self._latest or (None, None)
+        frame, latest = loop.frame, self._latest
         rest = loop.measurement.pipeline.rest if loop.measurement.pipeline else None
-        frame_shown, result_shown, rest_shown = self._shown
-        is_idle = frame is frame_shown and result is result_shown and not self._rows
+        frame_shown, latest_shown, rest_shown = self._shown
+        is_idle = frame is frame_shown and latest is latest_shown and not self._rows
         if is_idle and now_s < self._sent_s + PARAMS.report_s:
             return
-        is_new = result is not result_shown
-        show = Show(
+        sent = self._put(
+            "show",
             now_s,
             self._result_s,
             self._results_n,
             list(self._rows),
             None if frame is frame_shown else frame,
-            result if is_new else None,
-            state if is_new else None,
+            None if latest is latest_shown else latest,
             None if rest is rest_shown else rest,
             {
                 "faults": [[_MEANING[code], message] for code, message in loop.faults.active.items()],
@@ -78,8 +76,8 @@ class ViewFeed:
         period_s = 1.0 / WebLimits().rate_hz
         self._due_s = max(self._due_s, now_s - period_s) + period_s
         self._sent_s = now_s
-        if self._put("show", show):
-            self._shown = (frame, result, rest)
+        if sent:
+            self._shown = (frame, latest, rest)
             self._rows.clear()
 
     def set_watched(self, watched: bool) -> None:
@@ -102,37 +100,3 @@ def _row(at_s: float, state: State, features: Features | None) -> tuple[float, .
         shear_px = shear_px if features.shear_px is None else features.shear_px.tolist()
     sent = [getattr(state, name) for name in CHARTED]
     return (at_s, *sent, state.latency_us / 1e3, volume_px2, *shear_px)
-
-
-class RecordingFeed:
-    """Sends each turn of the loop to the recorder, and keeps its state.
-
-    put     sends a message to the worker; False: the memory is full
-    fault   why nothing is recorded any more
-    lost_n  turns that the worker was too slow for, and has not been told of
-    """
-
-    def __init__(self, put: Callable[..., bool]) -> None:
-        self._put = put
-        self.begin()
-
-    def begin(self) -> None:
-        self.lost_n = self._dropped_n = 0
-        self.fault: str | None = None
-
-    def take(self, frame: Frame, result: Result | None, state: State) -> None:
-        if self.lost_n and self._put("count_lost", self.lost_n):
-            self.lost_n = 0
-        self.lost_n += not self._put("take", frame, result, state)
-
-    def event(self, level: str, text: str) -> None:
-        """Record a line of the log; from any thread."""
-        self._put("event", level, text)
-
-    def on_report(self, dropped_n: int, fault: str | None) -> None:
-        self._dropped_n, self.fault = dropped_n, fault
-
-    @property
-    def dropped_n(self) -> int:
-        """Messages that the disk or the worker was too slow for."""
-        return self._dropped_n + self.lost_n

@@ -13,7 +13,6 @@ import numpy as np
 
 from edge.types import Frame, Rest, Result
 from edge.view.scene import CHART, Arrays, camera, hello, touch
-from edge.worker.messages import Show
 from edge.worker.params import PARAMS
 from hostlink.web import Listen, PageServer, pack_packet
 from hostlink.wire import FIELDS, State
@@ -59,17 +58,31 @@ class LivePage:
 
     # ---- the main thread ----------------------------------------------------------------------------
 
-    def show(self, show: Show) -> None:
-        self._rest = show.rest or self._rest
-        self._frame = show.frame or self._frame
-        if show.result is not None and show.state is not None:
-            self._latest = (show.result, show.state)
-        self._about = show.about
+    def show(
+        self,
+        now_s: float,
+        last_s: float,
+        seen_n: int,
+        new_rows: list[tuple[float, ...]],
+        frame: Frame | None,
+        latest: tuple[Result, State] | None,
+        rest: Rest | None,
+        about: dict[str, Any],
+    ) -> None:
+        """Take new data since the last call; None: as before.
+
+        now_s, last_s  monotonic time: now, and of the newest result
+        seen_n         results since the start
+        new_rows       of the charts: one a sample
+        frame          the newest image, with or without a result
+        about          data that do not come from a frame
+        """
+        self._rest, self._frame = rest or self._rest, frame or self._frame
+        self._latest, self._about = latest or self._latest, about
         rows_n, rows = self._charted
-        recent = [row for row in (*rows, *show.rows) if show.now_s - row[0] < PARAMS.recent_s]
-        self._charted = (rows_n + len(show.rows), recent)
-        self._last_s = show.last_s
-        self._seen_n = show.seen_n
+        recent = [row for row in (*rows, *new_rows) if now_s - row[0] < PARAMS.recent_s]
+        self._charted = (rows_n + len(new_rows), recent)
+        self._last_s, self._seen_n = last_s, seen_n
 
     # ---- the server's thread ------------------------------------------------------------------------
 

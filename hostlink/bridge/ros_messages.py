@@ -30,7 +30,7 @@ from hostlink.wire.shown import WRENCH
 __all__ = ["KINDS", "RosMessages"]
 
 CONTACT: Final = "voronoi_touch_msgs/msg/TactileContact"
-#: What is published, by the end of the topic's name.
+#: Types of messages that are published, by the end of the topic's name.
 KINDS: Final = {
     "wrench": "geometry_msgs/msg/WrenchStamped",
     "contacts": "sensor_msgs/msg/PointCloud2",

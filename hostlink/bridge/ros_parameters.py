@@ -26,7 +26,7 @@ class _ParameterKind(NamedTuple):
 
 _INTEGER: Final = _ParameterKind(2, "integer_value", "integer_range", "IntegerRange", int)
 _DOUBLE: Final = _ParameterKind(3, "double_value", "floating_point_range", "FloatingPointRange", float)
-#: Those that a value may be set as: whole numbers are numbers.
+#: A value may be set as any of these: whole numbers are numbers.
 _SETTABLE: Final = {kind.number: kind.value for kind in (_INTEGER, _DOUBLE)}
 
 

@@ -19,7 +19,7 @@ DISTRIBUTIONS: Final = ("humble", "jazzy", "kilted", "lyrical")
 TRIGGER: Final = "std_srvs/srv/Trigger"
 _NO_HASH: Final = "TypeHashNotSupported"  # Humble's
 
-#: Of rcl_interfaces, by the name under a node: its type; request; response.
+#: Services of rcl_interfaces, by the name under a node: its type; request; response.
 _PARAMETERS: Final = (
     ("ListParameters", "string[] prefixes\nuint64 depth", "rcl_interfaces/ListParametersResult result"),
     ("GetParameters", "string[] names", "rcl_interfaces/ParameterValue[] values"),

@@ -18,7 +18,7 @@ from hostlink.topics import Diagnosis, Level, level_of
 
 __all__ = ["PARAMETERS", "ParameterDesk", "TareDesk", "diagnose", "stamp_ns"]
 
-#: What may be set while it runs: names of objects in WIRE.md.
+#: Objects of WIRE.md, by name, that may be set while it runs.
 PARAMETERS: Final = ("rate_hz", "divider", "features", "detail_divider")
 
 REQUESTS_MAX = 4  # tare requests of one finger that are not answered yet

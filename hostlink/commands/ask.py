@@ -42,7 +42,7 @@ def info(address: str, finger: int | None, as_json: bool) -> None:
         click.echo(f"{text}: {meaning}" if meaning else text)
 
 
-#: What values mean that do not speak for themselves, by name of the object.
+#: Meanings of values that do not speak for themselves, by name of the object.
 _MEANING: dict[str, Mapping[Any, str]] = {
     "rate_hz": {0.0: "no limit, a sample for each image"},
     "detail_divider": {0: "off"},
@@ -75,7 +75,7 @@ def tare(address: str, finger: int | None, force: bool) -> None:
         click.echo(f"finger {asked.node}: new rest frame in use")
 
 
-#: What a finger answers to a value or a file that it cannot use.
+#: A finger answers one of these to a value or a file that it cannot use.
 _UNUSABLE = frozenset({Abort.VALUE_RANGE, Abort.VALUE_LOW, Abort.VALUE_HIGH, Abort.LENGTH})
 
 
@@ -196,7 +196,7 @@ def busload(
     click.echo(_sentence(load))
 
 
-#: What each kind of link has no use for.
+#: Each kind of link has no use for these.
 _NOT_OF = {"--baud": ("classic", "bitrate", "dbitrate"), "--classic": ("dbitrate",)}
 
 

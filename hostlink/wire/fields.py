@@ -288,13 +288,13 @@ PARTS: Final = (
 # Widths of fields of the classic layout only; plain integers.
 CLASSIC_BITS: Final = {"sample_high": 16 - SAMPLE_LOW_BITS, "part_n": 4, "check": 8}
 
-#: What can be asked for, by the bit of the object `features`; names of `edge.types.Feature`.
+#: Names of `edge.types.Feature` that can be asked for, by the bit of the object `features`.
 FEATURES: Final = (
     "displacement", "force", "pressure", "contact_area", "contacts", "shear", "torsion", "tilt", "slip",
     "orientation", "vibration",
 )  # fmt: skip
 
-# Those that are attributes of `State`; the contacts are tuples there.
+# These are attributes of `State`; the contacts are tuples there.
 FIELDS: Final = tuple(f for f in LAYOUT if not f.contact)
 
 

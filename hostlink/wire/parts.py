@@ -131,7 +131,7 @@ def pack_parts(state: State, counter: int) -> tuple[tuple[int, bytes], ...]:
     chosen = [p for p in PARTS if p.always or any(raws[name] != _NAN_WIDE[name] for name in p.fields)]
     raws["sample_high"] = raws["sample"] >> SAMPLE_LOW_BITS
     raws["part_n"] = len(chosen)
-    raws["check"] = check_of(values) & _CHECK_MASK
+    raws["check"] = check_of(SCHEMA.body.pack(VERSION, *values)) & _CHECK_MASK
     return tuple((part.tpdo, _pack(part, raws, counter)) for part in chosen)
 
 
@@ -243,7 +243,7 @@ class Assembler:
         if self._taken & _ALWAYS != _ALWAYS:
             raise CorruptFrame("classic sample that claims to be complete without parts that each sample has")
         raws["sample"] = raws["sample_high"] << SAMPLE_LOW_BITS | sample_low
-        values = [raws[f.name] for f in schema.layout]
-        if check_of(values, schema) & _CHECK_MASK != raws["check"]:
+        body = schema.body.pack(schema.version, *(raws[f.name] for f in schema.layout))
+        if check_of(body) & _CHECK_MASK != raws["check"]:
             raise CorruptFrame("classic sample whose content does not fit its check")
-        return restore(values, schema)
+        return restore(body)

@@ -92,7 +92,7 @@ SAMPLE_DATA: Final = tuple(
     )
     for f in LAYOUT
 )
-#: What only a message has: mapped, and without a value of its own.
+#: These stand in messages alone: they are mapped, and have no value of their own.
 FRAME_DATA: Final = tuple(
     ProcessDatum(name, f"unsigned{_WIDTHS[name]}", 0, (1 << bits) - 1, 1.0, "", _MEANINGS[name])
     for name, bits in dict(entry for entries in MAPPING.values() for entry in entries).items()

@@ -6,24 +6,22 @@ along them and one `struct` call each way. Layout and rules: `fields`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from itertools import repeat
+from itertools import accumulate, repeat
 from math import nan
 from typing import TYPE_CHECKING, Any, Final, TypeVar, cast, dataclass_transform
 from zlib import crc32
 
-from hostlink.wire.e2e import check_p5, protected_p5
-from hostlink.wire.errors import CorruptFrame
+from hostlink.wire.body import Decoded, FromFrame, body_in, received
+from hostlink.wire.e2e import protected_p5
 from hostlink.wire.fields import (
     CHECK_SIZE,
     CONTACTS_MAX,
     DATA_ID,
-    HEADER_SIZE,
     LAYOUT,
     OLDER,
     SCHEMA,
-    STATE_SIZE,
     VERSION,
     Schema,
 )
@@ -45,23 +43,24 @@ class Contact:
 T = TypeVar("T")
 
 
-class _Decoded:
-    """A field of a sample that came as raw values: decoded when it is read first.
+class _DecodedContacts:
+    """The contacts, likewise; kept once they are decoded."""
 
-    An instance's own values come before this; a sample that was made of values has the default here.
-    """
-
-    def __init__(self, name: str, default: Any, decode: Callable[[Sequence[int]], Any]) -> None:
-        self._name, self._default, self._decode = name, default, decode
-
-    def __get__(self, state: State | None, owner: type) -> Any:
-        if state is None:
-            return self._default  # of the class: what `dataclasses.fields` and a reader of the class see
-        values = vars(state)
-        if "raws" not in values:
-            return self._default
-        values[self._name] = value = self._decode(values["raws"])
-        return value
+    def __get__(self, state: State | None, owner: type) -> tuple[Contact, ...]:
+        if state is None or state.body is None:
+            return ()
+        raws = _raws_of(state.body)[_FIRST:_BEHIND]
+        values = [
+            raw * scale if raw != raw_nan else nan
+            for raw, scale, raw_nan in zip(raws, _SCALES[_FIRST:_BEHIND], _NANS[_FIRST:_BEHIND], strict=True)
+        ]
+        found = tuple(
+            Contact(*values[i : i + _CONTACT_SIZE])
+            for i in range(0, len(values), _CONTACT_SIZE)
+            if raws[i] != _NANS[_FIRST]
+        )
+        state.__dict__["contacts"] = found
+        return found
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True)
@@ -70,42 +69,20 @@ def _sample(cls: type[T]) -> type[T]:
     dataclass's own constructor takes longer than the bus.
     """
     made = dataclass(frozen=True, init=False)(cls)
+    places = dict(zip(_NAMES, accumulate((f.size for f in LAYOUT), initial=1), strict=False))
     for row in fields(cast("Any", made)):
-        if row.name != "contacts" and row.name not in _NAMES:  # the table has changed: generate
-            continue
-        setattr(made, row.name, _Decoded(row.name, row.default, _decoder_of(row.name)))
+        if row.name in places:  # else the table has changed: generate
+            setattr(made, row.name, Decoded(SCHEMA.field_named(row.name), places[row.name], row.default))
+    setattr(made, "contacts", _DecodedContacts())  # noqa: B010
     return made
 
 
-def _decoder_of(name: str) -> Callable[[Sequence[int]], Any]:
-    """What makes a field's value of the raw values in the order of LAYOUT."""
-    if name == "contacts":
-        return _contacts_of
-    i = _NAMES.index(name)
-    scale, raw_nan = _SCALES[i], _NANS[i]
-    if i == _STATUS:
-        return lambda raws: status_of(raws[i])
-    return lambda raws: raws[i] * scale if raws[i] != raw_nan else nan
-
-
-def _contacts_of(raws: Sequence[int]) -> tuple[Contact, ...]:
-    values = [
-        raw * scale if raw != raw_nan else nan
-        for raw, scale, raw_nan in zip(
-            raws[_FIRST:_BEHIND], _SCALES[_FIRST:_BEHIND], _NANS[_FIRST:_BEHIND], strict=True
-        )
-    ]
-    return tuple(
-        Contact(*values[i : i + _CONTACT_SIZE])
-        for i in range(0, len(values), _CONTACT_SIZE)
-        if raws[_FIRST + i] != _NANS[_FIRST]
-    )
+def _raws_of(body: bytes) -> Sequence[int]:
+    """Raw integers of all fields, in the order of LAYOUT."""
+    return _BODY.unpack(body)[1:]
 
 
 _BODY: Final = SCHEMA.body
-_BODY_AT: Final = HEADER_SIZE - 1
-_CHECK_AT: Final = STATE_SIZE - CHECK_SIZE
-assert _BODY_AT + _BODY.size == _CHECK_AT
 
 # LAYOUT turned into columns, and where the contacts lie among them.
 _NAMES: Final = tuple(f.name for f in LAYOUT)
@@ -118,7 +95,7 @@ _COUNT_MAX: Final = int(LAYOUT[_COUNT].high)
 # A plain integer is scaled by 1, and none of its raw values is NaN.
 _SCALES: Final = tuple(f.scale or 1 for f in LAYOUT)
 _NANS: Final = tuple(-1 if f.plain else f.raw_nan(8 * f.size) for f in LAYOUT)
-#: Of the fields that are measured; "": a plain integer, which `quantise` treats on its own.
+#: Names of the fields that are measured; "": a plain integer, which `quantise` treats on its own.
 _MEASURED: Final = tuple("" if f.plain else f.name for f in LAYOUT)
 #: Step, range, and raw values of its ends. With a float a comparison takes half the time.
 _RANGES: Final = tuple((f.scale, float(f.low), float(f.high), f.raw_low, f.raw_high) for f in LAYOUT)
@@ -126,7 +103,7 @@ _NO_VALUES: Final = [f.raw_nan(8 * f.size) for f in LAYOUT]
 
 
 @_sample
-class State(StateFields):
+class State(StateFields, FromFrame):
     """One sample of one fingertip; give the fields by name. Meaning, unit, frame, range: `fields.LAYOUT`.
 
     Floats are NaN where not measured, not calibrated, not asked for or not to be trusted.
@@ -143,11 +120,15 @@ class State(StateFields):
             _check(values)
             object.__setattr__(self, "__dict__", values)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For copies and other processes."""
+        return (State.of, (vars(self),)) if self.body is None else (restore, (self.body,))
+
     @classmethod
     def of(cls, values: dict[str, Any]) -> State:
         """The sample with these fields, in a third of the time; the sample keeps the dictionary."""
         _check(values)
-        state = object.__new__(cls)
+        state = cls.__new__(cls)
         object.__setattr__(state, "__dict__", values)
         return state
 
@@ -169,10 +150,9 @@ def quantise(state: State) -> Sequence[int]:
     Finite values saturate, NaN becomes the 64-byte frame's NaN; sample number and capture time wrap.
     A contact without a place is left out.
     """
+    if state.body is not None:
+        return _raws_of(state.body)
     values = vars(state)
-    if "raws" in values:
-        raws: Sequence[int] = values["raws"]
-        return raws
     places: list[float] = []
     for contact in state.contacts:
         if contact.x_mm == contact.x_mm and contact.y_mm == contact.y_mm:
@@ -191,16 +171,15 @@ def quantise(state: State) -> Sequence[int]:
     return made
 
 
-def restore(raws: Sequence[int], schema: Schema = SCHEMA) -> State:
-    """The inverse of `quantise`. The sample keeps the raw values, and decodes a field when it is read.
+def restore(body: bytes) -> State:
+    """The sample with this version and these fields. It keeps them, and decodes a field when it is read.
 
-    An older schema's values are decoded at once.
+    An older version's values are decoded at once.
     """
-    if schema.version in OLDER:
-        return _restore_older(raws, schema)
-    state = State()
-    vars(state)["raws"] = raws
-    return state
+    if body[0] != VERSION:
+        schema = OLDER[body[0]]
+        return _restore_older(schema.body.unpack(body)[1:], schema)
+    return received(State, body)
 
 
 def _restore_older(raws: Sequence[int], schema: Schema) -> State:
@@ -214,9 +193,9 @@ def _restore_older(raws: Sequence[int], schema: Schema) -> State:
     return State(**values, contacts=tuple(Contact(*row) for row in rows if row[0] == row[0]))
 
 
-def check_of(raws: Sequence[int], schema: Schema = SCHEMA) -> int:
-    """The 16-bit check of raw values in the order of the schema's layout."""
-    return crc32(schema.body.pack(schema.version, *raws)) & 0xFFFF
+def check_of(body: bytes) -> int:
+    """The 16-bit check of version and fields."""
+    return crc32(body) & 0xFFFF
 
 
 def pack_state(state: State, counter: int) -> bytes:
@@ -225,12 +204,12 @@ def pack_state(state: State, counter: int) -> bytes:
     counter  of samples due on this link, taken modulo 256: +1 for each, also for one that the link then
              refused (a loss); not for one that the divider skipped (no loss)
     """
-    return frame_of(_BODY.pack(VERSION, *quantise(state)), counter)
+    return frame_of(state.body or _BODY.pack(VERSION, *quantise(state)), counter)
 
 
 def frame_of(body: bytes, counter: int) -> bytes:
     """The frame around version and fields: E2E header, check."""
-    checked = body + (crc32(body) & 0xFFFF).to_bytes(CHECK_SIZE, "little")
+    checked = body + check_of(body).to_bytes(CHECK_SIZE, "little")
     return protected_p5(checked, counter, DATA_ID)
 
 
@@ -240,14 +219,4 @@ def unpack_state(frame: bytes) -> State:
     Raises CorruptFrame: length, CRC, version or check is wrong. A frame of another version looks like that,
            too: only several frames together distinguish the two, see `hostlink.decoder`
     """
-    if len(frame) != STATE_SIZE:
-        raise CorruptFrame(f"state frame of {len(frame)} bytes instead of {STATE_SIZE}")
-    older = OLDER.get(frame[HEADER_SIZE - 1])
-    if not check_p5(frame, DATA_ID if older is None else older.data_id):
-        raise CorruptFrame("state frame with a wrong CRC")
-    if older is None and frame[HEADER_SIZE - 1] != VERSION:
-        raise CorruptFrame("state frame whose version does not fit its CRC")
-    if crc32(frame[_BODY_AT:_CHECK_AT]) & 0xFFFF != frame[_CHECK_AT] | frame[_CHECK_AT + 1] << 8:
-        raise CorruptFrame("state frame whose content does not fit its check")
-    schema = older or SCHEMA
-    return restore(schema.body.unpack_from(frame, _BODY_AT)[1:], schema)
+    return restore(body_in(frame))

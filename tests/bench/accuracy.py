@@ -35,7 +35,7 @@ from calib.targets import Targets
 from edge.calibration import Calibration
 from edge.calibration.inputs import FRAME_INPUTS
 from edge.frame import Pipeline
-from edge.sources import read_image
+from edge.sources.files import read_image
 from edge.types import Array, Feature, Frame, Image, Rest
 from tests.bench.counter import counted as count_between_marks
 from tests.bench.frames import GRASP

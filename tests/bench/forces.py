@@ -19,7 +19,7 @@ from calib.fit import Prefer, Search, fit
 from calib.ridge import pose_numbers
 from calib.targets import Targets
 from edge.frame import Pipeline
-from edge.sources import read_image
+from edge.sources.files import read_image
 from edge.types import Array, Frame, Index
 from hostlink.extras import require
 from tests.bench.output import markdown, writes_results

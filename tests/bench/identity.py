@@ -26,7 +26,7 @@ from scipy.spatial import Delaunay
 
 from calib.sim import Camera, Tip, Tool, ToolPose, deform
 from edge.pins import detect, take_rest
-from edge.sources import read_image
+from edge.sources.files import read_image
 from edge.tracking import Tracker
 from edge.tracking.search import Identifier
 from edge.tracking.tip import TrackedTip

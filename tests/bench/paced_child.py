@@ -27,7 +27,6 @@ import numpy as np  # noqa: E402
 
 from edge.calibration import Calibration  # noqa: E402
 from edge.link.link_sink import SinkCounters  # noqa: E402
-from edge.link.medium import MediumError  # noqa: E402
 from edge.link.node import Node  # noqa: E402
 from edge.link.sinks import CanFdSink  # noqa: E402
 from edge.link.socketcan import SocketCanMedium  # noqa: E402
@@ -35,7 +34,8 @@ from edge.runtime.device import LoopDevice  # noqa: E402
 from edge.runtime.loop import Loop  # noqa: E402
 from edge.sources.paced import Paced  # noqa: E402
 from edge.types import Clock, Frame, Lens, Polarity, Region  # noqa: E402
-from edge.worker import WorkerClient, WorkerConfig  # noqa: E402
+from edge.worker.client import WorkerClient  # noqa: E402
+from edge.worker.params import WorkerConfig  # noqa: E402
 from hostlink.web import parse_listen  # noqa: E402
 from hostlink.wire import State, unpack_state  # noqa: E402
 from tests.support.processes import cpu_s, memory_mb  # noqa: E402
@@ -126,7 +126,7 @@ class Listener:
         self._thread.start()
 
     def _run(self) -> None:
-        with suppress(MediumError):  # the finger has closed its end
+        with suppress(*SocketCanMedium.broken):  # the finger has closed its end
             while not self._done.wait(LISTEN_S):
                 self._take()
             self._take()

@@ -20,7 +20,8 @@ from edge.errors import NoPins
 from edge.frame import Pipeline
 from edge.pins import take_rest
 from edge.rest.choice import rest_of_source
-from edge.sources import FolderSource, open_source, read_image
+from edge.sources import open_source
+from edge.sources.files import FolderSource, read_image
 from edge.types import Rest, Result
 from edge.view.panels import View, draw_touch
 from tests.bench.output import ROOT, writes_results

@@ -40,15 +40,15 @@ from calib.sim.source import SceneSource
 from edge.calibration import Calibration
 from edge.faults.registry import FaultRegistry
 from edge.frame import Pipeline
-from edge.link.medium import opener
 from edge.link.node import Node
 from edge.link.settings import SettingsFile
-from edge.link.sinks import CanFdSink
+from edge.link.sinks import CanFdSink, opener
 from edge.rest.tare import tare
 from edge.runtime.board_monitor import BoardMonitor
 from edge.runtime.device import LoopDevice
 from edge.runtime.loop import Loop
-from edge.sources import Paced, open_source
+from edge.sources import open_source
+from edge.sources.paced import Paced
 from edge.types import Feature, Result
 from hostlink import connect
 from hostlink.client import Sample

@@ -24,7 +24,7 @@ import click
 import numpy as np
 
 from calib.sim.script import REST_FRAMES
-from edge.runtime.loop import LoopConfig
+from edge.runtime.measurement import LoopConfig
 from edge.types import Feature
 from tests.bench.arm64 import Board
 from tests.bench.counter import ENVIRONMENT, Counts, counted, run

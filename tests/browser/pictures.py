@@ -1,41 +1,70 @@
-"""Make README's picture of the live page again: `python -m tests.browser.pictures [FILE.png]`.
+"""Make README's pictures again: `python -m tests.browser.pictures [page|touch]`.
 
-It shows a bundled recording, played back and forth. Latency and rate are this machine's: let it be idle.
-The picture has all colours: 256 leave steps in colour bar and image.
+touch is what `render` makes of the example recording, as a GIF. page is the live page with a bundled
+recording, played back and forth; latency and rate are this machine's: let it be idle. It has all colours: 256
+leave steps in colour bar and image.
 """
 
 import base64
 import io
 import sys
+import tempfile
 import threading
 from contextlib import closing
 from pathlib import Path
 
+import cv2
+import numpy as np
 from PIL import Image
 
+from edge.calibration import Calibration
+from edge.cli.render import render_recording
+from edge.examples import example_file
 from tests.browser.chrome import Chrome
 from tests.support.viewing import Live
 
 DATA = Path(__file__).resolve().parent.parent / "data"
+PICTURES = DATA / "pictures"
+EACH = 3  # pictures of the recording that one of the GIF stands for
 FULL_S = 11.0  # the charts are full
 STEP_S = 0.6
 
 
-def main() -> None:
-    path = Path(sys.argv[1]) if len(sys.argv) > 1 else DATA / "pictures" / "page_desktop.png"
+def moving(path: Path) -> None:
+    """Write the GIF, with the colours of all its pictures in one palette."""
+    with tempfile.TemporaryDirectory() as folder:
+        video = Path(folder) / "touch.mkv"
+        calibration = Calibration.load(example_file("example:press", ".json"))
+        made = render_recording("example:press", video, calibration, height=300)
+        capture = cv2.VideoCapture(str(video))
+        pictures = [capture.read()[1][..., ::-1] for _ in range(made["frames_n"])][::EACH]
+    colours = Image.fromarray(np.vstack(pictures[::5])).quantize(64)
+    images = [Image.fromarray(p).quantize(palette=colours, dither=Image.Dither.NONE) for p in pictures]
+    shown_ms = round(1000 * EACH / made["rate_hz"])
+    images[0].save(path, save_all=True, append_images=images[1:], duration=shown_ms, loop=0, optimize=True)
+
+
+def page(path: Path) -> None:
     pause = threading.Event()
     with closing(Chrome()) as chrome, Live(DATA / "press_shear.mcap", DATA / "hex127_flat.json") as live:
-        page = chrome.open(live.url)
+        shown = chrome.open(live.url)
         for n in range(round(FULL_S / STEP_S)):
             live.show(n % 2 - 1)
             pause.wait(STEP_S)
         live.show(-1)
-        page.until("document.getElementById('felt_about').textContent.includes('contact')")
-        raw = base64.b64decode(page.call("Page.captureScreenshot", {"format": "png"})["data"])
-        assert page.errors == []
-        page.close()
+        shown.until("document.getElementById('felt_about').textContent.includes('contact')")
+        raw = base64.b64decode(shown.call("Page.captureScreenshot", {"format": "png"})["data"])
+        assert shown.errors == []
+        shown.close()
     with Image.open(io.BytesIO(raw)) as shot:
         shot.convert("RGB").save(path, optimize=True)
+
+
+def main() -> None:
+    if "touch" in (sys.argv[1:] or ["touch"]):
+        moving(PICTURES / "touch.gif")
+    if "page" in (sys.argv[1:] or ["page"]):
+        page(PICTURES / "page_desktop.png")
 
 
 if __name__ == "__main__":

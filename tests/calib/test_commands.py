@@ -40,6 +40,8 @@ from tests.support.commands import Done, run_calib
             "stage /dev/absent: No such file",
         ),
         ("fit {data}/README.md.mcap -o {out}/tip.json", "README.md.mcap: no such recording"),
+        ("scale -o {out}", "exists; give the name of a new folder"),
+        ("scale -o {out}/new --scale /dev/absent", "give the scale's port, e.g. /dev/ttyUSB0"),
         ("demo --data {data} --out {data}", "the recordings are there; give another folder"),
         ("fit {data}/press.mcap -o {out}/tip.json --hold-out nan", "'nan' is not a number; give"),
         ("fit {data}/press.mcap -o {out}/tip.json --hold-out 1", "is out of range; give a"),

@@ -6,7 +6,8 @@ from scipy.optimize import approx_fprime
 
 from calib.process_fit import FittedProcess, fit_process
 from calib.process_likelihood import Likelihood, Symmetry, fit_settings
-from edge.calibration.inputs import FRAME_INPUTS, evaluate_terms, term_columns
+from calib.terms import evaluate_terms, term_columns
+from edge.calibration.inputs import FRAME_INPUTS
 from edge.types import Complex, Index
 from tests.support.synthetic import make
 

@@ -14,7 +14,7 @@ from calib.sim.tip import Tip
 from calib.targets import read_targets
 from calib.unloaded import load_of, unloaded
 from edge.pins import take_rest
-from edge.sources import read_image
+from edge.sources.files import read_image
 from edge.tracking import Tracker
 from edge.types import Array, Image, Rest
 from tests.support.captures import write_table

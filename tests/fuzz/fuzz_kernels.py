@@ -152,7 +152,6 @@ def play() -> None:
     from edge.calibration.evaluation import ModelKernel, contact_inputs, frame_inputs
     from edge.faults import frame_counts
     from edge.frame import Pipeline
-    from edge.geometry import select
     from edge.link.state_packer import StatePacker
     from edge.rest.tare import tare
     from hostlink.wire import Contact, State
@@ -178,7 +177,6 @@ def play() -> None:
     corners = np.rint(rest.xy_img[20:24]).astype(np.int32)
     frame_counts.FocusWindows(corners, 7, 20).measure(image, np.empty((4, 2)))
     StatePacker().pack(vars(State(displacement_mm=1.0, contacts=(Contact(1.0, -1.0),))))
-    select.kth_smallest(motion[:, 0].copy(), 3)
     StatePacker().pack(vars(State(sample=1, contact_n=1, contacts=(Contact(1.0, -1.0, 0.5),))))
     ModelKernel(INPUTS, MODELS)
 

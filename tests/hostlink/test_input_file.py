@@ -23,7 +23,8 @@ from edge.link.settings import NodeSettings, SettingsFile
 from edge.recording.reader import RecordingSource
 from edge.runtime.calibration_store import CalibrationStore
 from edge.sensors import load_sensor
-from edge.sources import open_source, read_image
+from edge.sources import open_source
+from edge.sources.files import read_image
 from edge.sources.lens_file import load_lens
 from hostlink.commands.plot import read_series
 from hostlink.errors import LogError, UsageError

@@ -1,4 +1,4 @@
-"""README's code is compiled and run unchanged, and obeys WIRE.md's rules."""
+"""The documentation's code is compiled and run unchanged, and obeys WIRE.md's rules."""
 
 import re
 import threading
@@ -24,8 +24,9 @@ ROOT = Path(hostlink.__file__).parents[1]
 
 
 def code(heading: str, language: str) -> str:
-    """The first block of code in this language under a heading of README's."""
-    text = (ROOT / "README.md").read_text(encoding="utf-8").split(f"### {heading}\n", 1)[1]
+    """The first block of code in this language under a heading of a page for its readers."""
+    page = ROOT / "docs" / {"python": "robot.md", "c": "firmware.md"}[language]
+    text = page.read_text(encoding="utf-8").split(f"## {heading}\n", 1)[1]
     found = re.search(rf"```{language}\n(.*?)```", text, re.DOTALL)
     assert found is not None
     return found[1]
@@ -78,7 +79,7 @@ def test_python_control_loop_moves_on_valid_live_samples_alone(
     sender = threading.Thread(target=send)
     sender.start()
     with pytest.raises(SystemExit, match=r"no sample for 5 s"):  # silence ends it
-        exec(patiently(code("Python: a control loop", "python").replace("can:can0", bus)), {"print": note})
+        exec(patiently(code("A control loop", "python").replace("can:can0", bus)), {"print": note})
     sender.join(SOON_S)
     node.close()
     changes = [speed for i, speed in enumerate(moves) if i == 0 or moves[i - 1] != speed]
@@ -86,7 +87,7 @@ def test_python_control_loop_moves_on_valid_live_samples_alone(
 
 
 def test_python_control_loop_without_a_finger_ends_in_one_line(request: pytest.FixtureRequest) -> None:
-    program = code("Python: a control loop", "python")
+    program = code("A control loop", "python")
     for address, expected in (
         ("can:no-such-bus", r"no-such-bus"),
         (f"virtual:{request.node.name}", r"no finger was heard for \d+ s"),
@@ -141,7 +142,7 @@ int main(void)
 
 
 def test_c_receive_interrupt_drops_old_invalid_and_replayed_samples(tmp_path: Path) -> None:
-    (tmp_path / "main.c").write_text(code("C: a controller's receive interrupt", "c") + MAIN)
+    (tmp_path / "main.c").write_text(code("A receive interrupt", "c") + MAIN)
     program = compiled(tmp_path / "receive", [tmp_path / "main.c", C / "vt_e2e.c", C / "vt_fd.c"])
     good = State(displacement_mm=0.5)
     damaged = bytearray(pack_state(good, 9))

@@ -235,13 +235,13 @@ _PICTURES: dict[str, Callable[[Any, Any], Any]] = {
 }
 
 
-class FaultyMedium:
+class FaultyMedium(Medium):
     """A bus that fails; made anew by every opening, while the schedule goes on."""
 
     def __init__(self, medium: Medium, row: _Row, random: Random, refused: Callable[[float], None]) -> None:
         self._medium, self._row, self._random, self._refused = medium, row, random, refused
         self.instant = medium.instant
-        self.bus_off = False
+        self.broken = medium.broken
 
     def write(self, item: Any) -> None:
         kind = self._row.now()

@@ -6,32 +6,34 @@ from typing import Any
 from edge.calibration import Calibration
 from edge.faults.registry import FaultRegistry
 from edge.link.sinks import MemorySink
-from edge.runtime.loop import Loop, LoopConfig
-from edge.types import Clock, Frame, FrameSource, Image, Lens, Polarity, Region
+from edge.runtime.loop import Loop
+from edge.runtime.measurement import LoopConfig
+from edge.sources.live import ThreadedSource
+from edge.types import Clock, Frame, FrameSource, Image
 from hostlink.wire import FaultCode, State
 
 PERIOD_NS = 10_000_000
 
 
-class Camera:
+class Camera(ThreadedSource):
     """A live camera whose state the test sets."""
 
-    polarity = Polarity.FOUND
-    region: Region | None = None
-    lens: Lens | None = None
-    name, size_px, rate_hz, live, dropped_n = "test camera", (320, 320), 100.0, True, 0
-    condition = frame_condition = ""
-    recorded = False
+    condition = ""
+    ended = False
 
     def __init__(self) -> None:
-        self.ended = False
+        super().__init__("test camera")
+        self.size_px, self.rate_hz = (320, 320), 100.0
         self.waiting = threading.Semaphore(0)
         self.waiting_frame: Frame | None = None
+
+    def _work(self) -> None:
+        raise AssertionError("the test gives the frames")
 
     def __iter__(self) -> Any:
         raise AssertionError("a live source is read, not iterated")
 
-    def read(self, timeout_s: float) -> None:
+    def read(self, timeout_s: float | None = None) -> None:
         """No image; does not wait, so that a test takes no longer than it must."""
         self.waiting.release()
 

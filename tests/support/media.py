@@ -2,11 +2,11 @@
 
 from typing import Any
 
+from edge.link.medium import Medium
 
-class Wire:
+
+class Wire(Medium):
     """A medium that accepts everything, and receives nothing."""
-
-    instant, bus_off = True, False
 
     def __init__(self, instant: bool = True) -> None:
         self.instant = instant

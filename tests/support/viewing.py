@@ -16,9 +16,10 @@ from typing import Any, Self
 from edge.calibration import Calibration
 from edge.recording.reader import RecordingSource
 from edge.runtime.loop import Loop
-from edge.sources import ThreadedSource
+from edge.sources.live import ThreadedSource
 from edge.types import Clock, Frame
-from edge.worker import WorkerClient, WorkerConfig
+from edge.worker.client import WorkerClient
+from edge.worker.params import WorkerConfig
 from hostlink.web import parse_listen
 from tests.support.waiting import SOON_S
 

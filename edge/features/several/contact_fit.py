@@ -29,10 +29,6 @@ Source  More, The Levenberg-Marquardt algorithm, Lecture Notes in Mathematics 63
         MIT Press 2006, section 4.2 (rational quadratic as a mean over widths)
 """
 
-# mypy: disable-error-code="no-any-return,untyped-decorator,valid-type"
-
-from __future__ import annotations
-
 import cython
 import numpy as np
 
@@ -53,12 +49,21 @@ _EVEN = cython.declare(cython.Py_ssize_t, FITS_MAX + 1)  # beside 0, a line, and
 #: Parameters of a contact: place (2), logarithm of the width, strength, t (2), v or half a line (2).
 _OWN = cython.declare(cython.Py_ssize_t, 8)
 _COMMON = cython.declare(cython.Py_ssize_t, 6)
-#: Points of a line, over which its mean is a weighted sum: exact to 1 % for a line of ten pitches and a width
-#: of two thirds of one.
-_NODES = cython.declare(cython.Py_ssize_t, 12)
 #: Damping of the first step; a tenth of it after one that helped, else tenfold. At 0.1 some lines get short.
 _DAMPING = cython.declare(cython.double, 1.0)
 _ENOUGH = cython.declare(cython.double, 1e-2)  # relative gain of a step that is the last one
+
+
+def _nodes_n(params: FeatureParams, error: float) -> int:
+    """Points of a line over which a mean is a weighted sum, for the longest line and the width that a fit
+    begins with: Gauss' rule errs by 1 / r^(2 n + 2), where r is the sum of the semi-axes of the ellipse about
+    the line, in halves of it, through the nearest pole: of f at sqrt(2) widths.
+    """
+    pole = sqrt(2.0) / params.grid_steps_per_pitch / (2.0 * params.close_pitch)
+    return round(np.ceil(-log(error) / (2.0 * log(pole + sqrt(1.0 + pole * pole))) - 1.0))
+
+
+_NODES = cython.declare(cython.Py_ssize_t, _nodes_n(PARAMS, _ENOUGH))
 _NO_LIMIT = cython.declare(cython.double, float("inf"))
 
 
@@ -127,11 +132,7 @@ class ContactFit:
     _is_taken: cython.uchar[::1]  # of a last fit's contacts
 
     def __init__(
-        self,
-        rest_xy: Array,
-        pitch_px: float,
-        params: FeatureParams = PARAMS,
-        prior: MotionPrior = SHARP,
+        self, rest_xy: Array, pitch_px: float, params: FeatureParams = PARAMS, prior: MotionPrior = SHARP
     ) -> None:
         n, size = len(rest_xy), 8 * FITS_MAX + 6
         if rest_xy.shape != (n, 2):
@@ -150,14 +151,8 @@ class ContactFit:
         self._rows, self._normal = np.zeros((2 * n + 2, columns)), np.zeros((columns, columns))
         self._last, self._error, self._promise = np.zeros((FITS_MAX + 2, size)), 0.0, 0.0
         self._is_known, self._is_taken = np.zeros((2, FITS_MAX + 2), np.uint8)
-        self.least, self.n_pins, self._m, self._is_line, self._middle_x, self._middle_y = (
-            0.0,
-            0,
-            0,
-            False,
-            0.0,
-            0.0,
-        )
+        self.least = self._middle_x = self._middle_y = 0.0
+        self.n_pins, self._m, self._is_line = 0, 0, False
         self._radius, self._reach = 2.0 * params.close_pitch, params.place_radius_pitch
         self._width = 1.0 / params.grid_steps_per_pitch
         # Gauss and Chebyshev's second kind, for a weight of sqrt(1 - z^2); Fejer's second, for an even one.
@@ -271,7 +266,6 @@ class ContactFit:
         return True
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _take_motion(self, xy: cython.const[cython.double][:, ::1]) -> cython.void:
         """Of the pins that count."""
         for i in range(self.n_pins):
@@ -343,7 +337,6 @@ class ContactFit:
         return self._explain(self._last[points], False)
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _clear(self) -> cython.void:
         """Parameters to begin with, but for places and lines; and their priors."""
         for i in range(self._m):
@@ -375,7 +368,6 @@ class ContactFit:
         return self._error
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _descend_on(self) -> cython.bint:
         """Two steps at most from an earlier frame's optimum, since more of them often end in another one.
         Whether they end in an optimum, or out of reach of the limit.
@@ -403,7 +395,6 @@ class ContactFit:
         return False
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _descend(self) -> cython.void:
         """Steps while they gain."""
         size = _OWN * self._m + _COMMON
@@ -429,7 +420,6 @@ class ContactFit:
         self.least = self._error
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _follow(self, shape: cython.Py_ssize_t) -> cython.bint:
         """Begin where the last frame's fit ended; False: there is none, or not near where to begin."""
         own = _OWN * self._m
@@ -454,7 +444,6 @@ class ContactFit:
         return True
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _sum_up(self) -> cython.double:
         """Normal equations at the present parameters; the squared error."""
         size = _OWN * self._m + _COMMON
@@ -474,7 +463,6 @@ class ContactFit:
         return cost
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _sum_products(self, n: cython.Py_ssize_t, columns: cython.Py_ssize_t) -> cython.void:
         """Add the products of each two columns of the first n rows to `_normal`, four rows at a time: n
         and the width are multiples of 4. What is above the diagonal is of no use.
@@ -490,7 +478,6 @@ class ContactFit:
                     )
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _explain(self, parameters: cython.double[::1], derive: cython.bint) -> cython.double:
         """What contacts and affine motion leave of the pins' motion, and its rows; the squared error."""
         base = _OWN * self._m
@@ -526,7 +513,6 @@ class ContactFit:
         return cost
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _off(self, parameters: cython.double[::1], j: cython.Py_ssize_t) -> cython.double:
         """How far a parameter is from its prior's mean: that of a width is where the fit begins."""
         if j < _OWN * self._m and j % _OWN == 2:
@@ -534,7 +520,6 @@ class ContactFit:
         return parameters[j]
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _add_point(
         self, parameters: cython.double[::1], p: cython.Py_ssize_t, derive: cython.bint
     ) -> cython.void:
@@ -580,7 +565,6 @@ class ContactFit:
             rows[q, p + 7] = rows[r, p + 6] = -fx * dy
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _add_line(self, parameters: cython.double[::1], derive: cython.bint) -> cython.void:
         """The same by a line: weighted sums over its nodes."""
         rows: cython.double[:, ::1] = self._rows
@@ -655,7 +639,6 @@ class ContactFit:
             self._sums[i, k] = s[k]
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _find_step(self, damping: cython.double) -> cython.bint:
         """`_next` from the present parameters by one damped step (Cholesky), and `_promise`; False: not
         positive definite.
@@ -714,7 +697,6 @@ class ContactFit:
                 self._next[p + 7] *= self._radius / far
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _write(self) -> cython.void:
         for i in range(self._m):
             self.place[i, 0] = self._now[_OWN * i] * self._pitch_px

@@ -18,25 +18,19 @@ Rules
   as long as that leaves the other shapes too large an error, only a shape whose result is wanted is fitted.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from enum import IntEnum, auto
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from edge.features.params import CONTACTS_MAX, PARAMS, FeatureParams
+from edge.features.regions import Regions
 from edge.features.several.contact_fit import FITS_MAX, ContactFit
 from edge.features.surface import Surface
 from edge.geometry.lattice import N_RING
 from edge.types import Array, FittedContact, Mask, Tracks
-
-if TYPE_CHECKING:
-    from edge.features.contacts import Regions
-
-__all__ = ["Fits", "FittedContacts"]
 
 #: Two points as far from a region's middle, in its semi-axes, have its variance: a semi-axis is two sigmas.
 _HALF = 0.5

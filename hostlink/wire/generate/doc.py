@@ -175,7 +175,7 @@ def _receiver() -> list[str]:
         "5. *Silence*: what was felt last is not what is felt now. Note when each sample came; after five periods",
         "   without one nothing is known, and the hand stops.",
         "",
-        "README.md has both loops that do this, in Python and in C; a test runs them.",
+        "docs/robot.md has the loop that does this in Python, docs/firmware.md the one in C; a test runs both.",
         "",
     ]
 

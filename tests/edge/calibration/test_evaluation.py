@@ -10,9 +10,9 @@ import msgspec
 import numpy as np
 import pytest
 
+from calib.terms import evaluate_terms, term_columns
 from edge.calibration.evaluation import ModelKernel
 from edge.calibration.file import Curve, Lost, Model, Polynomial, Process
-from edge.calibration.inputs import evaluate_terms, term_columns
 from edge.errors import CalibrationError
 from edge.types import Array, Complex
 from tests.support.calibrations import calibration_content, parsed

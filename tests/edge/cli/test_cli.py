@@ -23,15 +23,19 @@ import numpy as np
 import pytest
 
 from calib.sim import Camera, Simulator, Tip, ToolPose
+from edge.calibration import Calibration
 from edge.cli.progress import counting, waiting
-from edge.recording.reader import read_messages
+from edge.examples import example_file
+from edge.frame import Pipeline
 from edge.recording.writer import Recorder
+from edge.rest.tare import tare
 from edge.runtime.loop import Loop
 from edge.runtime.statistics import LoopStatistics, StatisticsCollector
 from edge.sensors import load_sensor
 from edge.sources import open_source
 from hostlink.wire import Status
 from tests.support.commands import run_edge as command
+from tests.support.messages import read_messages
 from tests.support.processes import edge, python
 from tests.support.waiting import SOON_S
 
@@ -148,6 +152,35 @@ def test_replay_prints_what_was_held_and_sent(data_dir: Path) -> None:
     assert table["displacement_max_mm"] == pytest.approx(3.0, abs=0.15)
     # The scene shears by (1.2, -0.9) mm.
     assert table["shear_peak_deg"] == pytest.approx(np.degrees(np.arctan2(-0.9, 1.2)), abs=3.0)
+
+
+def test_the_example_shows_millimetres_by_itself() -> None:
+    done = command("replay", "example:press", "--speed", "max", "--sink", "memory:", "--json")
+    assert done.code == 0
+    assert json.loads(done.out)["displacement_max_mm"] == pytest.approx(2.5, abs=0.05)
+    done = command("replay", "example:absent")
+    assert (done.code, done.err) == (2, "error: example:absent: no such example; one of example:press\n")
+
+
+def test_the_simulator_has_a_calibration() -> None:
+    calibration = Calibration.load(example_file("example:sim", ".json"))
+    frames = list(open_source("sim:press?paced=0"))
+    pipeline = Pipeline(tare([frame.image for frame in frames[:8]], np.inf, calibration), calibration)
+    last = [pipeline.process(frame) for frame in frames[8:]][-1]
+    assert last.reading.contacts[0] == pytest.approx([4.0, -3.0, 3.0], abs=0.2)
+
+
+def test_the_example_loops_without_a_search_and_fits_its_truth() -> None:
+    calibration = Calibration.load(example_file("example:press", ".json"))
+    frames = list(open_source("example:press"))
+    pipeline = Pipeline(tare([frame.image for frame in frames[:8]], np.inf, calibration), calibration)
+    assert pipeline.process(frames[8]).searched
+    for frame in (*frames[9:], *frames):
+        result, truth = pipeline.process(frame), frame.truth or {}
+        assert not result.searched
+        values = result.reading.values
+        assert values["displacement_mm"] == pytest.approx(truth["depth_mm"], abs=0.2)
+        assert values["force_n"] == pytest.approx(sum(truth["forces_n"]), abs=0.1)
 
 
 def test_a_recording_of_a_replay_replays_the_same(data_dir: Path, tmp_path: Path) -> None:
@@ -381,6 +414,9 @@ def test_a_dark_period_is_a_status_bit_and_a_count(data_dir: Path, tmp_path: Pat
     *samples, summary = [json.loads(line) for line in done.out.splitlines()]
     assert summary["unidentified_n"] == 4
     assert summary["faults"]["IMAGE_DARK"] == 1
+    assert summary["without_values"]["IMAGE_DARK"] == 4
+    shown = command("render", tmp_path, "--height", "120", "--json", "-o", tmp_path.with_suffix(".mkv"))
+    assert json.loads(shown.out)["without_values"] == summary["without_values"]
     lost = [bool(Status(sample["status"]) & Status.TRACKER_LOST) for sample in samples]
     assert lost == [False] * 3 + [True] * 4 + [False] * (len(samples) - 7)
     assert samples[-1]["pins_tracked"] == 1.0
@@ -419,7 +455,7 @@ def test_a_recording_that_does_not_fit_on_the_disk_is_no_success(
 ) -> None:
     """As the worker reports it."""
     stays = property(lambda feed: fault, lambda feed, value: None)
-    monkeypatch.setattr("edge.worker.feeds.RecordingFeed.fault", stays, raising=False)
+    monkeypatch.setattr("edge.recording.session.RecordingSession.fault", stays, raising=False)
     replay = ("replay", data_dir / "press_shear.mcap", "--speed", "max", "-q")
     assert command(*replay, "--record", tmp_path / "a.mcap").code == (1 if fault else 0)
     assert (f"recording: {fault}" in caplog.text) == (fault is not None)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from edge.calibration import Calibration
-from edge.cli.render import Style, render_recording
+from edge.cli.render import render_recording
 from edge.pins import take_rest
 from edge.recording.reader import RecordingSource
 from edge.view.panels import View, draw_camera
@@ -32,11 +32,12 @@ def red_n(image: np.ndarray) -> int:
 def test_every_frame_is_in_the_video(data_dir: Path, tmp_path: Path) -> None:
     calibration = Calibration.load(data_dir / "rings331_ball.json")
     made = render_recording(
-        str(data_dir / "press.mcap"), tmp_path / "a.mkv", calibration, Style(rate_hz=25, height=320)
+        str(data_dir / "press.mcap"), tmp_path / "a.mkv", calibration, rate_hz=25, height=320
     )
     recorded = list(RecordingSource(data_dir / "press.mcap"))
     frames = frames_of(tmp_path / "a.mkv")
-    assert (made.frames_n, made.unidentified_n, made.pins_n, made.rate_hz) == (len(recorded), 0, 331, 25)
+    assert made.pop("without_values") == {}
+    assert made == {"frames_n": len(recorded), "unidentified_n": 0, "pins_n": 331, "rate_hz": 25}
     assert len(frames) == len(recorded)
     touch_panels = [frame[:320, :320] for frame in frames]  # the left panel
     assert red_n(touch_panels[0]) == 0

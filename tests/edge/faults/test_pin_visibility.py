@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from edge.faults.pin_visibility import BASELINE_N, SETTLED_N, PinVisibility
+from edge.faults.pin_visibility import BASELINE_N, PinVisibility
 from edge.params import ASTRAY_REL
-from edge.types import Array, Mask, Tracks
+from edge.types import Array, ContactRegion, Features, Mask, Tracks
 from tests.support.fields import tip
 
 REST = tip(331)
@@ -63,15 +63,31 @@ def test_four_neighbours_are_enough_and_four_anywhere_are_not() -> None:
     assert not vanish(apart)
 
 
-def test_values_return_when_nearly_all_are_back_for_some_frames() -> None:
+def test_values_return_with_the_pins() -> None:
     pins, everyone = PinVisibility(REST), np.zeros(N, np.bool_)
     lost = np.random.default_rng(3).permutation(N)
-    many, some, few = (np.isin(np.arange(N), lost[:n]) for n in (50, 10, 1))
+    many, some = (np.isin(np.arange(N), lost[:n]) for n in (50, 10))
     assert not pins.problem(frame(everyone))
-    assert "vanished at once" in pins.problem(frame(many))
-    assert all(pins.problem(frame(some)) for _ in range(20))
-    answers = [bool(pins.problem(frame(few))) for _ in range(SETTLED_N)]
-    assert answers == [True] * (SETTLED_N - 1) + [False]
+    assert all("vanished at once" in pins.problem(frame(many)) for _ in range(20))
+    assert not pins.problem(frame(some))
+
+
+def contact_at(pin: int, radius_px: float) -> Features:
+    at, none = XY[pin], np.full(2, np.nan)
+    found = ContactRegion(at, 0.3, np.pi * radius_px**2, np.nan, 1.0, at[None], at, none, none)
+    return Features(np.zeros(N), np.zeros((N, 2)), in_contact=True, contacts=(found,))
+
+
+def test_a_contact_explains_the_pins_that_it_hides_and_no_others() -> None:
+    """It says that they are partly seen, and values are sent."""
+    hole = np.hypot(*(XY - XY[165]).T) < 2.6 * PITCH
+    pins = PinVisibility(REST)
+    assert "a contact hides them" in pins.problem(frame(hole), contact_at(165, 2.0 * PITCH))
+    assert pins.explained
+    for elsewhere in (contact_at(0, 2.0 * PITCH), contact_at(165, 0.1 * PITCH)):
+        pins = PinVisibility(REST)
+        assert pins.problem(frame(hole), elsewhere)
+        assert not pins.explained
 
 
 def test_a_tip_that_has_lost_pins_for_good_becomes_usable_again() -> None:

@@ -13,12 +13,12 @@ import canopen
 import pytest
 
 from edge.errors import CalibrationError
-from edge.link.medium import CanFrame, Medium, MediumError, opener
+from edge.link.medium import CanFrame, Medium, MediumError
 from edge.link.nmt import NmtState
 from edge.link.node import Node
 from edge.link.object_server import Aborted
 from edge.link.settings import NodeSettings, SettingsFile
-from edge.link.sinks import CanFdSink, SerialSink, open_sink
+from edge.link.sinks import CanFdSink, SerialSink, open_sink, opener
 from hostlink import wire
 from hostlink.wire import Abort, FaultCode, Message, Op, State, Status, object_named
 from hostlink.wire.address import parse_address

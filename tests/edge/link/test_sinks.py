@@ -138,7 +138,9 @@ def test_interface_down_and_back(channel: str, flaky: Flaky, fd_sink: CanFdSink)
     assert fd_sink.faults == frozenset()
 
 
-def test_full_buffer_drops_and_keeps_the_bus(flaky: Flaky, fd_sink: CanFdSink) -> None:
+def test_full_buffer_drops_and_keeps_the_bus(
+    flaky: Flaky, fd_sink: CanFdSink, monkeypatch: pytest.MonkeyPatch
+) -> None:
     reports = Reports(fd_sink)
     flaky.trouble = errno.ENOBUFS
     until(lambda: not (fd_sink.send(state(1)) or fd_sink.up), "drops for long are a lost link")
@@ -153,7 +155,8 @@ def test_full_buffer_drops_and_keeps_the_bus(flaky: Flaky, fd_sink: CanFdSink) -
     reports.wait()
     assert flaky.opened_n == 1
     assert fd_sink.counters.reconnects == 0
-    patient = CanFdSink("patient", flaky, params=replace(PARAMS, stall_s=SOON_S))
+    monkeypatch.setattr("edge.link.link_sink.PARAMS", replace(PARAMS, stall_s=SOON_S))
+    patient = CanFdSink("patient", flaky)
     flaky.trouble = errno.ENOBUFS
     assert not patient.send(state(3))
     assert patient.up  # one full buffer is no lost link

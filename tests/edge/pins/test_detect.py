@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from skimage.data import coins
 
 from edge.errors import NoPins
-from edge.pins import CentroidRefiner, detect, inspect_image, learn_pattern, take_rest
+from edge.pins import CentroidRefiner, detect, learn_pattern, take_rest
 from edge.pins.rest_frame import with_voted
 from edge.types import Array, Image, Pins, Polarity
 from tests.support.images import grey, read_grey
@@ -104,7 +104,7 @@ def textures() -> dict[str, Image]:
 @pytest.mark.parametrize(("name", "image"), textures().items())
 def test_an_image_without_a_tip_raises_one_line(name: str, image: Image) -> None:
     with pytest.raises(NoPins) as caught:
-        inspect_image(image)
+        detect(image)
     assert "no pattern of pins" in str(caught.value)
     assert "\n" not in str(caught.value)
 
@@ -237,7 +237,7 @@ def test_dark_pins_are_found_without_their_reflections(glints: bool) -> None:
     for pattern in (learn_pattern(image), take_rest([image, image]).pattern):
         assert pattern.dark
         assert missed_and_false(detect(image, pattern), truth, 0.5) == (0, 0)
-    assert missed_and_false(inspect_image(image), truth, 0.5) == (0, 0)
+    assert missed_and_false(detect(image), truth, 0.5) == (0, 0)
 
 
 def same_pins(a: Pins, b: Pins) -> bool:
@@ -281,12 +281,12 @@ def test_dark_grid_under_uneven_coloured_light_that_the_border_cuts() -> None:
     v, u = np.mgrid[0:240, 0:320]
     light = np.stack([60 + 0.5 * v, 150 - 0.3 * v, 40 + 0.35 * u], axis=2)
     picture = expose(light * dots[:, :, None], 1.0, np.random.default_rng(6))
-    assert missed_and_false(inspect_image(picture), truth[truth[:, 1] > 3.0], 0.5) == (0, 0)
+    assert missed_and_false(detect(picture), truth[truth[:, 1] > 3.0], 0.5) == (0, 0)
 
 
 def test_pins_too_large_for_a_window_are_refused_with_the_limit() -> None:
-    truth = hexagon(2, 170.0, (480.0, 480.0))
-    image = expose(draw((960, 960), truth, 44.0, 2.0, 120, 30), 2.0, np.random.default_rng(12))
+    truth = hexagon(2, 255.0, (720.0, 720.0))
+    image = expose(draw((1440, 1440), truth, 66.0, 2.0, 120, 30), 2.0, np.random.default_rng(12))
     with pytest.raises(NoPins, match=r"radius.*smaller image"):
         take_rest([image])
 

@@ -16,7 +16,7 @@ from mcap.writer import CompressionType, Writer
 
 from edge.errors import SourceError
 from edge.recording.mcap_file import read_metadata
-from edge.recording.reader import RecordingSource, read_messages
+from edge.recording.reader import RecordingSource
 from edge.recording.topics import proto
 from edge.recording.writer import Recorder
 from edge.types import Frame
@@ -24,6 +24,7 @@ from hostlink.mcap_chunk import UNPACKED_MAX
 from tests.edge.sources.test_image_header import png_of
 from tests.support.mcap_bomb import write_mcap_bomb
 from tests.support.memory import bounded_memory
+from tests.support.messages import read_messages
 from tests.support.seeds import SEED
 
 MEMORY_MAX = 48 << 20  # in addition to that used before; the files are below 1 MiB

@@ -15,9 +15,9 @@ from mcap_protobuf.decoder import DecoderFactory
 from mcap_protobuf.writer import Writer
 
 from edge.errors import SinkError, SourceError
-from edge.recording import writer
+from edge.recording import messages
 from edge.recording.mcap_file import read_metadata
-from edge.recording.reader import RecordingSource, read_messages
+from edge.recording.reader import RecordingSource
 from edge.recording.topics import TOPICS, proto
 from edge.recording.writer import Recorder
 from edge.types import Cells, Clock, Features, Frame, Reading, Result, Tracks
@@ -25,6 +25,7 @@ from hostlink.topics import status_text
 from hostlink.wire import State, Status
 from tests.support.fields import contact_region
 from tests.support.layouts import tracks_of
+from tests.support.messages import read_messages
 from tests.support.refusals import one_line
 from tests.support.waiting import SOON_S
 
@@ -149,8 +150,8 @@ def test_results_read_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     (frame,) = frames_of(1)
     path = tmp_path / "a.mcap"
     square, none = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 4.0]]), np.full((3, 2), np.nan)
-    monkeypatch.setattr(writer, "cell_polygons", lambda cells: [none, square])
-    monkeypatch.setattr(writer, "cell_rgba", lambda change: [(1.0, 0.0, 0.0, 0.5)] * 2)
+    monkeypatch.setattr(messages, "cell_polygons", lambda cells: [none, square])
+    monkeypatch.setattr(messages, "cell_rgba", lambda change: [(1.0, 0.0, 0.0, 0.5)] * 2)
     with Recorder(path, tip={"serial": "T-1"}, rate_hz=240) as recorder:
         recorder.finger = 2
         warm = State(sample=7, status=Status.OVER_TEMPERATURE, displacement_mm=1.5, force_n=float("nan"))

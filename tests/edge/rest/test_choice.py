@@ -14,8 +14,9 @@ from edge.errors import NoPins
 from edge.pins import take_rest
 from edge.rest.choice import aligned, choose_rest, rest_if_touched, rest_of_source
 from edge.rest.tip_match import in_order_of
-from edge.sources import open_source, read_image
-from edge.types import Image, RecordedSource, Rest
+from edge.sources import open_source
+from edge.sources.files import FileSource, read_image
+from edge.types import Image, Rest
 
 TIP = Tip(n_pins=127, kind="hex")
 RNG = np.random.default_rng(19)
@@ -70,12 +71,12 @@ def test_a_calibration_s_rest_pins_are_moved_onto_a_touched_image(data_dir: Path
     assert moved.xy_img - true.xy_img == pytest.approx(np.tile([-2.0, 3.0], (len(true), 1)), abs=0.2)
 
 
-def recording(folder: Path, images: list[Image]) -> RecordedSource:
+def recording(folder: Path, images: list[Image]) -> FileSource:
     folder.mkdir()
     for number, image in enumerate(images):
         cv2.imwrite(str(folder / f"{number}.png"), image)
     source = open_source(str(folder))
-    assert isinstance(source, RecordedSource)
+    assert isinstance(source, FileSource)
     return source
 
 

@@ -18,7 +18,8 @@ from edge.frame import Pipeline
 from edge.pins import take_rest
 from edge.rest.sensor_match import CLEAR, layout_of, match_layout, mm_per_px, recognise
 from edge.sensors import known_sensors, load_sensor, missing_pins
-from edge.sources import open_source, read_image
+from edge.sources import open_source
+from edge.sources.files import read_image
 from edge.types import Image, Rest
 from tests.support.layouts import only, pins_at
 

@@ -9,7 +9,8 @@ import pytest
 from calib.sim import Camera, Simulator, Tip, ToolPose
 from edge.pins import take_rest
 from edge.rest.symmetry import RestSymmetry, symmetry_of
-from edge.sources import open_source, read_image
+from edge.sources import open_source
+from edge.sources.files import read_image
 from edge.types import Image
 
 SENSORS = ("gelsight-mini", "square-grid", "tactip-127", "tactip-331")

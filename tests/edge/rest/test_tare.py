@@ -20,7 +20,8 @@ from edge.rest.tare import RestFrame, TareRefused, take_rest_frame
 from edge.runtime import measurement
 from edge.runtime.calibration_store import CalibrationStore
 from edge.runtime.device import LoopDevice
-from edge.sources import Paced, open_source
+from edge.sources import open_source
+from edge.sources.paced import Paced
 from edge.types import Frame, Image
 from hostlink.wire import FaultCode, RestFrameReason, RestFrameState, Status
 from tests.support.finger import Finger

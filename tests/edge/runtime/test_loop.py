@@ -12,7 +12,6 @@ import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
-from unittest.mock import Mock
 
 import cv2
 import numpy as np
@@ -304,11 +303,12 @@ def test_a_failing_viewer_is_disconnected(finger: Finger) -> None:
 
 
 def test_a_failing_recorder_ends_only_the_recording(finger: Finger) -> None:
-    recorder = Mock(fault=None, dropped_n=0)
-    recorder.take.side_effect = OSError("gone")
-    finger.loop.session.recorder = recorder
+    def broken(name: str, *_: object) -> bool:
+        raise OSError("gone")
+
+    finger.loop.session.begin(broken)
     assert measured(finger.see(finger.frames[20].image))
-    assert finger.loop.session.recorder is None
+    assert finger.loop.session.put is None
     assert finger.faults == {FaultCode.DISK_FULL}
 
 

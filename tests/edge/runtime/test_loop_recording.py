@@ -10,7 +10,6 @@ from mcap.reader import make_reader
 
 from edge.calibration import Calibration
 from edge.link.sinks import MemorySink
-from edge.recording.reader import read_messages
 from edge.recording.writer import Recorder
 from edge.runtime.loop import Loop
 from edge.sources import open_source
@@ -19,6 +18,7 @@ from hostlink.topics import Diagnosis, Level, values_of
 from hostlink.web import Listen
 from hostlink.wire import State, pack_state, unpack_state
 from tests.hostlink.bridge.hand import Hand
+from tests.support.messages import read_messages
 from tests.support.waiting import SOON_S
 
 
@@ -30,7 +30,7 @@ def recorded(data_dir: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[
     loop = Loop(open_source(str(data_dir / "press.mcap")), [sink], calibration)
     with Recorder(path, tip={"serial": "T-3"}, rate_hz=60) as recorder:
         recorder.finger = 3
-        loop.session.recorder = recorder
+        loop.session.begin(lambda name, *given: getattr(recorder, name)(*given) is not False)
         loop.run()
     assert recorder.fault is None
     assert recorder.dropped_n == recorder.refused_n == 0

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from edge.errors import SourceError
-from edge.sources import open_source, read_image
+from edge.sources import open_source
+from edge.sources.files import read_image
 from edge.sources.image_header import check_size, image_size
 
 FORMATS = (".png", ".jpg", ".bmp", ".tif", ".pgm", ".webp")

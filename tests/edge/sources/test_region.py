@@ -13,7 +13,8 @@ from edge.errors import SourceError
 from edge.pins import take_rest
 from edge.recording.writer import Recorder
 from edge.sensors import load_sensor
-from edge.sources import Paced, open_source
+from edge.sources import open_source
+from edge.sources.paced import Paced
 from edge.types import Array, Image
 from tests.support.refusals import one_line
 

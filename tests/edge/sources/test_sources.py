@@ -18,10 +18,11 @@ from edge.errors import SourceError
 from edge.params import PARAMS as RUNTIME
 from edge.recording.reader import RecordingSource
 from edge.recording.writer import Recorder
-from edge.sources import FolderSource, Paced, ThreadedSource, VideoSource, open_source, read_image
-from edge.sources.files import growing
-from edge.sources.live import Watch
+from edge.sources import open_source
+from edge.sources.files import FolderSource, VideoSource, growing, read_image
+from edge.sources.live import ThreadedSource, Watch
 from edge.sources.options import Options, parse_spec
+from edge.sources.paced import Paced
 from edge.types import Clock, Frame, Lens, Polarity, Region
 from tests.support.refusals import one_line
 from tests.support.waiting import SOON_S
@@ -90,7 +91,7 @@ def test_keys_win_over_settings() -> None:
         ("nowhere/", "no such file"),
         ("", "no such file"),
         ("a\0b", "no such file"),
-        ("ftp:somewhere", r"no scheme 'ftp'; known: images:, mcap:.* oak:.* v4l2:.* video:"),
+        ("ftp:somewhere", r"no scheme 'ftp'; known: example:, images:, mcap:.* oak:.* v4l2:.* video:"),
         ("v4l2:99", "no such camera; give v4l2:NUMBER, v4l2:SERIAL or .*; cameras here"),
         ("/dev/video99", "no such camera"),
         ("v4l2:SERIAL-4711", "no such camera"),

@@ -10,7 +10,7 @@ from calib.sim import deform
 from edge.errors import DegenerateLayout
 from edge.geometry.lattice import Lattice
 from edge.pins import detect, take_rest
-from edge.sources import read_image
+from edge.sources.files import read_image
 from edge.tracking import Tracker
 from edge.tracking.hypothesis import Hypothesis, certain_match
 from edge.tracking.motion_model import MotionModel

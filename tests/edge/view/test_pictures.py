@@ -181,14 +181,15 @@ def test_pictures_have_one_size(scene: Scene, mm_per_px: float, confidence: floa
 
 def test_overlay_of_found_pins(tmp_path: Path) -> None:
     pins = pins_at(np.array([[20.0, 20], [40, 20], [20, 40]]), 5.0)
-    save_pins_overlay(tmp_path / "a.png", np.zeros((60, 80), np.uint8), pins)
+    drawn_of = np.zeros((60, 80), np.uint8), pins, np.zeros(3, bool), np.empty((0, 2)), (), ()
+    save_pins_overlay(tmp_path / "a.png", *drawn_of)
     drawn = cv2.imread(str(tmp_path / "a.png"))
     assert drawn is not None
     assert drawn.shape == (120, 160, 3)
     columns = np.flatnonzero(drawn.any(axis=(0, 2)))
     assert columns.min() == pytest.approx(2 * (20.5 - 5) - 0.5, abs=1.5)
     with pytest.raises(SinkError, match="cannot be written"):
-        save_pins_overlay(tmp_path / "no such folder" / "a.png", np.zeros((60, 80), np.uint8), pins)
+        save_pins_overlay(tmp_path / "no such folder" / "a.png", *drawn_of)
 
 
 @pytest.mark.parametrize("mm_per_px", [0.0, 0.05])

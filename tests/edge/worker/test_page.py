@@ -13,16 +13,16 @@ import pytest
 from mcap.reader import make_reader
 
 from edge.cells import cell_polygons
-from edge.recording.reader import RecordingSource, read_messages
+from edge.recording.reader import RecordingSource
 from edge.types import Feature
 from edge.view.scene import CHART
-from edge.worker.messages import Show
 from edge.worker.page import LivePage
 from edge.worker.params import PARAMS
 from hostlink.web import PageServer, WebError, parse_listen, unpack_packet
 from hostlink.web.limits import WebLimits
 from hostlink.wire import FaultCode
 from tests.support.exact import circumcentre
+from tests.support.messages import read_messages
 from tests.support.processes import python
 from tests.support.refusals import one_line
 from tests.support.viewing import TOKEN, Live
@@ -176,7 +176,7 @@ def test_without_the_token_a_viewer_may_only_watch(live: Live) -> None:
     tares_n = live.loop.measurement.tares_n
     watch(live, look)
     assert live.loop.measurement.tares_n == tares_n
-    assert live.loop.session.recorder is None
+    assert live.loop.session.put is None
 
 
 def test_a_packet_holds_what_the_loop_measured(live: Live) -> None:
@@ -231,7 +231,7 @@ def test_charts_get_every_sample_once(monkeypatch: pytest.MonkeyPatch) -> None:
     for n in range(120):
         now_s += 1 / 60
         row = (now_s, float(n), *[0.0] * (len(CHART) - 2))
-        page.show(Show(now_s, now_s, n, [row], None, None, None, None, {"pins_n": 3}))
+        page.show(now_s, now_s, n, [row], None, None, None, {"pins_n": 3})
         if n % 5:
             continue
         made = page._make(frozenset())
@@ -329,7 +329,7 @@ def test_an_unwritable_folder_is_reported(live: Live) -> None:
     away.rename(folder)
     assert not answer["ok"]
     assert "give another folder" in answer["message"]
-    assert live.loop.session.recorder is None
+    assert live.loop.session.put is None
 
 
 async def visit(session: aiohttp.ClientSession, url: str, known: set[asyncio.Task[bool] | None]) -> bool:

@@ -20,15 +20,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
-from edge.recording.reader import RecordingSource, read_messages
+from edge.recording.reader import RecordingSource
 from edge.sources import open_source
 from edge.worker.client import WorkerClient
-from edge.worker.messages import WorkerConfig
-from edge.worker.params import WorkerParams
+from edge.worker.params import WorkerConfig, WorkerParams
 from edge.worker.shared_memory import Inbox, Outbox
 from hostlink.interrupt import ENDING
 from hostlink.wire import FaultCode
 from tests.support.finger import Finger
+from tests.support.messages import read_messages
 from tests.support.processes import python
 from tests.support.viewing import Live
 from tests.support.waiting import SOON_S, size_of, until

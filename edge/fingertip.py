@@ -1,0 +1,53 @@
+"""Image in, features out, without a bus: what `from edge import Fingertip` gives."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from edge.calibration import Calibration
+from edge.examples import example_calibration
+from edge.frame import ALL, Pipeline
+from edge.rest.tare import take_rest_frame
+from edge.types import Feature, Frame, Image, Result
+
+
+class Fingertip:
+    """One fingertip, read from its camera's images.
+
+    untouched    images of the untouched tip, 8 as a rule: (h, w) uint8, grey; or uint16
+    calibration  of this tip, a file or example:NAME; None: values in px alone
+    bits         significant in each pixel
+    Raises       EdgeError: no pins, a touch, another tip, or the file cannot be read
+    """
+
+    def __init__(
+        self, untouched: Sequence[Image], calibration: str | Path | None = None, bits: int = 8
+    ) -> None:
+        file = calibration and (example_calibration(str(calibration)) or calibration)
+        loaded = Calibration.load(file) if file else None
+        self.rest = take_rest_frame([_grey(image) for image in untouched], calibration=loaded).rest
+        self._pipeline = Pipeline(self.rest, loaded, ALL - {Feature.SURFACE})
+        self._bits, self._sequence = bits, 0
+
+    def read(self, image: Image, time_s: float) -> Result:
+        """The features of the next image, and its calibrated values.
+
+        image    as those of the untouched tip
+        time_s   when it was taken, on any clock: slip and vibration are rates
+        Returns  `reading.values` by name, in mm, N and deg, NaN where not valid; `features` in px, None where
+                 the pins could not be identified; `tracks`, where each pin is
+        Raises   ValueError: no grey image of the same size
+        """
+        width, height = self.rest.pattern.size_px
+        if _grey(image).shape != (height, width):
+            raise ValueError(f"image of {image.shape[1]}x{image.shape[0]} px; give {width}x{height}")
+        self._sequence += 1
+        return self._pipeline.process(Frame(image, round(time_s * 1e9), self._sequence, bits=self._bits))
+
+
+def _grey(image: Image) -> Image:
+    """Raises ValueError: it is no grey image."""
+    if image.ndim != 2 or image.dtype not in (np.uint8, np.uint16):
+        raise ValueError(f"image of shape {image.shape}, {image.dtype}; give a grey one, uint8 or uint16")
+    return image

@@ -1,0 +1,36 @@
+# C types of what every sample takes; see clock.py.
+import cython
+
+cdef double BUCKET_S, LONG_US, DRIFTED_S, SETTLE_S, EARLY_S, LATE_S
+cdef long long WRAP_US
+cdef int SETTLE_N, LATE_N
+
+cdef class ClockMap:
+    cdef public double _transit_s
+    cdef double _lowest_at_s, _lowest_offset_s, _closed_s, _newest_at_s, _newest_offset_s
+    cdef double _bucket_start_s, _slope, _wander, _last_host_s, _settling_from_s, _on_time_s
+    cdef double _settle_span_s, _late_since_s, _late_least_s, _uncertainty_s
+    cdef readonly double lateness_s
+    cdef readonly int restarts
+    cdef object _lock, _acquire, _release, _buckets, _floors
+    cdef bint _is_known
+    cdef long long _last_us, _captured_us
+    cdef int _settling_n, _late_n
+
+    @cython.locals(captured_us=cython.longlong, delay_us=cython.longlong)
+    cpdef object take(self, long long capture_us, double latency_us, double host_s)
+    cdef _begin(self)
+    cdef _restart(self)
+    @cython.locals(upper=double, lower=double, error_s=double, at_s=double)
+    cdef object _host_time(self, long long unwrapped_us)
+    cdef _observe(self, long long unwrapped_us, double host_s)
+    cdef _close_bucket(self)
+    cdef bint _is_settled(self, double at_s) noexcept
+    cdef bint _contradicts(self, double at_s, double offset_s, double host_s) except -1
+    @cython.locals(passed_us=cython.longlong, expected_us=cython.longlong)
+    cdef long long _unwrap(self, long long device_us, double host_s) noexcept
+    @cython.locals(passed_s=double, bound=double, bucket_at_s=double, offset_s=double)
+    cdef (double, double) _bounds(self, double at_s) except *
+    cdef _fit(self)
+
+cdef long long _signed(long long difference_us) noexcept

@@ -1,0 +1,31 @@
+# C types of what every sample takes; see body.py.
+import cython
+
+cdef object nan, status_of, crc32
+cdef int _AT, _END, _OURS, _ID, _SIZE
+cdef bint _COMPILED
+
+@cython.locals(body=bytes, data_id=cython.int, is_ours=cython.bint, check=cython.uint)
+cpdef bytes body_in(bytes frame)
+cdef int _crc_of(bytes frame, int data_id) except -1
+@cython.locals(i=cython.int, byte=cython.int, x=cython.int, register=cython.int)
+cdef int _register_of(const unsigned char* frame, int data_id) noexcept
+
+cdef class FromFrame:
+    cdef readonly bytes body
+
+@cython.locals(state=FromFrame)
+cpdef object received(kind, bytes body)
+
+cdef class Decoded:
+    cdef object _default
+    cdef double _scale
+    cdef bint _plain, _status
+    cdef Py_ssize_t _at, _size
+    cdef long long _span, _top, _nan, _whole
+
+    cdef object _of(self, FromFrame state)
+    @cython.locals(raw=cython.longlong)
+    cpdef object value(self, bytes body)
+    @cython.locals(at=Py_ssize_t, raw=cython.longlong, high=cython.longlong)
+    cpdef long long raw(self, bytes body) except? -1

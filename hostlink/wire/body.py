@@ -1,0 +1,130 @@
+# cython: annotation_typing=False
+"""What is done with every received state frame: its checks, and decoding a field of it when that is read.
+
+Compiled where a compiler is, with the C types in `body.pxd`; the same without. A body is the frame's version
+and fields, which a received sample keeps.
+"""
+
+from __future__ import annotations
+
+from binascii import crc_hqx
+from math import nan
+from typing import Any, Final, TypeVar
+from zlib import crc32
+
+from hostlink.wire.errors import CorruptFrame
+from hostlink.wire.fields import CHECK_SIZE, DATA_ID, HEADER_SIZE, OLDER, STATE_SIZE, VERSION, Field
+from hostlink.wire.status import status_of
+
+__all__ = ["Decoded", "FromFrame", "body_in", "received"]
+
+T = TypeVar("T", bound="FromFrame")
+_AT: Final = HEADER_SIZE - 1
+_END: Final = STATE_SIZE - CHECK_SIZE
+_OURS: Final = VERSION
+_SIZE: Final = STATE_SIZE
+_ID: Final = DATA_ID
+_COMPILED: Final = not __file__.endswith(".py")  # a loop over bytes is slow where it is not
+
+
+def body_in(frame: bytes) -> bytes:
+    """Version and fields of a frame. Raises CorruptFrame: length, CRC, version or check is wrong."""
+    if len(frame) != STATE_SIZE:
+        raise CorruptFrame(f"state frame of {len(frame)} bytes instead of {STATE_SIZE}")
+    is_ours = frame[_AT] == _OURS
+    older = None if is_ours else OLDER.get(frame[_AT])
+    data_id = _ID if older is None else older.data_id
+    if _crc_of(frame, data_id) != frame[0] | frame[1] << 8:
+        raise CorruptFrame("state frame with a wrong CRC")
+    if not is_ours and older is None:
+        raise CorruptFrame("state frame whose version does not fit its CRC")
+    body = frame[_AT:_END]
+    check = crc32(body)
+    if check & 0xFFFF != frame[_END] | frame[_END + 1] << 8:
+        raise CorruptFrame("state frame whose content does not fit its check")
+    return body
+
+
+def _crc_of(frame: bytes, data_id: int) -> int:
+    """The CRC that `e2e.check_p5` compares."""
+    if not _COMPILED:
+        return crc_hqx(data_id.to_bytes(2, "little"), crc_hqx(frame[2:], 0xFFFF))
+    return _register_of(frame, data_id)
+
+
+def _register_of(frame: bytes, data_id: int) -> int:
+    register = 0xFFFF
+    for i in range(2, _SIZE + 2):
+        byte = data_id & 0xFF if i == _SIZE else data_id >> 8
+        if i < _SIZE:
+            byte = frame[i]
+        x = register >> 8 ^ byte
+        x ^= x >> 4
+        register = (register << 8 ^ x << 12 ^ x << 5 ^ x) & 0xFFFF
+    return register
+
+
+class FromFrame:
+    """What a sample that came as a frame keeps of it.
+
+    body  version and fields; None: the sample was made of values
+    """
+
+    body: bytes | None
+
+
+if not _COMPILED:
+    setattr(FromFrame, "body", None)  # noqa: B010
+
+
+def received(kind: type[T], body: bytes) -> T:
+    """A sample of this class, derived from `FromFrame`, that keeps the body."""
+    state = FromFrame.__new__(kind)
+    if _COMPILED:
+        state.body = body
+    else:  # it is frozen
+        state.__dict__["body"] = body
+    return state
+
+
+class Decoded:
+    """A field of a sample that came as a frame: decoded when it is read.
+
+    An instance's own values come before this; a sample that was made of values has the default here.
+    """
+
+    def __init__(self, field: Field, at: int, default: object) -> None:
+        self._default, self._at, self._size = default, at, field.size
+        self._span = 1 << 8 * field.size
+        self._top = (self._span >> 1 if field.signed else self._span) - 1
+        self._scale = field.scale
+        self._whole = field.scale if isinstance(field.scale, int) else 0  # whole numbers stay such
+        self._plain, self._status = field.plain, field.name == "status"
+        self._nan = -1 if field.plain else field.raw_nan(8 * field.size)
+
+    def __get__(self, state: FromFrame | None, owner: type) -> Any:
+        return self._of(state)
+
+    def _of(self, state: FromFrame | None) -> Any:
+        if state is None or state.body is None:
+            return self._default  # of the class, too: what `dataclasses.fields` and a reader of the class see
+        return self.value(state.body)
+
+    def value(self, body: bytes) -> Any:
+        """The value."""
+        raw = self.raw(body)
+        if self._plain:
+            return status_of(raw) if self._status else raw
+        if raw == self._nan:
+            return nan
+        return raw * self._whole if self._whole else raw * self._scale
+
+    def raw(self, body: bytes) -> int:
+        """The raw value."""
+        at, raw = self._at, body[self._at]
+        if self._size > 1:
+            raw |= body[at + 1] << 8
+        if self._size > 2:
+            high = body[at + 3]
+            raw |= body[at + 2] << 16 | high << 24
+        return raw - self._span if raw > self._top else raw
