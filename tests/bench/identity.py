@@ -13,7 +13,7 @@ blob.
 import time
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import combinations_with_replacement
 from pathlib import Path
 from typing import Any
@@ -353,13 +353,10 @@ def _real(folder: Path, every: int) -> dict[str, object]:
         f"CPU ms: median {np.median(ms):.1f}, 95 % {np.percentile(ms, 95):.1f}, worst {ms.max():.1f}\n"
         f"mean motion off the pose's cubic: median {np.median(away):.1f} px, worst {away.max():.1f} px"
     )
-    worst = np.argsort(count, kind="stable")[:10]
-    show([asdict(jumps[k]) | {"off_the_pose_px": float(away[k])} for k in worst], "worst frames")
     return {
         "frames": len(jumps),
         "consistent": dict(zip(("worst", "1 %", "5 %", "median"), quantiles, strict=False)),
         "least_confidence": min(j.confidence for j in jumps),
         "cpu_ms": {"median": round(float(np.median(ms)), 1), "worst": round(float(ms.max()), 1)},
         "off_the_pose_px": {"median": round(float(np.median(away)), 1), "worst": round(float(away.max()), 1)},
-        "worst_frames": [asdict(jumps[k]) for k in worst],
     }

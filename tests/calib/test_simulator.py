@@ -225,20 +225,6 @@ def test_scenes_start_untouched_and_move_no_pin_further_than_a_third_of_the_pitc
         assert np.hypot(*(b - a).T).max() < pitch / 3
 
 
-def test_paced_source_loops_at_its_rate() -> None:
-    source = open_source("sim:nothing?pins=127&layout=hex&rate_hz=240", width=320, height=240)
-    try:
-        n = len(list(play(SCENES["nothing"])))
-        frames = [frame for frame, _ in zip(source, range(n + 5), strict=False)]
-        assert source.live
-        assert source.rate_hz == 240
-        numbers = [frame.sequence for frame in frames]
-        assert numbers == sorted(set(numbers))
-        assert numbers[-1] >= n
-    finally:
-        source.close()
-
-
 def test_bundled_recordings_are_what_their_recipe_makes(data_dir: Path, tmp_path: Path) -> None:
     assert set(data_dir.glob("*.mcap")) < set(make.RECORDINGS)
     assert sum(file.stat().st_size for file in make.RECORDINGS) < 6.5e6

@@ -69,10 +69,8 @@ def _frame(gap: float = 0.0) -> Complex:
     return z
 
 
-def _run(models: Sequence[Model], z: Complex, wanted: frozenset[str] | None = None) -> Array:
-    kernel = ModelKernel(INPUTS, models)
-    kernel.want(wanted)
-    return kernel.of_inputs(z)
+def _run(models: Sequence[Model], z: Complex) -> Array:
+    return ModelKernel(INPUTS, models).of_inputs(z)
 
 
 def _plainly(model: Process, z: Complex) -> list[tuple[float, float]]:
