@@ -13,7 +13,6 @@ from hostlink.cli_exit import run_command
 from hostlink.command_group import CommandGroup, CommandRow
 
 COMMANDS = {
-    "accuracy": "Time of a frame against its error, for every kind of model.",
     "contacts": "Contacts on a second, independent simulator, against their bounds.",
     "grasp": "Two simulated fingers, an object with mass and a gripper, end to end.",
     "hazards": "Rendered hazards through the whole chain: identities, place, depth.",
