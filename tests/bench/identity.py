@@ -346,17 +346,13 @@ def _real(folder: Path, every: int) -> dict[str, object]:
     count = np.array([j.n_consistent for j in jumps])
     ms = np.array([j.ms for j in jumps])
     away = off_the_pose(jumps, folder) if len(jumps) > 200 else np.zeros(len(jumps))
-    quantiles = np.percentile(count, [0, 1, 5, 50, 100]).tolist()
-    show([dict(zip(("worst", "1 %", "5 %", "median", "best"), quantiles, strict=True))], "consistent pins")
-    click.echo(
-        f"confidence {min(j.confidence for j in jumps):.2f}..{max(j.confidence for j in jumps):.2f}; "
-        f"CPU ms: median {np.median(ms):.1f}, 95 % {np.percentile(ms, 95):.1f}, worst {ms.max():.1f}\n"
-        f"mean motion off the pose's cubic: median {np.median(away):.1f} px, worst {away.max():.1f} px"
-    )
-    return {
+    quantiles = np.percentile(count, [0, 1, 5, 50]).tolist()
+    found = {
         "frames": len(jumps),
-        "consistent": dict(zip(("worst", "1 %", "5 %", "median"), quantiles, strict=False)),
+        "consistent": dict(zip(("worst", "1 %", "5 %", "median"), quantiles, strict=True)),
         "least_confidence": min(j.confidence for j in jumps),
         "cpu_ms": {"median": round(float(np.median(ms)), 1), "worst": round(float(ms.max()), 1)},
         "off_the_pose_px": {"median": round(float(np.median(away)), 1), "worst": round(float(away.max()), 1)},
     }
+    show([found], "real frames")
+    return found

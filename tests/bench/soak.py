@@ -65,6 +65,7 @@ NODE = 5
 ANNOUNCED_S = 0.1
 CLEARED_S = 1.0
 BACK_S = 1.0
+PATIENCE_S = 60.0  # for the first sample
 SLOPE_BYTES = 40.0  # a sample; a tuple of two numbers in a list takes 112
 MEMORY_LEAST_N = 20  # values, one a second
 NOISE_MB = 4.0  # by which the first minutes differ; 160 bytes a sample exceed it within a quarter of an hour
@@ -380,9 +381,9 @@ class Soak:
 
     # ---- the run ----------------------------------------------------------------------------------
 
-    def start(self, patience_s: float = 60.0) -> None:
+    def start(self) -> None:
         self.thread.start()
-        end = time.monotonic() + patience_s
+        end = time.monotonic() + PATIENCE_S
         while self.started_s is None and time.monotonic() < end:
             self.thread.join(0.05)
         if self.started_s is None:
@@ -451,11 +452,10 @@ def tell(outcome: Outcome, console: Console) -> None:
 @click.command()
 @click.option("--seconds", default=60.0, show_default=True, type=click.FloatRange(min=10))
 @click.option("--seed", default=1, show_default=True)
-@click.option("--rate", "rate_hz", default=60.0, show_default=True, help="Frames a second.")
 @writes_results
-def command(seconds: float, seed: int, rate_hz: float, out: Path) -> None:
+def command(seconds: float, seed: int, out: Path) -> None:
     """The program under a random schedule of all faults, checked against its promises."""
-    outcome = soak(seconds, seed, rate_hz)
+    outcome = soak(seconds, seed)
     tell(outcome, Console(width=120))
     with (out / "soak.md").open("w") as file:
         day = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")

@@ -24,7 +24,7 @@ from hostlink.errors import LinkTimeout, ObjectAborted
 from hostlink.finger import Finger
 from hostlink.hand_file import HandFile
 from hostlink.objects import ObjectClient, SdoObjects, SerialObjects
-from hostlink.wire import Abort, CanIds, Message, ObjectReply, unpack_message
+from hostlink.wire import Abort, CanIds, Message, ObjectReply, ObjectRequest, Op, object_named, unpack_message
 from hostlink.wire.serial import decode_frame
 from tests.support.fingers import Application, make_node, state
 from tests.support.waiting import SOON_S
@@ -180,6 +180,23 @@ def test_a_finger_that_another_host_keeps_busy_gives_that_as_the_reason(
         line.client.read(*SERIAL_NUMBER)
     assert error.value.code == Abort.NOT_NOW
     line.client.write(*TARE, b"\1")  # a short value needs no turn
+
+
+def test_serial_refusals_carry_their_code() -> None:
+    line = Line("serial", application := Application("VT-1"))
+    stored = object_named("settings_stored")
+    assert line.client.read(stored.index, stored.sub) == b"\0", "there is no folder"
+    application.touched, replies = True, list[ObjectReply]()
+    line.client = SimpleNamespace(answer=lambda counter, reply: replies.append(reply))
+    for name, offset, total, data, code in (
+        ("calibration", 50, 100, b"x", Abort.TOGGLE),
+        ("divider", 0, 9, bytes(20), Abort.LENGTH),
+        ("tare", 0, 1, b"\1", Abort.NOT_NOW),
+    ):
+        row = object_named(name)
+        request = ObjectRequest(Op.WRITE, row.index, row.sub, offset, total, data)
+        line.commands.receive(Message.REQUEST, 7, request.pack())
+        assert replies.pop().abort == code
 
 
 class SharedBus:

@@ -114,17 +114,14 @@ def test_a_hostile_file_is_refused_before_anything_is_built(place: str, value: A
     ("raw", "expected"),
     [
         (b"", "not a calibration file: no JSON"),
-        (b"a note to self", "not a calibration file: no JSON"),
         (b"[1, 2]", "not a calibration file: must be a table {...}, is a list"),
         (b"\xff\xfe", "not a calibration file: no JSON"),
-        (b'{"format": ', "not a calibration file: no JSON"),
         (b'{"format": "a\xff"}', "is not UTF-8 text"),
         (b"[" * 200_000, "not a calibration file: "),
-        (b'{"a":' * 200_000, "not a calibration file: lists and tables are nested too deeply"),
         (b'{"format":"voronoi-touch-calibration","version":1,"sensor":' + b"[" * 200_000, "too deeply"),
         (b" " * (limits.FILE_BYTES + 1), "larger than 2048 KiB"),
     ],
-    ids=["empty", "text", "list", "binary", "cut", "latin", "deep list", "deep table", "deep sensor", "long"],
+    ids=["empty", "list", "binary", "latin", "deep list", "deep sensor", "long"],
 )
 def test_a_file_that_is_no_calibration_is_refused(tmp_path: Path, raw: bytes, expected: str) -> None:
     assert expected in refusal(raw)

@@ -80,8 +80,6 @@ def read_everything(path: Path) -> int:
     [
         '"bits": 0',
         '"bits": -1',
-        '"bits": 2000',
-        '"bits": 1e10',
         '"bits": 10000000000',
         '"bits": 12',  # of a pixel that has 8
         '"bits": null, "sequence": 1e400',
