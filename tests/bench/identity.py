@@ -37,6 +37,7 @@ from tests.support import layouts
 
 AGREE_PX = 4.0
 CONFIDENCES = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.97, 1.0)  # between which jumps are counted
+PRESSES = 60  # simulated, of each tip
 HIDDEN = 0.65  # share of a tip that is out of sight, at most
 COUNTS = ("n_trusted", "silent", "flagged", "swapped", "false_taken", "missed")
 Owners = NDArray[np.int_]
@@ -317,11 +318,10 @@ def honesty(jumps: list[Judged]) -> list[dict[str, float]]:
 
 @click.command(name="identity", help="Pin identity after a jump: real frames and simulated ones.")
 @click.option("--every", default=1, show_default=True, help="Take each n-th real frame.")
-@click.option("--frames", default=60, show_default=True, help="Simulated presses of each tip.")
 @click.option("--jumps", default=2000, show_default=True, help="That confidence is judged on.")
 @click.option("--seed", default=1, show_default=True)
 @writes_results
-def command(every: int, frames: int, jumps: int, seed: int, out: Path) -> None:
+def command(every: int, jumps: int, seed: int, out: Path) -> None:
     """Exit code 1 if a wrong match has a high confidence."""
     report: dict[str, object] = {}
     folder = REAL / TIP_331
@@ -331,7 +331,7 @@ def command(every: int, frames: int, jumps: int, seed: int, out: Path) -> None:
         honest["stills with a side hidden"] = honesty(list(judged_stills(folder, every, seed)))
     else:
         click.echo(f"no recordings at {folder}: real frames left out")
-    outcomes = [outcome for n in (127, 331) for outcome in simulated(n, frames, seed)]
+    outcomes = [outcome for n in (127, 331) for outcome in simulated(n, PRESSES, seed)]
     show(outcomes)
     for kind, rows in honest.items():
         show(rows, f"confidence, {kind}")

@@ -46,6 +46,7 @@ from tests.support.commands import Done, run_calib
         ("simulate digitac -o {out}/tip.json", "digitac cannot be simulated: its file has no pins.layout"),
         ("simulate thumb -o {out}/tip.json", "sensor 'thumb' is unknown; one of digitac, "),
         ("demo --data {out}/absent --out {out}/demo", "no such folder of recordings"),
+        ("demo --data {data} --out {data}/press.mcap", "is no folder; give the name of one to --out"),
         *(
             (f"capture --rig {rig} --protocol surface -o {{out}}/c.mcap", "is unknown; one of sim, sim:")
             for rig in ("robot", "robot:1", "simulator", "gcode:")

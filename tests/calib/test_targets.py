@@ -47,7 +47,6 @@ TAKEN = [
     'sensor_image,note,pose_z\na.png,"two\nlines, ""quoted""",1.5\nb.png,,2.5\n',
     f"sensor_image,{LONG},pose_z\na.png,1,1.5\nb.png,{LONG},2.5\n",
     "pose_z,sensor_image\n1.5,a.png\n2.5,b.png\n",
-    "sensor_image,pose_z\na.png,01.5\nb.png,2.5E0\n",
 ]
 
 
@@ -79,14 +78,12 @@ def test_tables_that_differ_in_form_alone_are_the_same(tmp_path: Path, text: str
             for text in ["1_0", "١", "１", "0x10", "1e", "--1", "1 5", "1.5 mm", "1e5_0", "-", "."]
         ),
         ("sensor_image,pose_z\na.png,1\u00a0000\n", "'1\\xa0000' is not a number"),
-        ("sensor_image,pose_z\na.png,1e999\n", "1e999 is not a finite number"),
         ("sensor_image,pose_z\na.png," + "9" * 5000 + "\n", "... is not a finite number"),
         ("sensor_image,pose_z,pose_z\na.png,1,2\n", "line 1: 2 columns pose_z; leave one of them"),
         ("sensor_image,pose_z,sensor_image\na.png,1,b.png\n", "line 1: 2 columns sensor_image"),
         (f"sensor_image,pose_z\na.png,{LONG}\n", "...' is not a number"),
         (f"sensor_image,pose_z\na.png,{'1' * 140_000}\n", "line 2: no row of a table: field larger"),
         ('sensor_image,pose_z\na.png,1\n"b.png,1\na.png,2\n', "line 3: no row of a table: unexpected end"),
-        ('sensor_image,pose_z\n"a.png"x,1\n', "line 2: no row of a table: ',' expected after"),
         ('sensor_image,pose_z\n\na.png,1\nb.png,"d\neep"\n', "line 4, column pose_z: 'd"),
         ("sensor_image,pose_z\n\x1b[2J,1\n", "line 2: no frame"),
         ("sensor_image,pose_z\na.png,1\x00\n", "line 2 has a NUL byte"),

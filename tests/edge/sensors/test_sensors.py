@@ -51,10 +51,3 @@ def test_a_mistake_is_one_line_with_the_file(tmp_path: Path, text: str, expected
     message = one_line(ConfigError, load_sensor, str(path))
     assert str(path) in message
     assert expected in message
-
-
-def test_an_unknown_name_lists_the_known_ones() -> None:
-    with pytest.raises(ConfigError, match=r"'tactip' is unknown; one of digitac, .* or a file of your own"):
-        load_sensor("tactip")
-    with pytest.raises(ConfigError, match=r"absent\.toml: cannot be read"):
-        load_sensor("absent.toml")
