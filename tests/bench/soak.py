@@ -106,9 +106,6 @@ class Metronome:
         i, j = bisect_left(self._ends, start_s), bisect_left(self._ends, end_s + self.GAP_S)
         return sum(self._gaps[i:j])
 
-    def worst_s(self) -> float:
-        return max(self._gaps, default=0.0)
-
     def close(self) -> None:
         self._process.kill()
         self._process.wait()
@@ -152,7 +149,6 @@ class Outcome:
     counts: Counter[str] = field(default_factory=Counter)
     memory_mb: list[float] = field(default_factory=list)
     slope_bytes: float | None = None  # a sample; None: too short a run
-    machine_held_up_ms: float = 0.0
 
     def fail(self, message: str) -> None:
         self.violations.append(message)
@@ -399,7 +395,6 @@ class Soak:
             self.outcome.fail(f"the loop died: {self.error!r}")
         self.check(done_s)
         self.outcome.check_memory(self.loop.frames_n)
-        self.outcome.machine_held_up_ms = 1e3 * self.metronome.worst_s()
 
     def close(self) -> None:
         self.loop.stop()
@@ -443,7 +438,6 @@ def tell(outcome: Outcome, console: Console) -> None:
         )
     if outcome.slope_bytes is not None:
         console.print(f"memory: {outcome.slope_bytes:+.0f} bytes a sample")
-    console.print(f"longest time the machine ran nothing of one process: {outcome.machine_held_up_ms:.0f} ms")
     for message in outcome.violations[:50]:
         console.print(f"VIOLATION {message}", style="red")
     console.print(f"{len(outcome.violations)} violations")

@@ -96,7 +96,6 @@ def test_file_takes_every_combination_of_lists_and_ranges(tmp_path: Path) -> Non
     ("tool = {kind='spoon'}\n[[step]]\ndepth_mm = 1", "flat, sphere"),
     ("rest_frames = 0\n[[step]]\ndepth_mm = 1", "rest_frames"),
     ("[[step]]\nframes = -1", "frames"),
-    ("not toml", "="),
     ("[[step]]\ndepth_mm = nan", r"step\[0\].depth_mm: .* from -360 to 360 or a list.*, is NaN"),
     ("[[step]]\ndepth_mm = 1e300", r"step\[0\].depth_mm: .* from -360 to 360 or a list.*, is 1e\+300"),
     ("[[step]]\ndepth_mm = {from=0, to=1, by=1e-12}", "makes more than 100000 poses"),

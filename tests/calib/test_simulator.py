@@ -102,7 +102,6 @@ def sim(keys: str) -> Callable[[], object]:
         (sim("dance"), "press-shear"),
         (sim("press?pin=3"), "pins"),
         (sim("press?pins=100"), "91"),
-        (sim("press?seed=x"), "x"),
         (sim("press?light=dim"), "ugly"),
         (sim("nothing?pins=-5"), "-5 pins; give 12 to 3060"),
         (sim("nothing?seed=-1"), "seed = -1; give 0 or more"),

@@ -46,7 +46,6 @@ TAKEN = [
     "sensor_image,note,note,pose_z\na.png,x,y,1.5\nb.png,x,y,2.5\n",
     'sensor_image,note,pose_z\na.png,"two\nlines, ""quoted""",1.5\nb.png,,2.5\n',
     f"sensor_image,{LONG},pose_z\na.png,1,1.5\nb.png,{LONG},2.5\n",
-    "pose_z,sensor_image\n1.5,a.png\n2.5,b.png\n",
 ]
 
 
@@ -84,7 +83,6 @@ def test_tables_that_differ_in_form_alone_are_the_same(tmp_path: Path, text: str
         (f"sensor_image,pose_z\na.png,{LONG}\n", "...' is not a number"),
         (f"sensor_image,pose_z\na.png,{'1' * 140_000}\n", "line 2: no row of a table: field larger"),
         ('sensor_image,pose_z\na.png,1\n"b.png,1\na.png,2\n', "line 3: no row of a table: unexpected end"),
-        ('sensor_image,pose_z\n\na.png,1\nb.png,"d\neep"\n', "line 4, column pose_z: 'd"),
         ("sensor_image,pose_z\n\x1b[2J,1\n", "line 2: no frame"),
         ("sensor_image,pose_z\na.png,1\x00\n", "line 2 has a NUL byte"),
         ("sensor_image,pose_z\na.png,1\n".encode("utf-16"), "UTF-16, not UTF-8"),

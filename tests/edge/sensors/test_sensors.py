@@ -42,7 +42,6 @@ def test_each_figure_has_its_source_and_each_source_a_figure(sensor: KnownSensor
         ('title = "a"\n[pins]\ncount = 3\n', "pins.count: must be a whole number from 12 to "),
         ('title = "a"\npin = 3\n', "unknown key 'pin'"),
         ('title = "a"\nname = "b"\n', "unknown key 'name'; it follows from the file's name"),
-        ("title =\n", "not TOML"),
     ],
 )
 def test_a_mistake_is_one_line_with_the_file(tmp_path: Path, text: str, expected: str) -> None:
