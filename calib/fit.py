@@ -3,8 +3,9 @@
 For each output, candidates from the paper's own curve (depth: monotone in the volume; shear: linear in the
 mean motion, with an offset for preload) up to cubic products (`calib.designs`) are fitted by ridge regression
 (`calib.ridge`). Each is evaluated by grouped cross-validation (frames of one pose stay together), and the one
-with the fewest terms within one standard error of the best is chosen. Its sigma is the 68.3 % quantile of the
-held-out errors, divided by the widening that follows from the distance to the data.
+with the fewest terms is chosen whose squared errors exceed the best's by no more than one standard error of
+their difference. Its sigma is the 68.3 % quantile of the held-out errors, divided by the widening that
+follows from the distance to the data.
 
 A symmetric Gaussian process (`calib.process_fit`), with the contact's place among its inputs, is a candidate
 like the others; so is another tip's model that was changed as these frames say (`calib.carry_over`). If the
@@ -36,11 +37,14 @@ from calib.process_fit import FittedProcess, fit_process
 from calib.ridge import (
     Candidate,
     Terms,
+    as_candidate,
     cross_validate,
     folds_of,
     input_noise,
+    pose_numbers,
     ridge_weights,
     rounded,
+    share_of_pose,
     spread_factor,
 )
 from calib.targets import Targets
@@ -118,7 +122,8 @@ EVERYTHING = Search()
 class Choice:
     """The chosen model for a group of outputs, and what it was chosen from.
 
-    allowed   rms error on held-out frames: of the candidates up to it, the one with fewest terms is chosen
+    allowed   largest rms error on held-out frames of the candidates as good as the best, of which the one
+              with fewest terms is chosen
     held_out  (n,) prediction of each frame by a model fitted without it
     """
 
@@ -307,6 +312,7 @@ class _Problem:
     y          (n, groups) complex128, truth
     noise      (draws, n, k) complex128, possible errors of the inputs; None: not considered
     fold       (n,) of the cross-validation
+    pose       (n,) number of each frame's: frames of one pose count as one
     all_round  whether shear, tilt or place cover all directions
     where, frames  the table and the frames' names, for messages
     mirrored   groups whose y is the truth's mirror image: the rig's axes are mirrored against the image
@@ -317,6 +323,7 @@ class _Problem:
     y: Complex
     noise: Complex | None
     fold: Index
+    pose: Index
     all_round: bool
     where: str
     frames: tuple[str, ...]
@@ -333,8 +340,17 @@ class _Problem:
         """Whether each group is one real output; else two, as x + i y."""
         return len(self.groups[0].outputs) == 1
 
+    @property
+    def all_with_contact(self) -> bool:
+        """Whether each frame has a contact, whose inputs are 0 otherwise."""
+        return bool(np.all(self.frame_inputs[:, FRAME_INPUTS.index("size")]))
+
     def terms(self, names: list[list[str]]) -> Terms:
-        return Terms(self.inputs, self.noise, term_columns(names, self.names), self.real)
+        return Terms(self.inputs, self.noise, term_columns(names, self.names), self.real, self.share)
+
+    @property
+    def share(self) -> Array:
+        return share_of_pose(self.pose)
 
     def in_the_image(self, axes: Axes) -> _Problem:
         """The same problem with the truth of mirrored vectors mirrored."""
@@ -368,31 +384,51 @@ def _start_processes(problem: _Problem, search: Search, pool: Executor | None) -
 
     Without those that are not wanted, and those that frames or inputs are missing for.
     """
-    rows = len(problem.inputs)
+    poses = int(problem.pose.max(initial=-1)) + 1
     if problem.noise is None or not np.isfinite(problem.inputs).all():
         return [{} for _ in problem.groups]
     jobs: list[_Jobs] = []
     for group, y in zip(problem.groups, problem.y.T, strict=True):
         call = partial(
             fit_process,
-            problem.inputs,
-            problem.names,
-            list(problem.noise),
-            y,
-            group.symmetry,
-            problem.fold,
-            problem.lossy,
+            names=problem.names,
+            moved=list(problem.noise),
+            y=y,
+            symmetry=group.symmetry,
+            fold=problem.fold,
+            lossy=problem.lossy,
             all_round=problem.all_round,
+            pose=problem.pose,
         )
         calls: dict[ModelKind, Callable[[], FittedProcess]] = {}
-        if rows >= PARAMS.process_rows_min:
-            calls[ModelKind.PROCESS] = partial(call, terms_max=search.terms_max)
-        if rows >= PARAMS.known_rows_min and group.outputs in search.known:
+        if poses >= PARAMS.process_rows_min:
+            alone = partial(call, terms_max=search.terms_max)
+            if not problem.all_with_contact:
+                alone = partial(_with_contact_or_without, alone, y=y, share=problem.share)
+            calls[ModelKind.PROCESS] = partial(alone, problem.inputs)
+        if len(y) >= PARAMS.known_rows_min and group.outputs in search.known:
             known = search.known[group.outputs].in_the_image(problem.inputs, problem.names)
-            calls[ModelKind.CARRIED] = partial(call, known=known)
+            calls[ModelKind.CARRIED] = partial(call, problem.inputs, known=known)
         wanted = {kind: run for kind, run in calls.items() if kind in search.kinds}
         jobs.append(wanted if pool is None else {k: pool.submit(run).result for k, run in wanted.items()})
     return jobs
+
+
+def _poses_that_count(poses: Array) -> Index:
+    """(n,) number of each frame's pose; of few poses the table may lack what tells them apart: its own."""
+    pose = pose_numbers(poses)
+    few = int(pose.max(initial=0)) < PARAMS.process_rows_min - 1
+    return np.arange(len(pose), dtype=np.int32) if few else pose
+
+
+def _with_contact_or_without(
+    fitted: Callable[[Complex], FittedProcess], inputs: Complex, y: Complex, share: Array
+) -> FittedProcess:
+    """The better one: inputs of the strongest contact are 0 where a touch is too weak for one."""
+    without = inputs.copy()
+    without[:, [FRAME_INPUTS.index(name) for name in ("p", "peak", "size")]] = 0.0
+    both = fitted(inputs), fitted(without)
+    return min(both, key=lambda one: float(np.average(np.abs(one.held_out - y) ** 2, weights=share)))
 
 
 def _problems(rest: Rest, targets: Targets, extract: Extract, usable: Mask) -> Iterator[_Problem]:
@@ -420,6 +456,7 @@ def _problems(rest: Rest, targets: Targets, extract: Extract, usable: Mask) -> I
             y=np.column_stack(columns),
             noise=None if of_contact else input_noise(inputs, off),
             fold=folds_of(poses[rows]),
+            pose=_poses_that_count(poses[rows]),
             all_round=went_all_round(targets, rows),
             where=targets.where,
             frames=tuple(path.name for path, use in zip(targets.frames, rows, strict=True) if use),
@@ -456,14 +493,17 @@ def _choose(
     problem: _Problem, processes: Sequence[_Jobs], search: Search, on_part: Callable[[float], None]
 ) -> Iterator[Choice | FitError]:
     """One model for each group."""
-    n = len(problem.inputs)
+    n, poses = len(problem.inputs), problem.share.sum()
     tried: list[list[_Tried]] = [[] for _ in problem.groups]
     candidates = list(designs(problem.groups[0], problem.all_round))
     for name, terms in candidates:
         on_part(0.5 * len(problem.groups) / len(candidates))
         if [] not in terms:
             terms = [*terms, []]  # preload: the paper's offset at zero shear
-        if n < max(PARAMS.rows_min, len(terms) * PARAMS.rows_per_term) or _kind_of(name) not in search.kinds:
+        if (
+            poses < max(PARAMS.rows_min, len(terms) * PARAMS.rows_per_term)
+            or _kind_of(name) not in search.kinds
+        ):
             continue
         results = cross_validate(name, problem.terms(terms), problem.y, problem.fold)
         for known, (candidate, predicted) in zip(tried, results, strict=True):
@@ -497,7 +537,9 @@ def _best(
             curve, candidate, predicted = fitted
             tried.insert(0, (candidate, [], predicted))
     for kind, process in processes.items():
-        tried.append((_as_candidate(kind, process, y), process.terms, process.held_out))
+        squares = np.abs(process.held_out - y) ** 2
+        candidate = as_candidate(kind, len(process.terms), squares, problem.share, process.pin_noise)
+        tried.append((candidate, process.terms, process.held_out))
     if not tried:
         return FitError(f"{problem.where}: {' and '.join(outputs)}: no model of the kinds that are wanted")
     best, _, predicted = min(tried, key=lambda t: t[0].rms)
@@ -508,8 +550,10 @@ def _best(
             f"{problem.where}: {' and '.join(outputs)} cannot be predicted from these frames (the best "
             f"model explains {max(0.0, explained):.0%} of the variance); largest errors: {worst}"
         )
-    allowed = best.rms + (best.rms_error if search.prefer is Prefer.SPEED else 0.0)
-    good = [t for t in tried if t[0].rms <= allowed]
+    good = [t for t in tried if t[0].rms <= best.rms]
+    if search.prefer is Prefer.SPEED:
+        good = [t for t in tried if _as_good(t, best, predicted, y, problem.share)]
+    allowed = max(t[0].rms for t in good)
     chosen, terms, predicted = min(good, key=lambda t: (t[0].n_terms, t[0].rms))
     model: Model
     if curve is not None and chosen.name == CURVE:
@@ -525,6 +569,17 @@ def _best(
         if problem.groups[i] in problem.mirrored:
             model, predicted = _mirrored(model), predicted.conj()
     return Choice(outputs, model, chosen, tuple(t[0] for t in tried), allowed, predicted)
+
+
+def _as_good(tried: _Tried, best: Candidate, predicted: Complex, y: Complex, share: Array) -> bool:
+    """Whether a model errs more than the best by no more than one standard error of the difference.
+
+    Frames that are hard for all models are in the errors of each, not in their difference.
+    """
+    more = np.abs(tried[2] - y) ** 2 - np.abs(predicted - y) ** 2
+    off = more - np.average(more, weights=share)
+    error = float(np.sqrt(np.average(off**2, weights=share) / share.sum()))
+    return tried[0].rms ** 2 - best.rms**2 <= error
 
 
 def _polynomial(
@@ -549,15 +604,6 @@ def _polynomial(
         sigma=sigma,
         spread=[[(rounded(v.real, 3), rounded(v.imag, 3)) for v in row] for row in spread],
     )
-
-
-def _as_candidate(kind: ModelKind, process: FittedProcess, y: Complex) -> Candidate:
-    """The process as a candidate like the polynomials."""
-    squares = np.abs(process.held_out - y) ** 2
-    rms = float(np.sqrt(squares.mean() + process.pin_noise))
-    # Standard error of a root of a mean of squares, by the delta method.
-    error = float(squares.std() / np.sqrt(len(y)) / (2 * rms)) if rms else 0.0
-    return Candidate(kind, len(process.terms), rms, error, 0.0)
 
 
 def _process(problem: _Problem, i: int, fitted: FittedProcess) -> Process:

@@ -34,7 +34,7 @@ from scipy.linalg import cholesky, solve_triangular
 from calib.carry_over import KnownModel, changed
 from calib.process_likelihood import Settings, Symmetry, fit_settings
 from calib.process_noise import NoiseModel, fit_lost, fit_noise, scale_of
-from calib.ridge import blocks
+from calib.ridge import blocks, share_of_pose
 from calib.terms import evaluate_terms, term_columns
 from edge.calibration.file import TERMS_MAX, Lost
 from edge.types import Array, Complex, Index, Mask
@@ -140,6 +140,7 @@ def fit_process(
     all_round: bool,
     terms_max: int = TERMS_MAX,
     known: KnownModel | None = None,
+    pose: Index,
 ) -> FittedProcess:
     """Settings of largest likelihood, then the weights.
 
@@ -150,18 +151,20 @@ def fit_process(
     all_round  False: the data went one way only, and cannot tell what is not symmetric
     terms_max  more are left out, those with the smallest prior variance first
     known      another tip's model of these outputs, whose terms it then has; None: none
+    pose       (n,) its number: frames of one pose count as one
     """
-    mean, unit, target = _standardised(y, symmetry)
+    mean, unit, target = _standardised(y, symmetry, inputs[:, names.index("volume")].real)
     find = partial(_prior, names=names, symmetry=symmetry, all_round=all_round, terms_max=terms_max)
     if known is not None:
         known = known.scaled(unit, mean)
         find = partial(_changed, known, names=names, symmetry=symmetry)
-    prior = find(inputs, target=target)
+    one = _one_each(pose)
+    prior = find(inputs[one], target=target[one])
     features = prior.features
-    posterior = _posterior(prior, inputs, moved, target)
+    posterior = _posterior(prior, inputs, moved, target, pose)
+    group = fold % _n_groups(fold, len(one))
+    unseen, learnt = _held_out(partial(find, start=prior.start), inputs, moved, target, fold, group, pose)
     factor = posterior.factor()
-    group = fold % _n_groups(fold)
-    unseen, learnt = _held_out(partial(find, start=prior.start), inputs, moved, target, fold, group)
     learnt *= posterior.share_held(inputs, factor)
     if features.turning:  # the variance of a complex weight is that of its two parts together
         factor, learnt = factor / math.sqrt(2.0), learnt / 2.0
@@ -170,10 +173,6 @@ def fit_process(
     scale = scale_of(errors.standardised(group))
     over = max(math.sqrt(level * float((scale**2).mean())), SIGMA_MIN / unit)
     weights = prior.mean + features.of_terms(posterior.weights[None])[0]
-    off = [features.values(inputs + d, weights) - features.values(inputs - d, weights) for d in moved]
-    rows = lossy.reshape(-1, len(names))
-    change = features.values(rows, weights) - np.repeat(features.values(inputs, weights), lossy.shape[1])
-    lost = fit_lost(rows, names, change / over, turning=features.turning)
     return FittedProcess(
         terms=features.terms,
         weights=(weights + mean / unit * np.eye(1, len(weights))[0]) * unit,
@@ -182,30 +181,63 @@ def fit_process(
         far=PARAMS.far * float(learnt.max()) / level,
         noise=along,
         across=across,
-        lost=known.lost_over(over) if lost is None and known is not None else lost,
-        pin_noise=float(np.mean(np.abs(off) ** 2)) / 4.0 * unit**2 if off else 0.0,
+        lost=_effect_of_loss(features, weights / over, inputs, lossy, names)
+        or (known.lost_over(over) if known else None),
+        pin_noise=_pin_noise(features, weights, inputs, moved) * unit**2,
         held_out=unseen * unit + mean,
         uncertainty=Uncertainty(features, posterior.root() * (unit / math.sqrt(1.0 + features.turning))),
     )
 
 
-def _standardised(y: Complex, symmetry: Symmetry) -> tuple[float, float, Complex]:
-    """Mean and deviation, and y in these terms; the mean of what turns, or a mirror changes, is 0."""
+def _pin_noise(features: _Features, weights: Complex, inputs: Complex, moved: Sequence[Complex]) -> float:
+    """Variance of the values, by what the inputs may be off."""
+    off = [features.values(inputs + d, weights) - features.values(inputs - d, weights) for d in moved]
+    return float(np.mean(np.abs(off) ** 2)) / 4.0 if off else 0.0
+
+
+def _effect_of_loss(
+    features: _Features, weights: Complex, inputs: Complex, lossy: Complex, names: Sequence[str]
+) -> Lost | None:
+    """What lost pins add to the variance, over the unit of the weights; None: there are too few losses."""
+    rows = lossy.reshape(-1, len(names))
+    change = features.values(rows, weights) - np.repeat(features.values(inputs, weights), lossy.shape[1])
+    return fit_lost(rows, names, change, turning=features.turning)
+
+
+def _standardised(y: Complex, symmetry: Symmetry, volume: Array) -> tuple[float, float, Complex]:
+    """What is subtracted, the unit, and y in these terms.
+
+    At rest all inputs and values are 0; only a depth may be counted from elsewhere (the arm's position).
+    Where most of its mean remains without a volume it is subtracted, as the process expects 0 at rest.
+    """
     mean = float(y.real.mean()) if symmetry is Symmetry.EVEN else 0.0
+    spread = volume - volume.mean()
+    of_volume = float(spread @ y.real) / max(float(spread @ spread), 1e-300) * float(volume.mean())
+    if abs(mean - of_volume) < abs(of_volume):
+        mean = 0.0
     unit = float(np.sqrt((np.abs(y - mean) ** 2).mean()))
     return mean, unit, (y - mean) / unit
 
 
-def _n_groups(fold: Index) -> int:
+def _n_groups(fold: Index, poses: int) -> int:
     """As many as are worth their time: settings from few frames depend on each of them."""
     folds = int(fold.max()) + 1
-    return min(folds, max(PARAMS.groups_min, PARAMS.rows_groups // len(fold)))
+    return min(folds, max(PARAMS.groups_min, PARAMS.rows_groups // poses))
 
 
-def _posterior(prior: _Prior, inputs: Complex, moved: Sequence[Complex], target: Complex) -> _Posterior:
+def _one_each(pose: Index) -> Index:
+    """Rows of one frame, by chance, of each pose."""
+    order = np.random.default_rng(0).permutation(len(pose))
+    return np.sort(order[np.unique(pose[order], return_index=True)[1]]).astype(np.int32)
+
+
+def _posterior(
+    prior: _Prior, inputs: Complex, moved: Sequence[Complex], target: Complex, pose: Index
+) -> _Posterior:
     features = prior.features
     left = target - features.values(inputs, prior.mean)
-    return _Posterior(features, inputs, moved, left if features.turning else left.real, prior.noise)
+    y = left if features.turning else left.real
+    return _Posterior(features, inputs, moved, y, prior.noise, share_of_pose(pose))
 
 
 def _held_out(
@@ -215,6 +247,7 @@ def _held_out(
     target: Complex,
     fold: Index,
     group: Index,
+    pose: Index,
 ) -> tuple[Complex, Array]:
     """(n,) prediction of each row, and what the weights leave open of it.
 
@@ -224,8 +257,9 @@ def _held_out(
     predicted, learnt = np.empty_like(target), np.empty(len(target))
     for k in range(int(group.max()) + 1):
         unseen = group == k
-        prior = find(inputs[~unseen], target=target[~unseen])
-        posterior = _posterior(prior, inputs, moved, target)
+        rows = np.flatnonzero(~unseen)[_one_each(pose[~unseen])]
+        prior = find(inputs[rows], target=target[rows])
+        posterior = _posterior(prior, inputs, moved, target, pose)
         for j in np.unique(fold[unseen]):
             predicted[fold == j], learnt[fold == j] = posterior.held_out(fold == j)
         predicted[unseen] += prior.features.values(inputs[unseen], prior.mean)
@@ -452,32 +486,42 @@ class _Features:
 class _Posterior:
     """Bayesian linear regression with unit prior variances.
 
-    y  (n,) what the features explain
+    y      (n,) what the features explain
+    share  (n,) what each row counts
     """
 
     def __init__(
-        self, features: _Features, inputs: Complex, moved: Sequence[Complex], y: Any, noise: float
+        self,
+        features: _Features,
+        inputs: Complex,
+        moved: Sequence[Complex],
+        y: Any,
+        noise: float,
+        share: Array,
     ) -> None:
         self._features, self._inputs, self._y, self._noise = features, inputs, y, noise
+        self._share = share[:, None]
         gram: Any = 0.0
         off: Any = 0.0  # what the features may be off, squared
         self._right: Any = 0.0
         for rows in blocks(len(y)):
             design = features.rows(inputs[rows])
-            gram = gram + design.conj().T @ design
-            self._right = self._right + design.conj().T @ y[rows]
+            left = (design * self._share[rows]).conj().T
+            gram = gram + left @ design
+            self._right = self._right + left @ y[rows]
             for d in moved:
                 change = features.rows(inputs[rows] + d[rows]) - features.rows(inputs[rows] - d[rows])
-                off = off + change.conj().T @ change / (4.0 * len(moved))
+                off = off + (change * self._share[rows]).conj().T @ change / (4.0 * len(moved))
         self._precision = gram + off + noise * np.eye(len(gram))
-        self._second_moment = gram / len(y)
+        self._second_moment = gram / share.sum()
         self.weights: Complex = np.linalg.solve(self._precision, self._right)
 
     def held_out(self, rows: Mask) -> tuple[Complex, Array]:
         """Prediction of these rows by weights that have not seen them; what the weights leave open of it."""
         design = self._features.rows(self._inputs[rows])
-        others = self._precision - design.conj().T @ design
-        right = self._right - design.conj().T @ self._y[rows]
+        counted = (design * self._share[rows]).conj().T
+        others = self._precision - counted @ design
+        right = self._right - counted @ self._y[rows]
         solved = np.linalg.solve(others, np.column_stack([design.conj().T, right]))
         left = self._noise * (design * solved[:, :-1].T).sum(axis=1).real
         return design @ solved[:, -1], np.maximum(left, 0.0)

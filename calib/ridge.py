@@ -22,6 +22,7 @@ from edge.types import Array, Complex, Index
 __all__ = [
     "Candidate",
     "Terms",
+    "as_candidate",
     "blocks",
     "cross_validate",
     "cross_validated_terms",
@@ -30,6 +31,7 @@ __all__ = [
     "pose_numbers",
     "ridge_weights",
     "rounded",
+    "share_of_pose",
     "spread_factor",
 ]
 
@@ -80,12 +82,19 @@ class Terms:
     noise    (draws, n, k) complex128, possible errors of the inputs; None: not considered
     columns  of each term, of `term_columns`
     real     of a real output Re(psi w) = Re psi Re w - Im psi Im w: columns for both
+    share    (n,) what each row counts, of `share_of_pose`; None: 1
     """
 
     inputs: Complex
     noise: Complex | None
     columns: list[list[int]]
     real: bool
+    share: Array | None = None
+
+    @property
+    def counts(self) -> Array:
+        """(n,) what each row counts."""
+        return np.ones(len(self.inputs)) if self.share is None else self.share
 
     def rows(self, rows: Any, scale: Array | float = 1.0) -> Any:
         """(rows, terms, or twice as many) values over the scale."""
@@ -98,16 +107,18 @@ class Terms:
         kind = np.float64 if self.real else np.complex128
         gram, noise = np.zeros((size, size), kind), np.zeros((size, size), kind)
         right = np.zeros((size, y.shape[1]), kind)
+        counts = self.counts[:, None]
         for rows in blocks(len(self.inputs)):
             a = self.rows(rows)
-            gram += a.conj().T @ a
-            right += a.conj().T @ (y[rows].real if self.real else y[rows])
+            left = (a * counts[rows]).conj().T
+            gram += left @ a
+            right += left @ (y[rows].real if self.real else y[rows])
             for d in draws[:, rows]:
                 above, below = (evaluate_terms(self.inputs[rows] + e, self.columns) for e in (d, -d))
                 off = self._split(above - below)
-                noise += off.conj().T @ off / (4.0 * len(draws))
+                noise += (off * counts[rows]).conj().T @ off / (4.0 * len(draws))
         power = np.diag(gram).real.reshape(1 + self.real, -1).sum(axis=0)
-        scale = np.tile(np.sqrt(power / len(self.inputs)), 1 + self.real)
+        scale = np.tile(np.sqrt(power / counts.sum()), 1 + self.real)
         scale[scale < 1e-14] = np.inf  # a term that never occurs gets weight 0
         square = np.outer(scale, scale)
         return _Sums(scale, gram / square, noise / square, right / scale[:, None])
@@ -149,30 +160,41 @@ def cross_validate(name: str, terms: Terms, y: Complex, fold: Index) -> list[tup
     """
     sums = terms.sums(y)
     target: Any = y.real if terms.real else y
+    counts = terms.counts
     predicted = np.zeros((len(RIDGES), *y.shape), dtype=np.complex128)
     blown_up = np.zeros((len(RIDGES), y.shape[1]))
     folds = int(fold.max()) + 1
     for k in range(folds):
         test = terms.rows(fold == k, sums.scale)
-        left = test.conj().T
+        left = (test * counts[fold == k, None]).conj().T
         e, v = replace(sums, gram=sums.gram - left @ test).directions()
         along, coordinates = test @ v, v.conj().T @ (sums.right - left @ target[fold == k])
         noise_along = v.conj().T @ sums.noise @ v
         for r, ridge in enumerate(RIDGES):
             w = coordinates / (e + ridge)[:, None]
             predicted[r, fold == k] = along @ w
-            blown_up[r] += (w.conj() * (noise_along @ w)).sum(axis=0).real / (folds * len(y))
+            blown_up[r] += (w.conj() * (noise_along @ w)).sum(axis=0).real / (folds * counts.sum())
     squares = np.abs(predicted - y) ** 2
     found = []
-    for j, means in enumerate((squares.mean(axis=1) + blown_up).T):
+    for j, means in enumerate((np.average(squares, axis=1, weights=counts) + blown_up).T):
         r = int(np.argmin(means))
-        rms = float(np.sqrt(means[r]))
-        # Standard error of a root of a mean of squares, by the delta method.
-        error = float(squares[r, :, j].std() / np.sqrt(len(y)) / (2 * rms)) if rms else 0.0
-        found.append(
-            (Candidate(name, len(terms.columns), rms, error, RIDGES[r]), predicted[r, :, j].copy())
-        )  # not all ridges'
+        candidate = as_candidate(
+            name, len(terms.columns), squares[r, :, j], counts, blown_up[r, j], RIDGES[r]
+        )
+        found.append((candidate, predicted[r, :, j].copy()))  # not all ridges'
     return found
+
+
+def as_candidate(
+    name: str, n_terms: int, squares: Array, counts: Array, noise: float, ridge: float = 0.0
+) -> Candidate:
+    """From the squares of held-out errors, and what noise of the inputs adds to their mean."""
+    mean = np.average(squares, weights=counts)
+    rms = float(np.sqrt(mean + noise))
+    # Standard error of a root of a mean of squares, by the delta method.
+    deviation = np.sqrt(np.average((squares - mean) ** 2, weights=counts))
+    error = float(deviation / np.sqrt(counts.sum()) / (2 * rms)) if rms else 0.0
+    return Candidate(name, n_terms, rms, error, ridge)
 
 
 def cross_validated_terms(psi: Complex, y: Complex, poses: Array) -> Complex:
@@ -223,6 +245,11 @@ def pose_numbers(poses: Array) -> Index:
     number = np.empty(len(first), dtype=np.int32)
     number[np.argsort(first)] = np.arange(len(first))
     return number[pose.ravel()]
+
+
+def share_of_pose(pose: Index) -> Array:
+    """(n,) what each row counts: those of one pose 1 together, because they share what set it apart."""
+    return np.asarray(1.0 / np.bincount(pose)[pose])
 
 
 def rounded(value: float, digits: int = 6) -> float:

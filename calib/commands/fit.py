@@ -174,7 +174,9 @@ def print_choices(choices: list[Choice], output: Path) -> None:
     """A table of what was fitted."""
     # Narrow enough for 80 columns: a terminal's usual width, and that of a pipe.
     table = Table(title=f"{output}: what was fitted", box=box.SIMPLE, padding=0, pad_edge=False)
-    table.caption = "Errors: rms on held-out frames. Of the models up to the limit, the smallest is chosen."
+    table.caption = (
+        "Errors: rms on held-out frames. Of the models as good as the best, the smallest is chosen."
+    )
     for name in ("value", "model chosen", "terms", "error", "limit", "best of each kind", "sigma"):
         table.add_column(name, no_wrap=name != "model chosen")
     for choice in choices:

@@ -13,7 +13,7 @@ from hostlink.command_group import CommandGroup, CommandRow
 
 _SUMMARIES = {
     "run": "Run the finger: camera in, bus out, until stopped.",
-    "replay": "Send RECORDING (MCAP, video, folder of images) as if it were live.",
+    "replay": "Send RECORDING (MCAP, video, folder of images, example:press) as if it were live.",
     "render": "Make a video of RECORDING: cells, contacts and shear beside the camera's image.",
     "inspect": "Find the pins in each IMAGE, and say what is good and what is to be done.",
     "sensor": "Describe a sensor by one IMAGE of its untouched skin, for --sensor and [sensor] model.",

@@ -94,8 +94,10 @@ class ContactFinder:
         self.field.find(self._xy)
         self.peaks.set_field(self.field.blend, self.field.active, self.field.n_active)
         if not self.peaks.find(self._field_noise, self._contact_sigma * sigma_px, self._min_area_change):
-            self.forget()
-            return ()
+            if not self.peaks.find(self._field_noise, 0.0, 0.0):
+                self.forget()
+                return ()
+            self.peaks.n_peaks = 1  # cells together show a touch where no point stands out: the highest is it
         if regions.merge(self._field_noise, 0.0) > 1:  # noise joins contacts, it parts none
             self._look_closer(seen, sigma_px)
         n = regions.n_contacts

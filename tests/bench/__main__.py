@@ -14,6 +14,7 @@ from hostlink.command_group import CommandGroup, CommandRow
 
 COMMANDS = {
     "contacts": "Contacts on a second, independent simulator, against their bounds.",
+    "forces": "Forces of weights on a published dome, against scikit-learn, leave one load out.",
     "grasp": "Two simulated fingers, an object with mass and a gripper, end to end.",
     "hazards": "Rendered hazards through the whole chain: identities, place, depth.",
     "host": "A sample at the host, and a recording: against python-can and cantools.",

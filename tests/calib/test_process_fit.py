@@ -8,7 +8,7 @@ from calib.process_fit import FittedProcess, fit_process
 from calib.process_likelihood import Likelihood, Symmetry, fit_settings
 from calib.terms import evaluate_terms, term_columns
 from edge.calibration.inputs import FRAME_INPUTS
-from edge.types import Complex
+from edge.types import Complex, Index
 from tests.support.synthetic import make
 
 FOLDS = 10
@@ -33,12 +33,18 @@ def _noise(inputs: Complex, seed: int, *, stepped: bool = False) -> Complex:
     return noise
 
 
-def _fitted(inputs: Complex, y: Complex, lossy: Complex | None = None) -> FittedProcess:
+def _fitted(
+    inputs: Complex,
+    y: Complex,
+    lossy: Complex | None = None,
+    pose: Index | None = None,
+    symmetry: Symmetry = Symmetry.TURNING,
+) -> FittedProcess:
     none = np.empty((len(y), 0, inputs.shape[1]), dtype=np.complex128)
-    fold = (np.arange(len(y)) % FOLDS).astype(np.int32)
-    return fit_process(
-        inputs, FRAME_INPUTS, [], y, Symmetry.TURNING, fold, none if lossy is None else lossy, all_round=True
-    )
+    lossy = none if lossy is None else lossy
+    pose = np.arange(len(y), dtype=np.int32) if pose is None else pose
+    fold = (pose % FOLDS).astype(np.int32)
+    return fit_process(inputs, FRAME_INPUTS, [], y, symmetry, fold, lossy, all_round=True, pose=pose)
 
 
 def _predicted(fitted: FittedProcess, inputs: Complex) -> tuple[Complex, Complex]:
@@ -125,6 +131,31 @@ def test_the_effect_of_lost_pins_is_learnt_as_a_power_of_the_gap() -> None:
     assert abs(lost.volume_power) < 0.3
     assert lost.gap_max == gap.max()
     assert _fitted(inputs, _shear(inputs), None).lost is None
+
+
+def test_repeats_of_a_pose_count_as_one() -> None:
+    """They share how the tip was set down; counted as six, they make the model sure of what was chance."""
+    inputs = _inputs(40, 4)
+    y, pose = _shear(inputs) + _noise(inputs, 5), np.repeat(np.arange(40, dtype=np.int32), 6)
+    once, repeated = _fitted(inputs, y), _fitted(inputs[pose], y[pose], pose=pose)
+    assert repeated.terms == once.terms
+    assert repeated.weights == pytest.approx(once.weights, rel=1e-6, abs=1e-9)
+    assert repeated.held_out == pytest.approx(once.held_out[pose], rel=1e-6, abs=1e-9)
+
+
+def test_a_depth_is_zero_at_rest_unless_it_counts_from_elsewhere() -> None:
+    inputs = _inputs(300, 7)
+    volume = inputs[:, FRAME_INPUTS.index("volume")].real
+    light = volume < np.median(volume)
+    for offset in (0.0, 400.0):
+        depth = 200.0 * volume + 4000.0 * volume**2 + offset
+        y = depth[light][:30].astype(np.complex128)
+        fitted = _fitted(inputs[light][:30], y, symmetry=Symmetry.EVEN)
+        value = evaluate_terms(inputs, term_columns(fitted.terms, FRAME_INPUTS)) @ fitted.weights
+        off = np.abs(value.real - depth)
+        print(offset, off[light].mean(), off[~light].mean(), depth[~light].mean())
+        assert off[light].mean() < 0.15
+        assert offset or off[~light].mean() < 0.1 * depth[~light].mean()
 
 
 SPINS = np.array([1, 0, 2, -1])

@@ -52,7 +52,7 @@ BAD = (
 
 
 @pytest.mark.parametrize("message", BAD)
-def test_a_message_that_is_no_pose_costs_no_image(finger: RemoteSource, message: bytes) -> None:
+def test_a_bad_pose_costs_no_image(finger: RemoteSource, message: bytes) -> None:
     press(finger, message)
     until(lambda: finger.faults["bad pose"] == 1)
     press(finger, b"[]")

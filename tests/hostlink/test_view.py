@@ -101,7 +101,7 @@ def test_packets_keep_numbers_in_their_places() -> None:
     assert packet["x"] is None
     assert packet["list"] == [1, None]
     assert packet["ä"] == "ü"
-    assert packet["arrays"]["a"].tolist() == list(b"abc")
+    assert bytes(packet["arrays"]["a"].tolist()) == b"abc"
     assert packet["arrays"]["b"].tolist() == [0, 1, 2]
 
 

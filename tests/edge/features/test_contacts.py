@@ -106,10 +106,16 @@ def test_a_jittering_pin_at_the_rim_is_no_contact() -> None:
 
 
 @pytest.mark.compiled
-def test_nothing_above_the_threshold_is_no_contact() -> None:
+def test_of_noise_alone_the_highest_place_is_taken_as_one_contact() -> None:
+    """Whether something touches was decided before, by cells together."""
     rest = tip(331)
     for seed in range(20):
-        assert contacts(rest, np.zeros((331, 2)), seed=seed) == ()
+        assert len(contacts(rest, np.zeros((331, 2)), seed=seed)) == 1
+
+
+def test_where_no_cell_has_grown_there_is_no_contact() -> None:
+    rest = tip(331)
+    assert contacts(rest, np.zeros((331, 2)), noise=0.0) == ()
 
 
 @pytest.mark.compiled

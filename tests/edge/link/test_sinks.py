@@ -233,11 +233,14 @@ class Pty:
     def samples(self, n: int) -> list[int]:
         """The next n samples that came in."""
         data = b""
+        blocks: list[bytes] = []
         os.set_blocking(self.master, True)
-        while data.count(b"\0") < n:
+        while len(blocks) < n:
             data += os.read(self.master, 4096)
+            *whole, _ = data.split(b"\0")
+            blocks = [block for block in whole if block]
         os.set_blocking(self.master, False)
-        frames = [decode_frame(block) for block in data.split(b"\0") if block]
+        frames = [decode_frame(block) for block in blocks]
         assert [frame[0] for frame in frames] == [Message.STATE] * n
         return [unpack_state(frame[1]).sample for frame in frames]
 
