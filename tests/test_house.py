@@ -210,11 +210,8 @@ def test_coverage_leaves_out_the_kernels_and_nothing_else() -> None:
     ("file", "tests"),
     [
         ("edge/cells/mesh.py", "tests/edge/cells"),
-        ("edge/features/peaks.pxd", "tests/edge/features"),
         ("calib/sim/tip.py", "tests/calib"),
         ("calib/fit.py", "tests/calib/test_fit.py"),
-        ("calib/ridge.py", "tests/calib"),
-        ("edge/frame.py", "tests/edge/test_frame.py"),
         ("tests/edge/cells/test_mesh.py", "tests/edge/cells"),
         ("tests/test_wheel.py", "tests/test_wheel.py"),
         ("docs/numbers.md", "tests/test_docs.py"),

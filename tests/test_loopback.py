@@ -7,7 +7,6 @@ from rich.console import Console
 
 from calib.demo import RECORDINGS, demo, on_wire, play
 from edge.calibration import Calibration
-from hostlink.output_file import OutputError
 from tests.support.states import same
 
 
@@ -22,12 +21,6 @@ def test_the_demo_compares_and_draws_all_recordings(
     pictures = {path.name for path in tmp_path.iterdir()}
     assert {f"{name}.png" for name in RECORDINGS} <= pictures
     assert "press_surface.png" in pictures
-
-
-def test_the_demo_needs_a_folder(data_dir: Path, tmp_path: Path) -> None:
-    (file := tmp_path / "file").touch()
-    with pytest.raises(OutputError, match="file: is no folder; give the name of one to --out"):
-        demo(data_dir, file, Console())
 
 
 @pytest.mark.parametrize("name", RECORDINGS)

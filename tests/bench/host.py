@@ -62,24 +62,23 @@ def cost(read: Callable[[Path], object], path: Path, lines_n: int) -> tuple[floa
 
 
 @click.command("host")
-@click.option("--lines", "lines_n", type=click.IntRange(min=1000), default=LINES, show_default=True)
 @click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout, nothing else.")
 @writes_results
-def command(lines_n: int, as_json: bool, out: Path) -> None:
+def command(as_json: bool, out: Path) -> None:
     """Instructions of a decoded sample; time and memory of a recording, against python-can and cantools."""
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         counts = counted(["tests.bench.host_child", str(COUNTED)], COUNTED, Path(folder) / "counts")
         for suffix in ("log", "blf"):
             path = Path(folder) / f"bus.{suffix}"
-            write_log(path, lines_n)
+            write_log(path, LINES)
             for name, read in (("to_arrays", to_arrays), ("python-can, cantools", by_cantools)):
-                us, peak = cost(read, path, lines_n)
+                us, peak = cost(read, path, LINES)
                 rows.append({"format": suffix, "reader": name, "us a line": us, "bytes a line": peak})
-    result = {"instructions": counts.instructions, "lines": lines_n, "recordings": rows}
+    result = {"instructions": counts.instructions, "lines": LINES, "recordings": rows}
     write_json(out / "host.json", result)
     if as_json:
         click.echo(json.dumps(result))
     else:
         click.echo(f"{counts.instructions:,} instructions a sample, received and four values read")
-        show(rows, f"{lines_n:,} samples of one finger")
+        show(rows, f"{LINES:,} samples of one finger")

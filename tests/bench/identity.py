@@ -13,7 +13,7 @@ blob.
 import time
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import combinations_with_replacement
 from pathlib import Path
 from typing import Any
@@ -37,6 +37,7 @@ from tests.support import layouts
 
 AGREE_PX = 4.0
 CONFIDENCES = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.97, 1.0)  # between which jumps are counted
+PRESSES = 60  # simulated, of each tip
 HIDDEN = 0.65  # share of a tip that is out of sight, at most
 COUNTS = ("n_trusted", "silent", "flagged", "swapped", "false_taken", "missed")
 Owners = NDArray[np.int_]
@@ -317,11 +318,10 @@ def honesty(jumps: list[Judged]) -> list[dict[str, float]]:
 
 @click.command(name="identity", help="Pin identity after a jump: real frames and simulated ones.")
 @click.option("--every", default=1, show_default=True, help="Take each n-th real frame.")
-@click.option("--frames", default=60, show_default=True, help="Simulated presses of each tip.")
 @click.option("--jumps", default=2000, show_default=True, help="That confidence is judged on.")
 @click.option("--seed", default=1, show_default=True)
 @writes_results
-def command(every: int, frames: int, jumps: int, seed: int, out: Path) -> None:
+def command(every: int, jumps: int, seed: int, out: Path) -> None:
     """Exit code 1 if a wrong match has a high confidence."""
     report: dict[str, object] = {}
     folder = REAL / TIP_331
@@ -331,7 +331,7 @@ def command(every: int, frames: int, jumps: int, seed: int, out: Path) -> None:
         honest["stills with a side hidden"] = honesty(list(judged_stills(folder, every, seed)))
     else:
         click.echo(f"no recordings at {folder}: real frames left out")
-    outcomes = [outcome for n in (127, 331) for outcome in simulated(n, frames, seed)]
+    outcomes = [outcome for n in (127, 331) for outcome in simulated(n, PRESSES, seed)]
     show(outcomes)
     for kind, rows in honest.items():
         show(rows, f"confidence, {kind}")
@@ -346,20 +346,13 @@ def _real(folder: Path, every: int) -> dict[str, object]:
     count = np.array([j.n_consistent for j in jumps])
     ms = np.array([j.ms for j in jumps])
     away = off_the_pose(jumps, folder) if len(jumps) > 200 else np.zeros(len(jumps))
-    quantiles = np.percentile(count, [0, 1, 5, 50, 100]).tolist()
-    show([dict(zip(("worst", "1 %", "5 %", "median", "best"), quantiles, strict=True))], "consistent pins")
-    click.echo(
-        f"confidence {min(j.confidence for j in jumps):.2f}..{max(j.confidence for j in jumps):.2f}; "
-        f"CPU ms: median {np.median(ms):.1f}, 95 % {np.percentile(ms, 95):.1f}, worst {ms.max():.1f}\n"
-        f"mean motion off the pose's cubic: median {np.median(away):.1f} px, worst {away.max():.1f} px"
-    )
-    worst = np.argsort(count, kind="stable")[:10]
-    show([asdict(jumps[k]) | {"off_the_pose_px": float(away[k])} for k in worst], "worst frames")
-    return {
+    quantiles = np.percentile(count, [0, 1, 5, 50]).tolist()
+    found = {
         "frames": len(jumps),
-        "consistent": dict(zip(("worst", "1 %", "5 %", "median"), quantiles, strict=False)),
+        "consistent": dict(zip(("worst", "1 %", "5 %", "median"), quantiles, strict=True)),
         "least_confidence": min(j.confidence for j in jumps),
         "cpu_ms": {"median": round(float(np.median(ms)), 1), "worst": round(float(ms.max()), 1)},
         "off_the_pose_px": {"median": round(float(np.median(away)), 1), "worst": round(float(away.max()), 1)},
-        "worst_frames": [asdict(jumps[k]) for k in worst],
     }
+    show([found], "real frames")
+    return found

@@ -67,11 +67,10 @@ def table(rows: list[tuple[str, list[float | None]]]) -> str:
 @click.command()
 @real_option
 @writes_results
-@click.option("--workers", type=click.IntRange(min=1), help="Processes; default: one a core.")
-def command(folder: Path, out: Path, workers: int | None) -> None:
+def command(folder: Path, out: Path) -> None:
     """Errors on published recordings: five splits, and a learning curve."""
     data = tip_331(folder)
-    with executor(workers=workers) as pool:
+    with executor() as pool:
         seen = data.extract(pool)
     targets = data.targets
     by_size: dict[int, list[list[float]]] = {size: [] for size in SIZES}

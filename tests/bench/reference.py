@@ -102,14 +102,7 @@ class Reference:
     rest_img      (n, 2) px: the pins; None: those that the detector finds on `rest`
     """
 
-    def __init__(
-        self,
-        rest: Image,
-        pin_radius_px: float,
-        *,
-        rest_img: Array | None = None,
-        grid: int = GRID,
-    ) -> None:
+    def __init__(self, rest: Image, pin_radius_px: float, *, rest_img: Array | None = None) -> None:
         self.detector = make_detector(pin_radius_px)
         self.rest_img = find_pins(self.detector, rest) if rest_img is None else rest_img
         near, _ = cKDTree(self.rest_img).query(self.rest_img, k=4)
@@ -117,14 +110,10 @@ class Reference:
         self.edge = boundary(self.rest_img, self.pitch_px)
         self.rest_area_px2 = cell_areas(self.rest_img, self.edge)
         low, high = self.rest_img.min(axis=0), self.rest_img.max(axis=0)
-        self.grid_img = np.linspace(low[0], high[0], grid), np.linspace(low[1], high[1], grid)
+        self.grid_img = np.linspace(low[0], high[0], GRID), np.linspace(low[1], high[1], GRID)
         self._mesh = np.meshgrid(*self.grid_img)
-        self._cell_px2 = float(np.prod((high - low) / (grid - 1)))
+        self._cell_px2 = float(np.prod((high - low) / (GRID - 1)))
         self._last = self.rest_img
-
-    def place(self, xy: Array) -> None:
-        """Where the pins are before the next image (NaN: as before): the method cannot follow a jump."""
-        self._last = np.where(np.isfinite(xy), xy, self._last)
 
     def step(self, image: Image) -> Result:
         """All results from one image."""

@@ -126,12 +126,11 @@ def loss_table(truth: Table, seen: Extract, found: list[tuple[Table, Table]]) ->
 
 @click.command()
 @real_option
-@click.option("--workers", type=click.IntRange(min=1), help="Processes; default: one a core.")
 @writes_results
-def command(folder: Path, out: Path, workers: int | None) -> None:
+def command(folder: Path, out: Path) -> None:
     """What share of the errors is within sigma: of all frames, of thirds, with pins lost."""
     data = tip_331(folder)
-    with executor(workers=workers) as pool:
+    with executor() as pool:
         seen = data.extract(pool)
         found = held_out(data.rest, data.targets, seen, pool)
     truth = data.targets.values

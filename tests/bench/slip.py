@@ -31,6 +31,7 @@ from tests.support.layouts import tracks_of
 
 RATE_HZ = 60.0
 NOISE_PX = 0.05  # as tracks_of has it
+DRAGS = 60
 SEED = 1  # parameters were set on 0
 PRESS_N, HOLD_N = 12, 30  # frames
 WAY_STEPS = 20  # solutions of the contact to the motion at which a contact of this depth usually slides
@@ -202,12 +203,11 @@ def summary(announced: Sequence[Announced]) -> dict[str, float]:
 
 
 @click.command(name="slip", help="Slip announced before it happens, and false alarms.")
-@click.option("--drags", "number", type=click.IntRange(min=3), default=60, show_default=True)
 @writes_results
-def command(number: int, out: Path) -> None:
+def command(out: Path) -> None:
     """A table each for simulated drags and recordings."""
     bench = Bench()
-    announced = [bench.announced(drag, (SEED, k)) for k, drag in enumerate(drags(SEED, number))]
+    announced = [bench.announced(drag, (SEED, k)) for k, drag in enumerate(drags(SEED, DRAGS))]
     rows = {"all": summary(announced)}
     for kind in dict.fromkeys(a.tool for a in announced):
         rows[kind] = summary([a for a in announced if a.tool == kind])

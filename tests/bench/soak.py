@@ -65,6 +65,7 @@ NODE = 5
 ANNOUNCED_S = 0.1
 CLEARED_S = 1.0
 BACK_S = 1.0
+PATIENCE_S = 60.0  # for the first sample
 SLOPE_BYTES = 40.0  # a sample; a tuple of two numbers in a list takes 112
 MEMORY_LEAST_N = 20  # values, one a second
 NOISE_MB = 4.0  # by which the first minutes differ; 160 bytes a sample exceed it within a quarter of an hour
@@ -104,9 +105,6 @@ class Metronome:
         """Sum of the gaps that ended within or just after this time."""
         i, j = bisect_left(self._ends, start_s), bisect_left(self._ends, end_s + self.GAP_S)
         return sum(self._gaps[i:j])
-
-    def worst_s(self) -> float:
-        return max(self._gaps, default=0.0)
 
     def close(self) -> None:
         self._process.kill()
@@ -151,7 +149,6 @@ class Outcome:
     counts: Counter[str] = field(default_factory=Counter)
     memory_mb: list[float] = field(default_factory=list)
     slope_bytes: float | None = None  # a sample; None: too short a run
-    machine_held_up_ms: float = 0.0
 
     def fail(self, message: str) -> None:
         self.violations.append(message)
@@ -380,9 +377,9 @@ class Soak:
 
     # ---- the run ----------------------------------------------------------------------------------
 
-    def start(self, patience_s: float = 60.0) -> None:
+    def start(self) -> None:
         self.thread.start()
-        end = time.monotonic() + patience_s
+        end = time.monotonic() + PATIENCE_S
         while self.started_s is None and time.monotonic() < end:
             self.thread.join(0.05)
         if self.started_s is None:
@@ -398,7 +395,6 @@ class Soak:
             self.outcome.fail(f"the loop died: {self.error!r}")
         self.check(done_s)
         self.outcome.check_memory(self.loop.frames_n)
-        self.outcome.machine_held_up_ms = 1e3 * self.metronome.worst_s()
 
     def close(self) -> None:
         self.loop.stop()
@@ -442,7 +438,6 @@ def tell(outcome: Outcome, console: Console) -> None:
         )
     if outcome.slope_bytes is not None:
         console.print(f"memory: {outcome.slope_bytes:+.0f} bytes a sample")
-    console.print(f"longest time the machine ran nothing of one process: {outcome.machine_held_up_ms:.0f} ms")
     for message in outcome.violations[:50]:
         console.print(f"VIOLATION {message}", style="red")
     console.print(f"{len(outcome.violations)} violations")
@@ -451,11 +446,10 @@ def tell(outcome: Outcome, console: Console) -> None:
 @click.command()
 @click.option("--seconds", default=60.0, show_default=True, type=click.FloatRange(min=10))
 @click.option("--seed", default=1, show_default=True)
-@click.option("--rate", "rate_hz", default=60.0, show_default=True, help="Frames a second.")
 @writes_results
-def command(seconds: float, seed: int, rate_hz: float, out: Path) -> None:
+def command(seconds: float, seed: int, out: Path) -> None:
     """The program under a random schedule of all faults, checked against its promises."""
-    outcome = soak(seconds, seed, rate_hz)
+    outcome = soak(seconds, seed)
     tell(outcome, Console(width=120))
     with (out / "soak.md").open("w") as file:
         day = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")

@@ -138,28 +138,23 @@ def measure(name: str, board: Board | None = None) -> dict[str, Any]:
 
 @click.command("step")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout, nothing else.")
-@click.option(
-    "--variant", "names", type=click.Choice(list(VARIANTS)), multiple=True,
-    help="Count this one alone; may be repeated.",
-)  # fmt: skip
 @click.option("--top", type=click.IntRange(min=0), default=0, help="Show so many functions, parts and calls.")
 @click.option("--arch", type=click.Choice(["arm64"]), help="Count on an emulated board, too.")
 @writes_results
-def command(as_json: bool, names: tuple[str, ...], top: int, arch: str | None, out: Path) -> None:
+def command(as_json: bool, top: int, arch: str | None, out: Path) -> None:
     """Instructions, cache misses and calls of one step of the loop, from the image to the CAN FD frame."""
-    wanted = names or tuple(VARIANTS)
     workers = ThreadPoolExecutor(len(os.sched_getaffinity(0)))  # they wait for valgrind alone
     with tempfile.TemporaryDirectory() as folder, workers as pool:
         board = Board(Path(folder)) if arch else None
-        found = dict(zip(wanted, pool.map(lambda name: measure(name, board), wanted), strict=True))
+        found = dict(zip(VARIANTS, pool.map(lambda name: measure(name, board), VARIANTS), strict=True))
     details = {name: {kind: row.pop(kind) for kind in ("counts", "calls")} for name, row in found.items()}
-    result = {f"step_{name}": found.get(name) for name in VARIANTS}
+    result = {f"step_{name}": row for name, row in found.items()}
     write_json(out / "step.json", result)
     if as_json:
         click.echo(json.dumps(result))
     else:
         show_steps(found)
-        if arch and "contact" in found:
+        if arch:
             show_boards(found["contact"])
         for name in found if top else ():
             show_top(name, details[name], top)

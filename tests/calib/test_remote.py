@@ -10,6 +10,7 @@ import pytest
 from calib.rig.remote import RemoteSource, open_remote
 from edge.errors import SourceError
 from edge.sources.options import Options, parse_spec
+from tests.support.fingers import free_port
 from tests.support.waiting import SOON_S, until
 
 TIP = '[tip]\nn_pins = 61\nkind = "hex"\n[camera]\nsize_px = [120, 100]\n'
@@ -22,12 +23,6 @@ def finger(tmp_path: Path) -> Iterator[RemoteSource]:
     with closing(open_remote(spec.where, spec.options)) as source:
         source.start()
         yield source
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def press(finger: RemoteSource, message: bytes) -> None:

@@ -94,10 +94,7 @@ def sim(keys: str) -> Callable[[], object]:
     ("make", "message"),
     [
         (lambda: pin_layout("hex", 130), "127"),
-        (lambda: pin_layout("square", 120), "121"),
         (lambda: pin_layout("blue", 9), "hex"),
-        (lambda: pin_layout("rings", -5), "12 to 3060"),
-        (lambda: pin_layout("square", 0), "12 to 3060"),
         (lambda: pin_layout("hex", 10**9), "12 to 3060"),
         (lambda: deform(CAMERA.tip, (ToolPose(Tool("sphere"), x_mm=19.5, depth_mm=1.0),)), "rim"),
         (lambda: deform(CAMERA.tip, (ToolPose(depth_mm=1.0, tilt_x_deg=80.0),)), "rim"),
@@ -105,10 +102,8 @@ def sim(keys: str) -> Callable[[], object]:
         (sim("dance"), "press-shear"),
         (sim("press?pin=3"), "pins"),
         (sim("press?pins=100"), "91"),
-        (sim("press?seed=x"), "x"),
         (sim("press?light=dim"), "ugly"),
         (sim("nothing?pins=-5"), "-5 pins; give 12 to 3060"),
-        (sim("nothing?pins=1000000000"), "give 12 to 3060"),
         (sim("nothing?seed=-1"), "seed = -1; give 0 or more"),
         (sim("nothing?rate_hz=1e-300"), "rate_hz=1e-300: give 0 (its own) or 0.000232831 and more"),
     ],
@@ -223,20 +218,6 @@ def test_scenes_start_untouched_and_move_no_pin_further_than_a_third_of_the_pitc
     pitch = np.sort(np.hypot(*(REST[:, None] - REST).transpose(2, 0, 1)), axis=1)[:, 1].min()
     for a, b in pairwise(places):
         assert np.hypot(*(b - a).T).max() < pitch / 3
-
-
-def test_paced_source_loops_at_its_rate() -> None:
-    source = open_source("sim:nothing?pins=127&layout=hex&rate_hz=240", width=320, height=240)
-    try:
-        n = len(list(play(SCENES["nothing"])))
-        frames = [frame for frame, _ in zip(source, range(n + 5), strict=False)]
-        assert source.live
-        assert source.rate_hz == 240
-        numbers = [frame.sequence for frame in frames]
-        assert numbers == sorted(set(numbers))
-        assert numbers[-1] >= n
-    finally:
-        source.close()
 
 
 def test_bundled_recordings_are_what_their_recipe_makes(data_dir: Path, tmp_path: Path) -> None:

@@ -274,7 +274,6 @@ def test_a_checkout_is_unchanged_and_its_constraints_hold(tmp_path: Path) -> Non
     ("command", "message"),
     [
         ("install.sh --node 128", "1 to 127"),
-        ("install.sh --node x", "1 to 127"),
         ("install.sh --finger ../x", "a-z"),
         ("install.sh --colour", "unknown option"),
         ("install.sh --node", "needs a value"),
@@ -282,9 +281,7 @@ def test_a_checkout_is_unchanged_and_its_constraints_hold(tmp_path: Path) -> Non
         ("install.sh --wheels /no/such", "--wheels /no/such: no such folder"),
         ("can-up.sh can77", "no interface can77; CAN interfaces here: "),
         ("can-up.sh can77 fast", "BITRATE fast"),
-        ("can-up.sh can77 500000 x", "DBITRATE x"),
         ("can-up.sh --up", "unknown option --up; see --help"),
-        ("can-up.sh can77 1 2 3", "one word too many"),
     ],
 )
 def test_mistakes_are_one_line(command: str, message: str) -> None:

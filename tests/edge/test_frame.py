@@ -93,7 +93,7 @@ def test_motion_alone_gives_the_same_values_without_cells(
 def test_friction_and_slip_margin_come_with_the_forces(
     frames: list[Frame], rest: Rest, calibration: Calibration
 ) -> None:
-    """A shear at constant depth: what is held grows; let go half of it, and there is a margin."""
+    """A shear at constant depth: what is held grows."""
     gripping = _with_friction(calibration)
     pipeline = Pipeline(in_order_of(gripping, rest), gripping, frozenset({Feature.FORCE}))
     assert "slip_margin" not in pipeline.process(frames[0]).reading.values
@@ -102,15 +102,8 @@ def test_friction_and_slip_margin_come_with_the_forces(
     load = np.hypot(last["force_x_n"], last["force_y_n"]) / last["force_n"]
     assert last["friction"] == pytest.approx(load, rel=0.3)
     assert last["slip_margin"] == pytest.approx(max(0.0, 1 - load / last["friction"]), abs=0.1)
-    back = [frame for frame in reversed(frames) if _shear(frame) > 0.4 * _shear(frames[-1])]
-    released = [pipeline.process(frame).reading.values["slip_margin"] for frame in back]
-    assert released[-1] > 0.2
     without = Pipeline(in_order_of(gripping, rest), gripping, frozenset({Feature.SHEAR}))
     assert not [v for v in map(without.process, frames) if "slip_margin" in v.reading.values]
-
-
-def _shear(frame: Any) -> float:
-    return float(np.hypot(*frame.truth["shear_mm"]))
 
 
 def _with_friction(calibration: Calibration) -> Calibration:

@@ -36,7 +36,6 @@ FULL = "error: stdout: cannot be written: No space left on device\n"
         ("--lines 100000 >&-", (0, "", "")),
         ("<&- 2>&-", (0, "0\n", "")),
         ("--unknown <&- >&- 2>&-", (2, "", "")),
-        ("--lines 1 > /dev/full", (1, "", FULL)),
         ("--lines 100000 > /dev/full", (1, "", FULL)),
     ],
 )

@@ -31,13 +31,10 @@ runpy.run_module(program, run_name="__main__", alter_sys=True)
 @pytest.mark.parametrize("arguments", [
     "click hostlink --help",
     "hostlink.client hostlink monitor can:none",
-    "logging hostlink monitor can:none",
     "click edge --help",
     "edge.cli.inspect edge inspect tip.png",
-    "numpy edge inspect tip.png",
     "datetime edge inspect tip.png",  # in the middle of NumPy's compiled modules
     "numpy edge replay touch.mcap",
-    "click calib --help",
     "numpy calib fit touch.mcap -o tip.json",
 ])  # fmt: skip
 def test_an_interrupted_import_is_no_traceback(arguments: str, tmp_path: Path) -> None:

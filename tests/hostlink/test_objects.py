@@ -24,9 +24,9 @@ from hostlink.errors import LinkTimeout, ObjectAborted
 from hostlink.finger import Finger
 from hostlink.hand_file import HandFile
 from hostlink.objects import ObjectClient, SdoObjects, SerialObjects
-from hostlink.wire import Abort, CanIds, Message, ObjectReply, unpack_message
+from hostlink.wire import Abort, CanIds, Message, ObjectReply, ObjectRequest, Op, object_named, unpack_message
 from hostlink.wire.serial import decode_frame
-from tests.support.fingers import Application, free_port, make_node, need_multicast, state
+from tests.support.fingers import Application, make_node, state
 from tests.support.waiting import SOON_S
 
 NODE, INDEX = 5, 0x2030
@@ -182,6 +182,23 @@ def test_a_finger_that_another_host_keeps_busy_gives_that_as_the_reason(
     line.client.write(*TARE, b"\1")  # a short value needs no turn
 
 
+def test_serial_refusals_carry_their_code() -> None:
+    line = Line("serial", application := Application("VT-1"))
+    stored = object_named("settings_stored")
+    assert line.client.read(stored.index, stored.sub) == b"\0", "there is no folder"
+    application.touched, replies = True, list[ObjectReply]()
+    line.client = SimpleNamespace(answer=lambda counter, reply: replies.append(reply))
+    for name, offset, total, data, code in (
+        ("calibration", 50, 100, b"x", Abort.TOGGLE),
+        ("divider", 0, 9, bytes(20), Abort.LENGTH),
+        ("tare", 0, 1, b"\1", Abort.NOT_NOW),
+    ):
+        row = object_named(name)
+        request = ObjectRequest(Op.WRITE, row.index, row.sub, offset, total, data)
+        line.commands.receive(Message.REQUEST, 7, request.pack())
+        assert replies.pop().abort == code
+
+
 class SharedBus:
     """A finger and hosts on a bus. Whose frame comes next is random; the frames of each keep their order.
 
@@ -294,20 +311,11 @@ def test_hosts_on_one_bus_read_and_tare_correctly(
         assert bus.application.tares == [True] * n
 
 
-@pytest.mark.parametrize(("kind", "n"), [("virtual", 100), ("udp", 20)])
-def test_two_connections_to_one_finger_read_and_tare_correctly(
-    request: pytest.FixtureRequest, kind: str, n: int
-) -> None:
-    if kind == "udp":
-        need_multicast()
-    bus = f"virtual:{request.node.name}?" if kind == "virtual" else f"udp:239.0.0.5?port={free_port()}&"
-    node, application = make_node(f"{bus}node={NODE}")
+def test_two_connections_to_one_finger_read_and_tare_correctly() -> None:
+    bus, n = "virtual:two-connections", 100
+    node, application = make_node(f"{bus}?node={NODE}")
     application.touched = True
-    with (
-        closing(node),
-        hostlink.connect(bus.rstrip("?&")) as one,
-        hostlink.connect(bus.rstrip("?&")) as other,
-    ):
+    with closing(node), hostlink.connect(bus) as one, hostlink.connect(bus) as other:
         node.send(state(0))
         fingers = [one.finger(NODE, SOON_S), other.finger(NODE, SOON_S)]
         assert ask_at_once(fingers, application.serial, n) == []

@@ -2,7 +2,6 @@
 
 import errno
 import os
-import resource
 import signal
 import sys
 from collections.abc import Callable, Iterator
@@ -209,14 +208,6 @@ for write in (lambda: settings.change(divider=2), lambda: check_output(folder / 
     lines = run.stderr.splitlines()
     assert (run.returncode, len(lines)) == (0, 5), run.stderr
     assert all(str(folder) in line and "Permission denied" in line for line in lines), run.stderr
-
-
-def test_command_on_a_full_disk_ends_with_one_line_and_code_1(tmp_path: Path) -> None:
-    path, limit = tmp_path / "x.json", (3, 3)  # bytes; signal 0 is none
-    small = {"preexec_fn": lambda: resource.setrlimit(resource.RLIMIT_FSIZE, limit)}
-    run = python("-c", ENDED, "0", "", path, env=uncounted(), **small)
-    assert (run.returncode, run.stderr) == (1, f"error: {path}: cannot be written: File too large\n")
-    assert list(tmp_path.iterdir()) == []
 
 
 ENDED = """

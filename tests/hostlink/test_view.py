@@ -1,13 +1,10 @@
 """The host page's packets: samples of each finger, and viewers' commands."""
 
-import asyncio
-import json
 import os
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Iterator
 from contextlib import closing
 from typing import Any
 
-import aiohttp
 import numpy as np
 import pytest
 
@@ -16,7 +13,7 @@ from hostlink.commands.monitor import Board
 from hostlink.view import HandView, hand
 from hostlink.web import pack_packet, parse_listen
 from hostlink.wire import Contact, State
-from tests.edge.worker.test_page import unpack
+from tests.edge.worker.test_page import Viewer, unpack, watch
 from tests.support.commands import run_host
 from tests.support.fingers import Fingers, state
 from tests.support.waiting import SOON_S, until
@@ -46,39 +43,18 @@ def view(fingers: Fingers) -> Iterator[HandView]:
         yield made
 
 
-def watch(view: HandView, token: str, then: Callable[[Any, dict[str, Any]], Awaitable[Any]]) -> Any:
-    async def run() -> Any:
-        url = f"http://127.0.0.1:{view.server.port}/live"
-        async with (
-            asyncio.timeout(SOON_S),
-            aiohttp.ClientSession() as session,
-            session.ws_connect(url) as socket,
-        ):
-            await socket.send_json({"token": token, "want": []})
-            return await then(socket, await socket.receive_json())
-
-    return asyncio.run(run())
-
-
-async def packets(socket: Any, enough: Callable[[dict[str, Any]], object]) -> list[dict[str, Any]]:
-    taken: list[dict[str, Any]] = []
-    while not taken or not enough(taken[-1]):
-        message = await socket.receive()
-        if message.type is aiohttp.WSMsgType.BINARY:
-            taken.append(unpack(message.data))
-            await socket.send_json({"got": len(taken)})
-    return taken
-
-
 def test_every_sample_of_every_finger(view: HandView, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(hand, "OVERLAP_S", SOON_S)  # a packet may be arbitrarily late
     monkeypatch.setattr(hand, "RECENT", 1 << 20)
     monkeypatch.setattr(Board, "STALE_S", SOON_S)
 
-    async def look(socket: Any, hello: dict[str, Any]) -> list[dict[str, Any]]:
-        return await packets(socket, lambda p: sum(f["rows_n"] >= 50 for f in p["fingers"]) == 2)
+    async def look(viewer: Viewer) -> list[dict[str, Any]]:
+        taken = [await viewer.packet()]
+        while sum(f["rows_n"] >= 50 for f in taken[-1]["fingers"]) < 2:
+            taken.append(await viewer.packet())
+        return taken
 
-    taken = watch(view, "", look)
+    taken = watch(view.server.url, look)
     for number in (1, 4):
         depths: list[float] = []
         for packet in taken:
@@ -104,21 +80,17 @@ def test_nobody_watching_costs_nothing(view: HandView) -> None:
 
 
 def test_tare_needs_the_token(view: HandView, fingers: Fingers) -> None:
-    async def ask(socket: Any, hello: dict[str, Any]) -> Any:
-        await socket.send_json({"do": "tare", "finger": 4})
-        while True:
-            message = await socket.receive()
-            if message.type is aiohttp.WSMsgType.TEXT:
-                return hello["may"], json.loads(message.data)
+    async def ask(viewer: Viewer) -> Any:
+        return viewer.hello["may"], await viewer.do("tare", finger=4)
 
-    may, answer = watch(view, "", ask)
+    may, answer = watch(view.server.url, ask)
     assert (may, answer["ok"]) == ([], False)
     assert fingers.applications[4].tares == []
-    may, answer = watch(view, TOKEN, ask)
+    may, answer = watch(view.server.url, ask, TOKEN)
     assert (may, answer["ok"]) == (["tare"], True)
     assert fingers.applications[4].tares == [False]
     fingers.applications[4].touched = True
-    _, answer = watch(view, TOKEN, ask)
+    _, answer = watch(view.server.url, ask, TOKEN)
     assert not answer["ok"]
     assert answer["message"].startswith("finger 4: ")
 

@@ -209,6 +209,14 @@ def test_half_open_sockets_do_not_count_as_viewers(served: Served) -> None:
         assert asyncio.run(look(served.url)) == 2
 
 
+def test_more_viewers_than_may_watch_are_refused() -> None:
+    with serving(limits=WebLimits(patience_s=SOON_S)) as served, contextlib.ExitStack() as stack:
+        for _ in range(LIMITS.viewers_n):
+            stack.enter_context(never_reads(served))
+        until(lambda: served.server.viewers_n == LIMITS.viewers_n, "all are let in")
+        assert asyncio.run(close_code(served.url, '{"want": []}')) == 1013
+
+
 def test_a_request_that_takes_too_long_is_closed() -> None:
     with serving(limits=WebLimits(request_s=0.2)) as served, served.connect() as raw:
         raw.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Slow: ")
@@ -255,18 +263,11 @@ NONSENSE = [
     "[" * 2000,
     '{"a":' * 600,
     '{"got": 1e400}',
-    '{"got": 1.5}',
-    '{"got": true}',
     '{"got": -1}',
     '{"got": NaN}',
-    '{"want": [[]]}',
-    '{"want": 5}',
-    '{"want": {"image": 1}}',
     '{"do": ["tare"]}',
     '{"do": "tare", "x": Infinity}',
     '{"got": ' + "1" * 4000 + "}",
-    '"got"',
-    "17",
     "null",
     "",
     "{",

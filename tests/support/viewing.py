@@ -32,11 +32,11 @@ class Stepper(ThreadedSource):
     skipped.
     """
 
-    def __init__(self, path: Path, rate_hz: float = RATE_HZ) -> None:
+    def __init__(self, path: Path) -> None:
         super().__init__(path.name)
         recording = RecordingSource(path)
         self.frames = list(recording)
-        self.size_px, self.rate_hz = recording.size_px, rate_hz
+        self.size_px, self.rate_hz = recording.size_px, RATE_HZ
         self.at = self.aim = 0
         self.going = threading.Event()
         self.going.set()
@@ -58,29 +58,19 @@ class Stepper(ThreadedSource):
 
 
 class Live:
-    """The loop in its own thread, and its page.
-
-    token     of the page; None: read-only
-    options   of the loop
-    """
+    """The loop in its own thread, and its page."""
 
     def __init__(
         self,
         recording: Path,
         calibration: Path | None = None,
-        token: str | None = TOKEN,
         recordings: Path = Path("."),
-        rate_hz: float = RATE_HZ,
-        port: int = 0,
         record: Path | None = None,
-        **options: Any,
     ) -> None:
         self.recordings = recordings
-        self.source = Stepper(recording, rate_hz)
-        self.loop = Loop(
-            self.source, [], Calibration.load(calibration) if calibration is not None else None, **options
-        )
-        listen = parse_listen(f"127.0.0.1:{port}", token)
+        self.source = Stepper(recording)
+        self.loop = Loop(self.source, [], None if calibration is None else Calibration.load(calibration))
+        listen = parse_listen("127.0.0.1:0", TOKEN)
         self.worker = WorkerClient(
             self.loop, WorkerConfig(listen, record, recordings=recordings, tip={"serial": "T-1"})
         )

@@ -69,10 +69,8 @@ def _frame(gap: float = 0.0) -> Complex:
     return z
 
 
-def _run(models: Sequence[Model], z: Complex, wanted: frozenset[str] | None = None) -> Array:
-    kernel = ModelKernel(INPUTS, models)
-    kernel.want(wanted)
-    return kernel.of_inputs(z)
+def _run(models: Sequence[Model], z: Complex) -> Array:
+    return ModelKernel(INPUTS, models).of_inputs(z)
 
 
 def _plainly(model: Process, z: Complex) -> list[tuple[float, float]]:
@@ -215,9 +213,6 @@ def _with_process(**changes: Any) -> dict[str, Any]:
         ({"noise_weights": [0.1]}, "noise_weights: 1 numbers for 2 terms"),
         ({"noise_range": [1.0, -1.0]}, "noise_range: give [low, high]"),
         ({"factor": [[[1.0, 0.0]]]}, "factor[0]: 1 pairs of numbers for 3 terms"),
-        ({"weights": [[1.0, 0.0]]}, "weights: 1 pairs of numbers for 3 terms"),
-        ({"sigma": [0.1]}, "sigma: give one for each of 2 outputs"),
-        ({"far": -1.0}, "far: must be a number from 0 to 1000000000000"),
         ({"across_weights": [0.1]}, "across_weights: 1 numbers for 2 terms"),
         ({"across_range": [1.0, -1.0]}, "across_range: give [low, high]"),
         ({"lost": {"scale": 0.1}}, "lost: "),

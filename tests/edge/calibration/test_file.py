@@ -36,8 +36,6 @@ DAMAGE: list[tuple[str, Any, str]] = [
     ("format", "something", "not a calibration file: its format is 'something'"),
     ("version", 2, "has version 2, this program reads version 1"),
     ("mm_per_px", 0, "mm_per_px: must be a number from 0.0001 to 10 or null"),
-    ("mm_per_px", "NaN", "mm_per_px: must be a number from 0.0001 to 10 or null, is text"),
-    ("mm_per_px", 1e300, "mm_per_px: must be a number from 0.0001 to 10 or null"),
     ("extra", 1, "unknown key 'extra'"),
     ("models.0.input", "smell", "models[0].input: unknown input 'smell'"),
     ("models.0.output", "taste", "models[0]: unknown output 'taste'"),
@@ -55,8 +53,6 @@ DAMAGE: list[tuple[str, Any, str]] = [
     ("models.1.valid", [[2, -2], [-2, 2]], "models[1].valid: give a range [low, high]"),
     ("models.1.sigma", [0.1, -0.1], "models[1].sigma[1]: must be a number from 1e-09 to 1000000"),
     ("models.1.sigma", [0.1], "models[1].sigma: give one for each of 2 outputs"),
-    ("models.1.weights.0", ["a", 0], "models[1].weights[0][0]: must be a number from "),
-    ("models", {}, "models: must be a list, each of it a table {...}, is a table"),
     ("sensor.serial", "a\nb", "sensor.serial: "),
     ("sensor.rest_xy_px", [], "sensor.rest_xy_px: must have at least 12 items"),
 ]
@@ -92,20 +88,15 @@ SENSOR = calibration_content()["sensor"]
 HOSTILE: list[tuple[str, Any, str]] = [
     ("models.1.terms", [[]] * 100_000, f"models[1].terms: must have at most {TERMS_MAX} items"),
     ("models.1.terms.2", ["shear"] * 15_000, f"models[1].terms[2]: must have at most {FACTORS_MAX} items"),
-    ("models.1.weights.1", [1e300, 0.0], "models[1].weights[1][0]: must be a number from "),
     ("models.0.output", "x" * 1_000_000, "models[0].output: must have at most 64 characters"),
     ("models", [calibration_content()["models"][0]] * 1000, "models: must have at most 17 items"),
     ("sensor.rest_xy_px", [*PINS, [15_000.0, 9.0]], "(15000, 9) is outside of the image (640x480)"),
-    ("sensor.rest_xy_px", [*PINS, [1e9, 240.0]], "rest_xy_px[19][0]: must be a number from -8192 to 16384"),
     ("sensor.rest_xy_px", [[0.1 * k, 0.0] for k in range(5000)], "must have at most 3060 items"),
     ("sensor.rest_xy_px", [*PINS, PINS[4]], "0 px from another pin, where the others are 20 px apart"),
     ("sensor", SENSOR | LINE_OF_PINS, "most of the tip's pins missing, or all on one line?"),
     ("sensor", SENSOR | TWO_GROUPS, "sensor.rest_xy_px: 38 pins 20 px apart cover 11% of the tip's circle"),
-    ("sensor.size_px", [100_000, 100_000], "sensor.size_px[0]: must be a whole number from 16 to 8192"),
     ("sensor.size_px", [8192, 8192], "sensor.size_px: 8192x8192 pixels are too many"),
-    ("sensor.pin_radius_px", 1e-300, "sensor.pin_radius_px: must be a number from 0.5 to 16384"),
     ("sensor.pin_radius_px", 40.0, "pin_radius_px: 40"),
-    ("sensor.tip_radius_px", 1e300, "tip_radius_px: must be a number from 0.5 to 16384"),
     ("sensor.tip_radius_px", 460.0, "sensor.tip_radius_px: 460, but the outermost pin is 40 px"),
     ("sensor.pitch_px", 60.0, "pitch_px: 60, but the rest pins are 20"),
 ]  # fmt: skip
@@ -123,17 +114,14 @@ def test_a_hostile_file_is_refused_before_anything_is_built(place: str, value: A
     ("raw", "expected"),
     [
         (b"", "not a calibration file: no JSON"),
-        (b"a note to self", "not a calibration file: no JSON"),
         (b"[1, 2]", "not a calibration file: must be a table {...}, is a list"),
         (b"\xff\xfe", "not a calibration file: no JSON"),
-        (b'{"format": ', "not a calibration file: no JSON"),
         (b'{"format": "a\xff"}', "is not UTF-8 text"),
         (b"[" * 200_000, "not a calibration file: "),
-        (b'{"a":' * 200_000, "not a calibration file: lists and tables are nested too deeply"),
         (b'{"format":"voronoi-touch-calibration","version":1,"sensor":' + b"[" * 200_000, "too deeply"),
         (b" " * (limits.FILE_BYTES + 1), "larger than 2048 KiB"),
     ],
-    ids=["empty", "text", "list", "binary", "cut", "latin", "deep list", "deep table", "deep sensor", "long"],
+    ids=["empty", "list", "binary", "latin", "deep list", "deep sensor", "long"],
 )
 def test_a_file_that_is_no_calibration_is_refused(tmp_path: Path, raw: bytes, expected: str) -> None:
     assert expected in refusal(raw)

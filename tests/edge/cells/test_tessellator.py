@@ -102,21 +102,6 @@ def test_random_walks_agree_with_fresh_triangulations_without_jumps() -> None:
     assert large.builds <= 40  # of 600 frames; 78 where triangles that turned over were not repaired
 
 
-def test_blinking_pins_add_no_more_than_the_noise_that_is_there() -> None:
-    """Sensor noise, a tenth of the pins lost anew each frame: areas scatter hardly more than unlost ones."""
-    rest, rng = hexagonal(), np.random.default_rng(4)
-    tessellator = Tessellator(rest_of(rest))
-    whole, blinking = [], []
-    for _ in range(60):
-        xy = rest + rng.normal(0, 0.05, rest.shape)
-        whole.append(tessellator.cells(tracks_of(xy)).area_px2 / tessellator.rest_area_px2 - 1)
-        lost = rng.random(len(rest)) < 0.1
-        cells = tessellator.cells(tracks_of(np.where(lost[:, None], np.nan, xy)))
-        blinking.append(cells.area_px2 / tessellator.rest_area_px2 - 1)
-    assert np.nanmax(np.abs(blinking)) <= 1.5 * np.max(np.abs(whole))
-    assert np.nanstd(blinking) <= 1.2 * np.std(whole)
-
-
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_the_gap_is_on_the_side_where_pins_are_lost_and_grows_with_them(side: float) -> None:
     rest = hexagonal()

@@ -212,7 +212,6 @@ def up(**data: Any) -> dict[str, Any]:
         (None, {"link": "fail"}, "no CAN interface can0"),
         (UP | {"flags": ["NOARP"]}, {"link": "fail"}, "can0 is down"),
         (UP | {"mtu": 16}, {"link": "fail"}, "classic frames only"),
-        (UP | {"linkinfo": {"info_kind": "bridge"}}, {"link": "fail"}, "no CAN interface"),
         (up(state="BUS-OFF"), {"errors": "fail"}, "BUS-OFF"),
         (up(state="ERROR-PASSIVE"), {"errors": "warn"}, "ERROR-PASSIVE"),
         (up(berr_counter={"tx": 128, "rx": 0}), {"errors": "warn"}, "tx 128"),

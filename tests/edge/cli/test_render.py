@@ -1,6 +1,5 @@
 """`edge render`: the video holds the recording, frame by frame, with the pipeline's results."""
 
-import json
 from pathlib import Path
 
 import cv2
@@ -12,7 +11,6 @@ from edge.cli.render import render_recording
 from edge.pins import take_rest
 from edge.recording.reader import RecordingSource
 from edge.view.panels import View, draw_camera
-from tests.support.commands import run_edge as command
 
 
 def frames_of(path: Path) -> list[np.ndarray]:
@@ -52,12 +50,3 @@ def test_every_frame_is_in_the_video(data_dir: Path, tmp_path: Path) -> None:
     ]
     assert alike[1] > max(0.8, alike[0])
     assert cv2.VideoCapture(str(tmp_path / "a.mkv")).get(cv2.CAP_PROP_FPS) == pytest.approx(25)
-
-
-def test_the_command(data_dir: Path, tmp_path: Path) -> None:
-    render = ("render", data_dir / "nothing.mcap", "--height", "120", "-o")
-    done = command(*render, tmp_path / "a.mp4", "--json")
-    assert (done.code, done.err) == (0, "")
-    assert json.loads(done.out)["frames_n"] == len(list(RecordingSource(data_dir / "nothing.mcap")))
-    done = command(*render, tmp_path / "b.mp4", "-q")
-    assert (done.code, done.out) == (0, "")

@@ -37,25 +37,6 @@ def test_one_push_is_one_contact_in_its_place(pins: int, at: tuple[float, float]
     assert np.isnan(found[0].orientation_rad)
 
 
-@pytest.mark.compiled
-@pytest.mark.parametrize("pins", [127, 331])
-def test_two_pushes_two_pitches_apart_are_two(pins: int) -> None:
-    rest = tip(pins)
-    pitch = rest.pattern.pitch_px
-    rng = np.random.default_rng(5)
-    for _ in range(6):
-        way = rng.uniform(0, np.pi)
-        half = 1.1 * pitch * np.array([np.cos(way), np.sin(way)])
-        shift = rng.uniform(-1.0, 1.0, 2) * pitch
-        motion = push(rest, tuple(shift + half), 0.7 * pitch, 0.3)
-        motion += push(rest, tuple(shift - half), 0.7 * pitch, 0.24)
-        found = contacts(rest, motion)
-        assert len(found) == 2
-        assert found[0].peak > found[1].peak
-        for contact, place in zip(found, (shift + half, shift - half), strict=True):
-            assert np.hypot(*(contact.xy_img - CENTRE - place)) < 0.6 * pitch
-
-
 def test_there_are_no_more_contacts_than_the_table_holds() -> None:
     rest, across = tip(331), (-120.0, -40.0, 40.0, 120.0)
     motion = sum(push(rest, (x, y), 16.0, 0.3) for x in across for y in across)

@@ -74,19 +74,6 @@ def test_without_cells_motion_alone_is_given() -> None:
     assert not extractor(rest).extract(shaken, None, ALL).in_contact
 
 
-def test_untouched_frames_with_blinking_pins_never_touch() -> None:
-    rest = tip(331)
-    made = extractor(rest)
-    rng = np.random.default_rng(1)
-    for _ in range(60):
-        tracks, cells = noisy(
-            rest, np.zeros((331, 2)), rng, rng.choice(331, rng.integers(0, 100), replace=False)
-        )
-        got = made.extract(tracks, cells, ALL)
-        assert not got.in_contact
-        assert got.contacts == ()
-
-
 @pytest.mark.parametrize("pins", [127, 331])
 @pytest.mark.parametrize("with_cells", [True, False])
 def test_a_reflection_that_shifts_pins_is_no_contact(pins: int, with_cells: bool) -> None:

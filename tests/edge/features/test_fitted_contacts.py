@@ -55,6 +55,7 @@ def test_two_balls_are_two_and_each_in_its_place() -> None:
         balls = [Ball(z.real, z.imag, 1.0, radius_mm=2.4) for z in (0.5 + half, 0.5 - half)]
         found = contacts(list(balls), seed=seed)
         assert len(found) == 2
+        assert found[0].peak > found[1].peak
         for contact in found:
             assert contact.fitted is not None
             place = (contact.fitted.place_img - CENTRE) / SCALE

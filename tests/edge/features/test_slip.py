@@ -6,14 +6,13 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from calib.sim import Camera, Tip, Tool, ToolPose, deform
 from edge.features.pin_motion import PinMotion
 from edge.features.slip_and_vibration import Slip
 from edge.frame import Pipeline
 from edge.recording.reader import RecordingSource
 from edge.rest.tare import tare
 from edge.types import Array, Feature, Index, Rest
-from tests.support.fields import CENTRE, make_rest, plane, tip
+from tests.support.fields import CENTRE, plane, tip
 
 pytestmark = [pytest.mark.kernels, pytest.mark.compiled]
 
@@ -118,28 +117,3 @@ class TestSlip:
         detected = [f.slip_probability for f in features if f is not None and f.in_contact]
         assert len(detected) > 10
         assert max(p for p in detected if p is not None) < 0.5
-
-    @pytest.mark.parametrize(("friction", "slips"), [(10.0, False), (0.5, True)])
-    def test_simulated_drag(self, friction: float, slips: bool) -> None:
-        """A tilted flat, dragged: announced before all of it slides; at high friction it sticks."""
-        camera = Camera(tip=Tip(friction=friction))
-        moved = [
-            deform(camera.tip, (ToolPose(Tool("flat"), depth_mm=2.0, tilt_y_deg=5.0, shear_x_mm=0.08 * k),))
-            for k in range(18)
-        ]
-        rest_xy = camera.project(camera.tip.tips_mm)
-        shift = CENTRE - camera.centre_img
-        rest = make_rest(rest_xy + shift, 18.9)
-        rng = np.random.default_rng(0)
-        unknown = np.full(len(rest_xy), np.nan)
-        pins = np.flatnonzero(np.hypot(*(rest_xy - camera.centre_img).T) < 50.0).astype(np.int32)
-        touch, states = Touch(rest, pins), []
-        for d in moved:
-            noise = rng.normal(0.0, 0.05, rest_xy.shape)
-            states.append(touch.update(camera.project(d.tips_mm) - rest_xy + noise, unknown, 0.05))
-        probable = np.array([s.probability for s in states]) > 0.5
-        shares = np.array([d.slip[0] for d in moved])
-        assert probable.any() == slips
-        if slips:
-            assert 0.3 < shares[probable][0] < 0.9
-            assert probable[-1]

@@ -16,13 +16,12 @@ from edge.errors import CalibrationError
 from edge.link.medium import CanFrame, Medium, MediumError
 from edge.link.nmt import NmtState
 from edge.link.node import Node
-from edge.link.object_server import Aborted
 from edge.link.settings import NodeSettings, SettingsFile
-from edge.link.sinks import CanFdSink, SerialSink, open_sink, opener
+from edge.link.sinks import CanFdSink, SerialSink, open_sink
 from hostlink import wire
-from hostlink.wire import Abort, FaultCode, Message, Op, State, Status, object_named
-from hostlink.wire.address import parse_address
+from hostlink.wire import Abort, FaultCode, Message, State, Status, object_named
 from hostlink.wire.process_data import FRAME_DATA, SAMPLE_DATA
+from hostlink.wire.serial import decode_frame
 from tests.support.fingers import Application
 from tests.support.media import Wire
 from tests.support.waiting import SOON_S, until
@@ -204,6 +203,7 @@ def test_the_node_gives_the_reason_of_a_refusal(bench: Bench) -> None:
 
 
 def test_settings_survive_a_restart(bench: Bench) -> None:
+    assert bench.read("settings_stored") is True
     bench.write("divider", 3)
     bench.write("features", 0b100001)
     assert bench.finger.features == {"displacement", "shear"}
@@ -414,56 +414,9 @@ def test_moved_identifiers(request: pytest.FixtureRequest) -> None:
     assert bytes(answer.data[4:]) == (0x500 + NODE).to_bytes(4, "little")
 
 
-class Line:
-    """A serial node on a looped line: what it sends comes back, and is sorted here."""
-
-    def __init__(self) -> None:
-        self.sink = SerialSink("loop", opener(parse_address("serial:loop://")))
-        self.finger = Finger()
-        self.node = Node(self.sink, self.finger)
-        self.received: list[tuple[Message, int, bytes]] = []
-        port = self.sink.on_frame
-        assert port is not None
-
-        def both(kind: Message, counter: int, body: bytes) -> None:
-            self.received.append((kind, counter, body))
-            port(kind, counter, body)
-
-        self.sink.on_frame = both
-
-    def ask(self, op: Op, name: str, offset: int = 0, total: int = 0, data: bytes = b"") -> wire.ObjectReply:
-        row, self.received = object_named(name), []
-        self.sink.post_frame(
-            Message.REQUEST, wire.ObjectRequest(op, row.index, row.sub, offset, total, data).pack(), 7
-        )
-        until(lambda: Message.REPLY in {kind for kind, _, _ in self.received}, "a reply")
-        (reply,) = [(counter, body) for kind, counter, body in self.received if kind is Message.REPLY]
-        assert reply[0] == 7
-        return wire.ObjectReply.unpack(reply[1])
-
-
-@pytest.fixture
-def line() -> Iterator[Line]:
-    line = Line()
-    yield line
-    line.node.close()
-
-
-def test_serial_refusals_carry_their_code(bench: Bench, line: Line) -> None:
-    line.finger.touched = True
-    with pytest.raises(Aborted):
-        line.node.objects.read(0, 0)
-    line.sink.post(line.sink.frame(Message.REQUEST, b"\1", 0))  # too short: the next one is handled
-    for request, code in (
-        (("calibration", 50, 100, b"x"), Abort.TOGGLE),
-        (("divider", 0, 9, bytes(20)), Abort.LENGTH),
-        (("tare", 0, 1, b"\1"), Abort.NOT_NOW),
-    ):
-        assert line.ask(Op.WRITE, *request).abort == code
-    assert line.ask(Op.READ, "settings_stored").data == b"\0"  # there is no folder
-    assert bench.read("settings_stored") is True
-
-
-def test_serial_heartbeat(line: Line) -> None:
-    line.node.objects.write(0x1017, 0, b"\x0a\0")
-    until(lambda: Message.HEARTBEAT in {kind for kind, _, _ in line.received}, "a heartbeat")
+def test_serial_heartbeat() -> None:
+    line = Wire(instant=False)
+    node = Node(SerialSink("line", lambda: line), Finger())
+    node.objects.write(0x1017, 0, b"\x0a\0")
+    until(lambda: any(decode_frame(frame.strip(b"\0"))[0] == Message.HEARTBEAT for frame in line.items))
+    node.close()

@@ -22,6 +22,7 @@ from edge.recording.writer import Recorder
 from edge.types import Frame
 from hostlink.mcap_chunk import UNPACKED_MAX
 from tests.edge.sources.test_image_header import png_of
+from tests.support.damage import damaged
 from tests.support.mcap_bomb import write_mcap_bomb
 from tests.support.memory import bounded_memory
 from tests.support.messages import read_messages
@@ -79,8 +80,6 @@ def read_everything(path: Path) -> int:
     [
         '"bits": 0',
         '"bits": -1',
-        '"bits": 2000',
-        '"bits": 1e10',
         '"bits": 10000000000',
         '"bits": 12',  # of a pixel that has 8
         '"bits": null, "sequence": 1e400',
@@ -172,31 +171,6 @@ def test_metadata_that_are_listed_often_are_read_once(tmp_path: Path) -> None:
         assert {name: len(data["key"]) for name, data in read_metadata(path).items()} == {"big": 1 << 20}
 
 
-def mutations(dice: random.Random, data: bytes) -> bytes:
-    """Bits flipped, lengths replaced, pieces removed, doubled or exchanged."""
-    changed = bytearray(data)
-    lengths = [0, 1, 8, 0x7F, 0xFF, 1 << 16, (1 << 31) - 1, 1 << 31, 1 << 33, 1 << 62, (1 << 64) - 1]
-    for _ in range(dice.choice([1, 1, 2, 5, 20])):
-        at = dice.randrange(len(changed))
-        what = dice.randrange(6)
-        if what == 0:
-            changed[at] ^= 1 << dice.randrange(8)
-        elif what == 1:
-            changed[at : at + 8] = struct.pack("<Q", dice.choice(lengths))
-        elif what == 2:
-            changed[at : at + 4] = struct.pack("<I", dice.choice(lengths) & 0xFFFFFFFF)
-        elif what == 3:
-            del changed[at : at + dice.randrange(1, 64)]
-        elif what == 4:
-            changed[at:at] = changed[at : at + dice.randrange(1, 64)]
-        else:
-            other = dice.randrange(len(changed))
-            changed[at : at + 9] = changed[other : other + 9]
-        if not changed:
-            changed = bytearray(data)
-    return bytes(changed)
-
-
 def seeds(folder: Path) -> list[bytes]:
     """Small recordings of every kind."""
     rng = np.random.default_rng(1)
@@ -240,6 +214,6 @@ def test_random_files_are_read_or_refused(tmp_path: Path, repair: Callable[[byte
     images_n = 0
     with bounded_memory(MEMORY_MAX):
         for _ in range(400):
-            path.write_bytes(repair(mutations(dice, dice.choice(good))))
+            path.write_bytes(repair(damaged(dice, dice.choice(good))))
             images_n += read_everything(path)
     assert images_n > 100, "most changes leave something to read"

@@ -32,9 +32,7 @@ from tests.support.waiting import SOON_S
 STEP_NS = 4_166_667
 
 
-def frames_of(
-    n: int, *, bits: int = 8, size: tuple[int, int] = (64, 48), clock: Clock = Clock.DEVICE
-) -> list[Frame]:
+def frames_of(n: int, *, bits: int = 8, size: tuple[int, int] = (64, 48)) -> list[Frame]:
     """Noise images with gaps in the sequence and uneven times."""
     rng = np.random.default_rng(7)
     return [
@@ -42,7 +40,7 @@ def frames_of(
             image=rng.integers(0, 1 << bits, (size[1], size[0]), np.uint8 if bits == 8 else np.uint16),
             capture_ns=123_456_789_012_345 + i * STEP_NS + i % 3,
             sequence=(1 << 33) + i + (5 if i >= 4 else 0),  # more than MCAP's own counter holds, and a gap
-            clock=clock,
+            clock=Clock.DEVICE,
             bits=bits,
             truth={"depth_mm": 0.1 * i, "contacts": [[1.5, -2.25]]} if i % 2 else None,
         )
@@ -187,11 +185,6 @@ def test_results_read_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     assert got["/features"]["contacts"][0]["orientation_rad"] is None  # NaN: round
     assert got["/reading"]["values"] == {"displacement_mm": 1.5, "shear_x_mm": None}
     assert got["/reading"]["contacts"] == [{"x_mm": 0.5, "y_mm": -0.25, "depth_mm": 1.5}]
-    assert got["/finger_2/sample"]["sequence"] == 7
-    assert got["/finger_2/sample"]["values"]["displacement_mm"] == 1.5
-    assert got["/finger_2/sample"]["values"]["force_n"] is None
-    (arrow,) = got["/finger_2/contacts"].entities[0].arrows
-    assert arrow.shaft_length + arrow.head_length == pytest.approx(1.5e-3)
     (status,) = got["/diagnostics"]["status"]
     assert (status["name"], status["level"], status["message"]) == ("finger_2", 1, status_text(warm.status))
     assert got["/tf"].transforms[0].child_frame_id == "finger_2"

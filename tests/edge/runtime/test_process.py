@@ -47,7 +47,6 @@ print(full_mb - held_mb, held_mb - resident_mb())
     ("end", "status", "output"),
     [
         ("return", 0, ""),
-        ("sys.exit()", 0, ""),
         ("sys.exit(2)", 2, ""),
         ("sys.exit(True)", 1, ""),
         ("sys.exit('why')", 1, "why\n"),

@@ -42,7 +42,6 @@ def test_each_figure_has_its_source_and_each_source_a_figure(sensor: KnownSensor
         ('title = "a"\n[pins]\ncount = 3\n', "pins.count: must be a whole number from 12 to "),
         ('title = "a"\npin = 3\n', "unknown key 'pin'"),
         ('title = "a"\nname = "b"\n', "unknown key 'name'; it follows from the file's name"),
-        ("title =\n", "not TOML"),
     ],
 )
 def test_a_mistake_is_one_line_with_the_file(tmp_path: Path, text: str, expected: str) -> None:
@@ -51,10 +50,3 @@ def test_a_mistake_is_one_line_with_the_file(tmp_path: Path, text: str, expected
     message = one_line(ConfigError, load_sensor, str(path))
     assert str(path) in message
     assert expected in message
-
-
-def test_an_unknown_name_lists_the_known_ones() -> None:
-    with pytest.raises(ConfigError, match=r"'tactip' is unknown; one of digitac, .* or a file of your own"):
-        load_sensor("tactip")
-    with pytest.raises(ConfigError, match=r"absent\.toml: cannot be read"):
-        load_sensor("absent.toml")

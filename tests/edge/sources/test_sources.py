@@ -32,17 +32,15 @@ def noise(seed: int = 0, size: tuple[int, int] = (64, 48)) -> np.ndarray[Any, An
     return np.random.default_rng(seed).integers(0, 256, (size[1], size[0]), dtype=np.uint8)
 
 
-def folder_of(path: Path, n: int, names: str = "frame_{}.png") -> Path:
+def folder_of(path: Path, n: int) -> Path:
     path.mkdir()
     for i in range(n):
-        cv2.imwrite(str(path / names.format(i)), noise(i))
+        cv2.imwrite(str(path / f"frame_{i}.png"), noise(i))
     return path
 
 
-def video_of(
-    path: Path, n: int, rate_hz: float = 50.0, codec: str = "FFV1", size: tuple[int, int] = (64, 48)
-) -> Path:
-    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*codec), rate_hz, size)
+def video_of(path: Path, n: int, codec: str = "FFV1", size: tuple[int, int] = (64, 48)) -> Path:
+    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*codec), 50.0, size)
     assert writer.isOpened()
     for i in range(n):
         grey = noise(i, size)
@@ -88,20 +86,17 @@ def test_keys_win_over_settings() -> None:
     ("spec", "stated"),
     [
         ("nowhere.mcap", "no such file"),
-        ("nowhere/", "no such file"),
         ("", "no such file"),
         ("a\0b", "no such file"),
         ("ftp:somewhere", r"no scheme 'ftp'; known: example:, images:, mcap:.* oak:.* v4l2:.* video:"),
         ("v4l2:99", "no such camera; give v4l2:NUMBER, v4l2:SERIAL or .*; cameras here"),
         ("/dev/video99", "no such camera"),
-        ("v4l2:SERIAL-4711", "no such camera"),
         ("v4l2:0?exposure_us=long", "us: must be a whole number from 0 to 2147483647, is .long"),
         ("sim:press?rate_hz=nan", "rate_hz: must be a number from 0 to 1000000, is .nan"),
         ("v4l2:0?width=-1", "width: must be a whole number from 0 to 8192, is .-1"),
         ("v4l2:0?pins=white", "pins: unknown value .*white.*; known: bright, dark"),
         ("v4l2:0?exposre_us=3", "unknown key 'exposre_us'|no such camera"),
         ("video:nowhere.avi", "no such file"),
-        ("images:nowhere", "no such file"),
     ],
 )  # fmt: skip
 def test_bad_specifications_are_one_line(spec: str, stated: str) -> None:

@@ -11,7 +11,7 @@ from calib.figures import figure, surface_figure
 from edge.errors import InputError, SinkError
 from edge.types import Array, Features, Frame, Tracks
 from edge.view.palette import PAPER, PARAMS, SAFE, Palette, cell_colours, cell_rgba
-from edge.view.panels import View, draw_camera, draw_touch, picture, save_pins_overlay
+from edge.view.panels import View, draw_camera, draw_touch, save_pins_overlay
 from edge.view.video import CODECS, write_video
 from tests.support.fields import contact_region
 from tests.support.layouts import pins_at, tracks_of
@@ -162,21 +162,6 @@ def test_the_camera_panel_shows_the_same_place_and_brightness(scene: Scene) -> N
     assert np.allclose(spot, view.canvas(xy[12]), atol=0.51)
     deep = draw_camera(view, np.full((240, 240), 2048, np.uint16), bits=12)
     assert at(deep, view, np.array([100.0, 100.0])) == (128, 128, 128)
-
-
-@pytest.mark.parametrize("mm_per_px", [0.0, 0.05])
-@pytest.mark.parametrize("confidence", [1.0, 0.2])
-def test_pictures_have_one_size(scene: Scene, mm_per_px: float, confidence: float) -> None:
-    view, xy, tracks = scene
-    view = View(view.corner_img, view.scale, view.size, mm_per_px)
-    tracks = Tracks.of(tracks.xy_img, tracks.sigma_px, tracks.seen, confidence)
-    frame = Frame(np.zeros((240, 240), np.uint8), 0, 0)
-    features = features_of(xy, np.zeros(len(xy)), np.zeros_like(xy), contacts=2)
-    with_features = picture(view, frame, tracks, squares(xy), features, caption="a press")
-    without = picture(view, frame, tracks, [], None)
-    assert with_features.shape == without.shape
-    assert with_features.shape[0] > SIZE  # legend and caption below
-    assert with_features.shape[1] > 2 * SIZE
 
 
 def test_overlay_of_found_pins(tmp_path: Path) -> None:

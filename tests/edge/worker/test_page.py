@@ -19,7 +19,6 @@ from edge.view.scene import CHART
 from edge.worker.page import LivePage
 from edge.worker.params import PARAMS
 from hostlink.web import PageServer, WebError, parse_listen, unpack_packet
-from hostlink.web.limits import WebLimits
 from hostlink.wire import FaultCode
 from tests.support.exact import circumcentre
 from tests.support.messages import read_messages
@@ -29,8 +28,6 @@ from tests.support.viewing import TOKEN, Live
 from tests.support.waiting import SOON_S
 
 PRESSED = -1
-VIEWERS_N = WebLimits().viewers_n
-CROWD_N = VIEWERS_N + 4
 
 
 @pytest.fixture(scope="module")
@@ -91,22 +88,19 @@ def unpack(data: bytes) -> dict[str, Any]:
 
 
 def watch(
-    live: Live, then: Callable[[Viewer], Awaitable[Any]], token: str = "", want: tuple[str, ...] = ()
+    url: str, then: Callable[[Viewer], Awaitable[Any]], token: str = "", want: tuple[str, ...] = ()
 ) -> Any:
-    """Open a viewer, and run a test with it."""
+    """Open a viewer of the page at an address, and run a test with it."""
 
     async def run() -> Any:
-        async with aiohttp.ClientSession() as session, session.ws_connect(live_url(live)) as socket:
+        live = f"{url.partition('#')[0]}live"
+        async with aiohttp.ClientSession() as session, session.ws_connect(live) as socket:
             viewer = Viewer(socket)
             await socket.send_json({"token": token, "want": list(want)})
             viewer.hello = await socket.receive_json()
             return await then(viewer)
 
     return asyncio.run(run())
-
-
-def live_url(live: Live) -> str:
-    return f"http://127.0.0.1:{live.worker.port}/live"
 
 
 @pytest.mark.parametrize(
@@ -174,7 +168,7 @@ def test_without_the_token_a_viewer_may_only_watch(live: Live) -> None:
             assert command == "rm -rf" or "token" in answer["message"]
 
     tares_n = live.loop.measurement.tares_n
-    watch(live, look)
+    watch(live.url, look)
     assert live.loop.measurement.tares_n == tares_n
     assert live.loop.session.put is None
 
@@ -192,7 +186,7 @@ def test_a_packet_holds_what_the_loop_measured(live: Live) -> None:
         )
 
     live.loop.result_callbacks.append(keep)
-    packet = watch(live, look, want=("image",))
+    packet = watch(live.url, look, want=("image",))
     live.loop.result_callbacks.remove(keep)
     result = results[packet["sequence"]]
     assert result.features is not None
@@ -265,7 +259,7 @@ def test_features_not_in_demand_are_neither_computed_nor_sent(live: Live) -> Non
         assert Feature.SURFACE in pipeline.demand
 
     live.show(PRESSED)
-    watch(live, plain)
+    watch(live.url, plain)
     live.until(lambda: Feature.SURFACE not in pipeline.demand, "the surface is not computed any more")
     shown = live.worker.view._shown
     live.show(0)
@@ -287,7 +281,7 @@ def test_faults_have_readable_messages_and_a_stalled_camera_is_reported(live: Li
         live.go_on()
         await viewer.until(lambda p: p["age_s"] < 0.3 and not p["faults"])
 
-    watch(live, look)
+    watch(live.url, look)
 
 
 def test_record_loses_nothing(live: Live) -> None:
@@ -302,7 +296,7 @@ def test_record_loses_nothing(live: Live) -> None:
         return str(answer["message"])
 
     live.show(PRESSED)
-    message = watch(live, press, TOKEN)
+    message = watch(live.url, press, TOKEN)
     path = live.recordings / message.split(":")[0]
     frames = list(RecordingSource(path))
     assert f"{len(frames)} frames" in message
@@ -324,40 +318,12 @@ def test_an_unwritable_folder_is_reported(live: Live) -> None:
     folder.mkdir(exist_ok=True)
     folder.rename(away)
     folder.write_text("a file where the folder should be")
-    answer = watch(live, lambda viewer: viewer.do("record"), TOKEN)
+    answer = watch(live.url, lambda viewer: viewer.do("record"), TOKEN)
     folder.unlink()
     away.rename(folder)
     assert not answer["ok"]
     assert "give another folder" in answer["message"]
     assert live.loop.session.put is None
-
-
-async def visit(session: aiohttp.ClientSession, url: str, known: set[asyncio.Task[bool] | None]) -> bool:
-    """Connect, and stay until all were admitted or refused; returns whether this one was admitted."""
-    async with session.ws_connect(url) as socket:
-        await socket.send_json({"want": ["image"]})
-        got_n = 0
-        async for message in socket:
-            if message.type is aiohttp.WSMsgType.BINARY:
-                got_n += 1
-                known.add(asyncio.current_task())
-                await socket.send_json({"got": got_n})
-                if len(known) == CROWD_N:
-                    break
-        known.add(asyncio.current_task())
-        return socket.close_code != 1013
-
-
-def test_more_viewers_than_may_watch_are_refused(live: Live) -> None:
-    async def crowd() -> list[bool]:
-        known = set[asyncio.Task[bool] | None]()
-        connector = aiohttp.TCPConnector(limit=0)
-        async with asyncio.timeout(SOON_S), aiohttp.ClientSession(connector=connector) as session:
-            return await asyncio.gather(*(visit(session, live_url(live), known) for _ in range(CROWD_N)))
-
-    let_in = asyncio.run(crowd())
-    assert let_in.count(True) == VIEWERS_N
-    assert let_in.count(False) == CROWD_N - VIEWERS_N
 
 
 def test_the_page_needs_its_extra() -> None:

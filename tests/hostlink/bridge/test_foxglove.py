@@ -286,8 +286,6 @@ def received(
 FOREIGN = [
     ("403 for the page of another site", {"Origin": "https://example.org"}),
     ("403 for a page of this machine that nobody named", {"Origin": "http://localhost:3000"}),
-    ("403 for a file, and for a frame without a name", {"Origin": "file://"}),
-    ("403 for a page without a name", {"Origin": "null"}),
     ("403 for a page by the server's own name", {"Origin": "http://127.0.0.1:8765"}),
     ("403 for another name of this machine", {"Host": "example.org:8765"}),
     ("403 for another name in the place of the page's", {"Host": "evil.test", "Origin": "http://evil.test"}),

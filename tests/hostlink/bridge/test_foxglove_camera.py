@@ -177,32 +177,18 @@ def test_the_page_is_watched_only_while_somebody_watches_the_camera(hand: Hand, 
     until(lambda: page.wants[-1] is None, "nobody watches the page")
 
 
-def test_a_recording_has_the_same_topics_and_schemas(hand: Hand, page: Page, tmp_path: Path) -> None:
+def test_a_recording_has_the_camera_though_nobody_watches(hand: Hand, page: Page, tmp_path: Path) -> None:
     path = tmp_path / "hand.mcap"
     outlet = FoxgloveOutlet(Listen("127.0.0.1", 0), path, [page.address])
     hand.bridge(outlet)
-    until(lambda: page.server.sent_n > 5, "pictures, though nobody watches")
-    seen: dict[str, dict[str, Any]] = {}
-
-    async def visit(viewer: Viewer) -> None:
-        for topic in (*TOPICS, "/finger_3/sample", "/diagnostics"):
-            await viewer.subscribe(topic)
-        await viewer.until(lambda: len(viewer.messages) == 5 and len(viewer.channels) == 7, "all topics")
-        seen.update(viewer.channels)
-
-    watch(outlet.url, visit)
+    until(lambda: page.server.sent_n > 10, "pictures")
     hand.close()
     with path.open("rb") as file:
         summary = make_reader(file).get_summary()
     assert summary is not None
     assert summary.statistics is not None
-    channels, schemas = summary.channels.values(), summary.schemas
-    recorded = {
-        c.topic: (c.message_encoding, schemas[c.schema_id].name, schemas[c.schema_id].encoding)
-        for c in channels
-    }
-    assert recorded == {t: (c["encoding"], c["schemaName"], c["schemaEncoding"]) for t, c in seen.items()}
-    counts = {c.topic: summary.statistics.channel_message_counts[c.id] for c in channels}
+    messages_n = summary.statistics.channel_message_counts
+    counts = {channel.topic: messages_n[channel.id] for channel in summary.channels.values()}
     assert min(counts[topic] for topic in TOPICS) > 5
     drawn = read_series(path)
     assert {3: counts["/finger_3/sample"]} == {n: one.samples_n for n, one in drawn.items()}

@@ -98,14 +98,12 @@ def test_the_readable_part_of_a_truncated_recording_is_drawn(
     "text",
     [
         '{"values": {"capture_time_us": 1, "force_n": "strong"}}',
-        '{"values": {"capture_time_us": 1, "force_n": [1]}}',
         '{"values": {"capture_time_us": 1, "force_n": 1' + "0" * 400 + "}}",
         '{"values": {"capture_time_us": 1e400}}',
-        '{"values": 3}',
         '{"values": [1]}',
         "[" * 100_000,
     ],
-    ids=["text", "list", "huge", "infinite", "number", "row", "deep"],
+    ids=["text", "huge", "infinite", "row", "deep"],
 )
 def test_a_sample_that_is_no_sample_counts_as_damaged(tmp_path: Path, text: str) -> None:
     builder = RecordBuilder()

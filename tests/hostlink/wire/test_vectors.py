@@ -7,10 +7,10 @@ import pytest
 
 from hostlink import wire
 from hostlink.decoder import CanDecoder, Heartbeat, Sample, SerialDecoder
-from hostlink.wire import VERSION, CanIds, Contact, Message, State, Status
+from hostlink.wire import CanIds, Contact, Message, State, Status
 from hostlink.wire.e2e import protected_p5
 from hostlink.wire.fields import OLDER
-from tests.support.states import mismatches, same
+from tests.support.states import same
 from tests.vectors.__main__ import FILE
 
 GOLDEN = json.loads(FILE.read_text(encoding="utf-8"))
@@ -32,19 +32,6 @@ def state_of(row: dict[str, Any]) -> State:
     values["status"] = Status(values["status"])
     contacts = tuple(Contact(*(float(v) for v in c.values())) for c in row["contacts"])
     return State(**values, contacts=contacts)
-
-
-def test_frames_of_a_version_that_is_gone_are_refused_in_one_line() -> None:
-    rows = BEFORE["samples"]
-    can_id = CanIds().state(3)
-    errors = mismatches(CanDecoder(), [(can_id, bytes.fromhex(row["frame"])) for row in rows])
-    errors += mismatches(SerialDecoder(), [(bytes.fromhex(row["serial"]),) for row in rows])
-    assert len(errors) == 2
-    for error in errors:
-        assert (error.ours, error.theirs) == (VERSION, BEFORE["version"])
-        assert "\n" not in str(error)
-        assert f"version {BEFORE['version']}" in str(error)
-        assert f"version {VERSION}" in str(error)
 
 
 def test_classic_parts_of_a_version_that_is_gone_are_damaged_ones() -> None:
