@@ -16,6 +16,10 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import click
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
 import numpy as np
 
 from calib.sim import ToolPose
@@ -27,11 +31,11 @@ from tests.bench.output import ROOT, show, write_json, writes_results
 MASSES_G = (50, 100, 200, 350, 500)
 FRICTIONS = (0.7, 1.0)
 SPEED_MM_S = 2.0  # of the gripper
-GROUP = "239.0.0.17"  # multicast: the bus
 SHAKE_M_S2, SHAKE_HZ = 3.0, 2.0
 LIFT_S, HOLD_S, SHAKE_S = 1.5, 1.0, 1.5
 PATIENCE_S = 30.0  # for a gripper that closes
 DROPPED_MM, SLIPPED_MM = 5.0, 0.5
+STYLES = {"gentle": "-", "gentle, in C": "--", "fixed force": ":"}
 #: The tip of `example:press`, with the friction of the skin on the object.
 SIMULATION = """
 [tip]
@@ -46,6 +50,7 @@ vignetting = 0.0
 read_noise = 0.2
 shot_noise = 0.0
 """
+Trace = list[tuple[float, float, float]]
 Controller = Callable[[dict[int, State]], tuple[float, bool]]  # speed of closing, mm/s; whether it holds
 
 
@@ -100,7 +105,7 @@ def fixed(force_n: float) -> Controller:
 
 
 def controllers(library: ctypes.CDLL, heaviest_n: float) -> dict[str, Controller]:
-    """New ones, by name."""
+    """New ones, by the names of STYLES."""
     return {"gentle": gentle(), "gentle, in C": gentle_in_c(library), "fixed force": fixed(heaviest_n)}
 
 
@@ -113,11 +118,11 @@ def load_m_s2(since_s: float) -> float:
     )
 
 
-def grasp(fingers: SimulatedHand, world: GraspedObject, controller: Controller) -> list[float]:
-    """Normal force of a finger in each step while they hold it, N."""
+def grasp(fingers: SimulatedHand, world: GraspedObject, controller: Controller) -> Trace:
+    """By step: s since the fingers hold it, normal force of a finger, N, and how far it has slid, mm."""
     while fingers_touch(fingers):
         pass
-    forces_n: list[float] = []
+    trace: Trace = []
     last_s = begun_s = time.monotonic()
     held_s: float | None = None
     closing = 0.0
@@ -132,10 +137,10 @@ def grasp(fingers: SimulatedHand, world: GraspedObject, controller: Controller) 
             raise TimeoutError("the gripper never closed")
         held_s = now_s if held_s is None and holds else held_s
         if held_s is not None:
-            forces_n.append(world.skin.normal_n(world.depth_mm))
+            trace.append((now_s - held_s, world.skin.normal_n(world.depth_mm), world.slid_mm))
         if world.slid_mm > DROPPED_MM:
             break
-    return forces_n
+    return trace
 
 
 def fingers_touch(fingers: SimulatedHand) -> bool:
@@ -143,24 +148,44 @@ def fingers_touch(fingers: SimulatedHand) -> bool:
     return any(s.status & Status.TOUCHED for s in fingers.feel(ToolPose()).values())
 
 
-def row_of(mass_g: int, name: str, world: GraspedObject, forces_n: list[float]) -> dict[str, object]:
-    force_n = float(np.mean(forces_n))
+def row_of(mass_g: int, name: str, world: GraspedObject, trace: Trace) -> dict[str, object]:
+    forces = [force for _, force, _ in trace]
     return {
         "controller": name,
         "friction": world.skin.friction,
         "mass, g": mass_g,
         "slid, mm": world.slid_mm,
         "held": world.slid_mm <= SLIPPED_MM,
-        "force, N": force_n,
-        "of what is needed": force_n / world.needed_n,
+        "force, N": float(np.mean(forces)),
+        "of what is needed": float(np.mean(forces)) / world.needed_n,
     }
 
 
+def draw(traces: dict[tuple[str, float, int], Trace], path: Path) -> None:
+    """Normal force over time, a panel for each friction, a line for each object and controller."""
+    figure, axes = plt.subplots(1, len(FRICTIONS), figsize=(10, 4), sharey=True, layout="constrained")
+    for axis, friction in zip(axes, FRICTIONS, strict=True):
+        for (name, of, mass_g), trace in traces.items():
+            if of == friction:
+                time_s, force_n, _ = np.transpose(trace)
+                colour = f"C{MASSES_G.index(mass_g)}"
+                axis.plot(time_s, force_n, STYLES[name], color=colour, label=f"{name}, {mass_g} g")
+        for at in (LIFT_S, LIFT_S + HOLD_S):
+            axis.axvline(at, color="0.85", zorder=0)
+        axis.set(title=f"friction {friction:g}: lifted, held, shaken", xlabel="s since the fingers hold")
+    axes[0].set_ylabel("normal force of a finger, N")
+    axes[-1].legend(fontsize=7, ncols=2)
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+
+
 @click.command()
+@click.option("--group", default="239.0.0.17", show_default=True, help="Multicast group that is the bus.")
 @writes_results
-def command(out: Path) -> None:
+def command(out: Path, group: str) -> None:
     """Objects gripped, lifted, held and shaken by two simulated fingers and the example's controller."""
     rows: list[dict[str, object]] = []
+    traces = {}
     with tempfile.TemporaryDirectory() as folder:
         library = compiled(Path(folder))
         for friction in FRICTIONS:
@@ -169,19 +194,29 @@ def command(out: Path) -> None:
             skin = Skin(simulation)
             heaviest = GraspedObject(skin, max(MASSES_G) / 1e3).needed_n * (1 + SHAKE_M_S2 / GRAVITY_M_S2)
             with ExitStack() as stack:
-                fingers = SimulatedHand(simulation, "example:press", GROUP)
+                fingers = SimulatedHand(simulation, "example:press", group)
                 stack.callback(fingers.close)
                 fingers.wait_until_ready()
                 for mass_g in MASSES_G:
                     for name, controller in controllers(library, heaviest).items():
                         world = GraspedObject(skin, mass_g / 1e3)
-                        rows.append(row_of(mass_g, name, world, grasp(fingers, world, controller)))
+                        traces[name, friction, mass_g] = trace = grasp(fingers, world, controller)
+                        rows.append(row_of(mass_g, name, world, trace))
     show(rows, "Objects gripped by two simulated fingers")
-    summary = []
-    for name in dict.fromkeys(str(row["controller"]) for row in rows):
-        own = [row for row in rows if row["controller"] == name]
-        held_n = sum(bool(row["held"]) for row in own)
-        force = float(np.median([row["of what is needed"] for row in own]))
-        summary.append({"controller": name, "held": held_n, "of": len(own), "of what is needed": force})
-    show(summary, "Objects held, and the median force")
+    summary = {
+        name: {
+            "held": sum(bool(row["held"]) for row in rows if row["controller"] == name),
+            "of": len(MASSES_G) * len(FRICTIONS),
+            "force, of what is needed": float(
+                np.median([row["of what is needed"] for row in rows if row["controller"] == name])
+            ),
+        }
+        for name in STYLES
+    }
+    for name, found in summary.items():
+        force = found["force, of what is needed"]
+        click.echo(
+            f"{name}: {found['held']} of {found['of']} held, {force:.2f} times the force needed (median)"
+        )
+    draw(traces, out / "grasp.png")
     write_json(out / "grasp.json", {"summary": summary, "rows": rows})

@@ -115,6 +115,10 @@ class Reference:
         self._cell_px2 = float(np.prod((high - low) / (GRID - 1)))
         self._last = self.rest_img
 
+    def place(self, xy: Array) -> None:
+        """Where the pins are before the next image (NaN: as before): the method cannot follow a jump."""
+        self._last = np.where(np.isfinite(xy), xy, self._last)
+
     def step(self, image: Image) -> Result:
         """All results from one image."""
         return self.features(self.follow(find_pins(self.detector, image)))

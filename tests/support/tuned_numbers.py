@@ -2,9 +2,12 @@
 
 Every field of a parameter class counts, and every constant of a module or class that is a number, unless it
 is on the list of those that nobody chose.
+
+    python -m tests.support.tuned_numbers          # the table; with a stage's name its numbers
 """
 
 import ast
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -152,3 +155,15 @@ def tuned_numbers() -> dict[str, list[str]]:
         name = stage[0] if len(stage) > 1 else "shared" if path.name == "params.py" else "edge"
         found.setdefault(name, []).extend(numbers_of(path))
     return found
+
+
+if __name__ == "__main__":
+    found = tuned_numbers()
+    for stage in sys.argv[1:]:
+        print(*found[stage], sep="\n")
+    if not sys.argv[1:]:
+        for stage, names in sorted(found.items(), key=lambda row: -len(row[1])):
+            print(f"{stage:12} {len(names):4}")
+        model = ("pins", "tracking", "features", "faults", "rest", "runtime", "shared")
+        n = sum(len(found[stage]) for stage in model)
+        print(f"{'all':12} {sum(map(len, found.values())):4}; {', '.join(model)}: {n}")
