@@ -23,10 +23,11 @@ from math import erf, sqrt
 import cv2
 import numpy as np
 
+from edge.geometry.lattice import groups_of
 from edge.geometry.layout import affine_terms
 from edge.tracking.coarse import CoarseFit
 from edge.tracking.hypothesis import Hypothesis, certain_match
-from edge.tracking.match import Links, NearestBlob, RegionGrower
+from edge.tracking.match import NearestBlob, RegionGrower
 from edge.tracking.motion_model import MotionModel
 from edge.tracking.tip import TrackedTip
 from edge.types import Array, Index, Mask
@@ -51,6 +52,22 @@ class _BlobIndex:
     nearest: NearestBlob
 
 
+@dataclass(frozen=True, slots=True)
+class Links:
+    """Pairs (p, 2) of pins that are linked where their motion differs by less than limit_px (p,)."""
+
+    pairs: Index
+    limit_px: Array
+
+    def largest_piece(self, motion: Array, known: Mask) -> Mask:
+        """(n,) the known pins of the largest piece; motion (n, 2) px, known (n,)."""
+        a, b = self.pairs.T
+        step = motion[a] - motion[b]
+        linked = known[a] & known[b] & ((step**2).sum(1) < self.limit_px**2)
+        piece = groups_of(len(known), a[linked], b[linked])
+        return np.asarray(piece == np.bincount(piece[known]).argmax()) if known.any() else known
+
+
 class Identifier:
     """Finds identities from one unordered set of blobs, without prior knowledge but the rest frame."""
 
@@ -59,10 +76,10 @@ class Identifier:
         self._tip = tip
         self._gate_px = p.gate * tip.lattice.local_pitch_px
         self._region_gate_px = p.region_gate * tip.lattice.local_pitch_px
-        self._links = Links(len(tip), lattice.edges, self._gate_px[lattice.edges[:, 0]])
+        self._links = Links(lattice.edges, self._gate_px[lattice.edges[:, 0]])
         row, column = np.nonzero(lattice.weight)
         beside = np.stack([row, lattice.near[row, column]], axis=1).astype(np.int32)
-        self._bridges = Links(len(tip), beside, self._gate_px[row])
+        self._bridges = Links(beside, self._gate_px[row])
         # Each sweep takes a match on by a pitch and more: so many take it across the tip.
         sweeps_n = int(np.ceil(np.ptp(tip.lattice.rest_xy, axis=0).max() / tip.lattice.pitch_px))
         self._region = RegionGrower(
