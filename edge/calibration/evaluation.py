@@ -81,7 +81,7 @@ class InputRow:
     @cython.ccall
     @cython.exceptval(check=True)
     def write_frame(self, features: Features, pattern: PinPattern) -> cython.void:
-        """Those of one frame. Raises ValueError: sizes that do not fit, a tip without a radius."""
+        """Write the inputs of one frame. Raises ValueError: sizes that do not fit, a tip without a radius."""
         n: cython.Py_ssize_t = len(MODES)
         first: cython.Py_ssize_t = 2 + n
         self._must_have(first + 5, pattern)
@@ -118,7 +118,7 @@ class InputRow:
     @cython.ccall
     @cython.exceptval(check=True)
     def write_contact(self, contact: ContactRegion, features: Features, pattern: PinPattern) -> cython.void:
-        """Those of one contact of a frame. Raises ValueError: as of `write_frame`."""
+        """Write the inputs of one contact. Raises ValueError: as of `write_frame`."""
         self._must_have(12, pattern)
         r: cython.double = self._radius
         self._set_place_peak_size(contact, 0, 1, 3)
@@ -157,25 +157,24 @@ class InputRow:
         self.numbers[2 * i + 1] = im
 
     @cython.cfunc
-    def _set_vector(self, i: cython.Py_ssize_t, xy: Array | None, scale: cython.double) -> cython.bint:
-        """(2,) divided by a scale; None: not computed."""
+    def _set_vector(
+        self, i: cython.Py_ssize_t, xy: Array | None, scale: cython.double, x0: cython.double = 0.0,
+        y0: cython.double = 0.0,
+    ) -> cython.bint:  # fmt: skip
+        """(2,) from a place, divided by a scale; None: not computed."""
         if xy is None:
             self._set(i, NAN, 0.0)
         else:
             pair: list[float] = xy.tolist()  # to read an array's element costs as much as both so
             x: cython.double = pair[0]
             y: cython.double = pair[1]
-            self._set(i, x / scale, y / scale)
+            self._set(i, (x - x0) / scale, (y - y0) / scale)
         return True
 
     @cython.cfunc
     def _set_place(self, i: cython.Py_ssize_t, xy_img: Array) -> cython.bint:
         """A place on the tip's unit disc."""
-        place: list[float] = xy_img.tolist()
-        x: cython.double = place[0]
-        y: cython.double = place[1]
-        self._set(i, (x - self.x0) / self._radius, (y - self.y0) / self._radius)
-        return True
+        return self._set_vector(i, xy_img, self._radius, self.x0, self.y0)
 
     @cython.cfunc
     def _set_place_peak_size(
@@ -231,7 +230,7 @@ class ModelKernel:
     _wanted: list[bool]
     # (models + 1, 6) first part, noise term, output, term of `lost`, row of `_factor`, knot
     _first: cython.int[:, ::1]
-    _part: cython.int[::1]  # those of `_parts` that the models sum up
+    _part: cython.int[::1]  # numbers in `_parts` that the models sum up
     _weight: cython.double[:, ::1]  # (n, 2) of each: for the real part of the value, and the imaginary
     _factor: cython.double[:, ::1]  # of `_blocks_of`
     _noise_node: cython.int[::1]

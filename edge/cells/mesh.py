@@ -124,12 +124,12 @@ class Mesh:
     stack: cython.int[::1]  # half-edges to check
     parts: cython.double[:, ::1]  # of each triangle, as `measure` writes them
     attached: cython.bint
-    # `attach` writes those from here on.
+    # `attach` writes what follows.
     rest: cython.const[cython.double][:, ::1]
     rim: cython.const[cython.int][::1]
     fit: cython.const[cython.double][:, ::1]
     terms: cython.const[cython.double][:, ::1]
-    start: cython.int[::1]  # those of `weighted_rows`
+    start: cython.int[::1]  # as `weighted_rows` gives them
     near: cython.ushort[::1]
     weight: cython.float[::1]
     residual: cython.double[::1]  # of the rim's motion beside the affine one: x, y, x, y, ...
@@ -500,7 +500,7 @@ class Mesh:
     @cython.cfunc
     @cython.exceptval(check=False)
     def _add_bound(self, p: cython.Py_ssize_t, q: cython.Py_ssize_t, error: cython.double) -> cython.void:
-        """To those of an edge's two cells; only the pins' count."""
+        """Add to the bounds of an edge's two cells; only the pins' count."""
         if p < self.n_pins:
             self.bound[p] += error
             self.has_bounds = True
