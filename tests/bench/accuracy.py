@@ -1,19 +1,14 @@
-"""`python -m tests.bench accuracy`: time of a frame against its error on held-out frames, for each model.
+"""`python -m tests.bench accuracy`: instructions of a frame against its error, for each kind of model.
 
-Models are fitted to 480 of the published recordings; the other 120 judge them. Their times are measured on
-the same recordings, whole: from the image to the calibrated values.
+Models are fitted to 480 of the published recordings; the other 120 judge them. Instructions are those of the
+same recordings, whole: from the image to the calibrated values.
 
-Rules
-- The paper's method is `tests.bench.reference`, with a curve of its volume for the depth and a linear
-  function of its mean motion for the shear. It follows pins from frame to frame and cannot follow a still's
-  jump: the places of the pins are given to it. It has no tilt and no torsion.
-- All take turns on the same still, each of which a pipeline has found before, and the clock is this
-  thread's own: times are comparable within a run. Medians; the ratio is that to the paper's method.
+The paper's method is `tests.bench.reference`, with a curve of its volume for the depth and a linear function
+of its mean motion for the shear. It follows pins from frame to frame and cannot follow a still's jump: the
+places of the pins are given to it. It has no tilt and no torsion.
 """
 
 import os
-import shutil
-import statistics
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -34,16 +29,14 @@ from edge.calibration import Calibration
 from edge.calibration.inputs import FRAME_INPUTS
 from edge.frame import Pipeline
 from edge.sources.files import read_image
-from edge.types import Array, Feature, Frame, Image, Rest
+from edge.types import Feature, Frame, Image, Rest
 from tests.bench.counter import counted as count_between_marks
 from tests.bench.frames import GRASP
 from tests.bench.output import show, write_json, writes_results
 from tests.bench.real import NETWORK, row, splits
 from tests.bench.recordings import TIP_331, real_option, tip_331
 from tests.bench.reference import Reference
-from tests.bench.speed import timed
 
-STILLS, REPEATS = 30, 4  # that time is measured on, and how often each
 COUNTED = 4  # stills whose instructions are counted
 ROUNDS = 4  # of each
 #: Errors by name of the value: the columns of a report that are averaged.
@@ -107,32 +100,11 @@ def as_the_paper(rest: Rest, targets: Targets, seen: Extract, untouched: Image) 
     return replace(seen, inputs=inputs)
 
 
-def times(rest: Rest, calibrations: list[Calibration], stills: list[Image], untouched: Image) -> Array:
-    """(1 + configurations,) median microseconds of a frame: the reference's first."""
-    reference = Reference(untouched, rest.pattern.pin_radius_px, rest_img=rest.xy_img)
-    pipelines = [
-        Pipeline(rest, calibration, one.demand)
-        for one, calibration in zip(CONFIGURATIONS, calibrations, strict=True)
-    ]
-    found: list[list[float]] = [[] for _ in range(1 + len(pipelines))]
-    for image in track(stills, "time"):
-        frame = Frame(image, 0, 0)
-        for pipeline in pipelines:
-            pipeline.forget()
-            where = pipeline.process(frame).tracks.xy_img
-        reference.place(where)
-        for _ in range(REPEATS):
-            timed(found[0], reference.step, image)
-            for us, pipeline in zip(found[1:], pipelines, strict=True):
-                timed(us, pipeline.process, frame)
-    return np.array([statistics.median(us) for us in found])
-
-
 def instructions(calibrations: list[Calibration], stills: list[Image], rest: Image) -> list[int]:
     """Of a frame, the reference's first."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        np.savez(folder / "stills.npz", rest=rest, images=np.stack(stills[:COUNTED]))
+        np.savez(folder / "stills.npz", rest=rest, images=np.stack(stills))
         work = [("paper", DEMAND)]
         for i, (one, calibration) in enumerate(zip(CONFIGURATIONS, calibrations, strict=True)):
             file = folder / f"{i}.json"
@@ -177,19 +149,16 @@ def models(
 
 
 def accuracy_plot(rows: list[dict[str, Any]], errors: dict[str, float], path: Path) -> None:
-    """Error over the cost of a frame, a panel for each value, each point with its name.
-
-    The cost is in instructions if these were counted, else in time.
+    """Error over instructions of a frame, a panel for each value, each point with its name.
 
     errors  name of each value, and an error to compare with: a dashed line
     """
-    cost, unit, label = "us", 1.0, "us a frame"
-    if "instructions" in rows[0]:
-        cost, unit, label = "instructions", 1e6, "million instructions a frame"
-    least = min(row[cost] for row in rows) / unit
+    least = min(row["instructions"] for row in rows) / 1e6
     figure, axes = plt.subplots(1, len(errors), figsize=(13, 3.6), sharex=True, layout="constrained")
     for axis, (name, published) in zip(axes, errors.items(), strict=True):
-        points = [(row[name], row[cost] / unit, row["name"]) for row in rows if row[name] is not None]
+        points = [
+            (row[name], row["instructions"] / 1e6, row["name"]) for row in rows if row[name] is not None
+        ]
         highest = 1.2 * max([published, *(error for error, _, _ in points)])
         height = 0.0
         for error, at, text in sorted(points):
@@ -203,7 +172,7 @@ def accuracy_plot(rows: list[dict[str, Any]], errors: dict[str, float], path: Pa
             line = {"arrowstyle": "-", "color": "0.7", "linewidth": 0.6, "relpos": (0, 0.5)}
             axis.annotate(text, (at, error), (4.0 * least, height), va="center", fontsize=7, arrowprops=line)
         axis.axhline(published, color="grey", linestyle="--", linewidth=1.0)
-        axis.set(title=name, xlabel=label, xscale="log", ylim=(0, highest))
+        axis.set(title=name, xlabel="million instructions a frame", xscale="log", ylim=(0, highest))
         axis.spines[["top", "right"]].set_visible(False)
     axes[0].set_ylabel("mean absolute error, held-out frames\n(dashed: a published network)")
     figure.savefig(path, dpi=110)
@@ -214,12 +183,9 @@ def accuracy_plot(rows: list[dict[str, Any]], errors: dict[str, float], path: Pa
 @real_option
 @click.option("--frames", "size", type=click.IntRange(24, 480), default=480, help="To fit to.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, help="Of the split.")
-@click.option("--instructions", "counted", is_flag=True, help="Count instructions too; needs valgrind.")
 @writes_results
-def command(folder: Path, size: int, seed: int, counted: bool, out: Path) -> None:
-    """Time per frame against error on held-out published frames: a table, JSON and a picture."""
-    if counted and shutil.which("valgrind") is None:
-        raise click.ClickException("--instructions: valgrind is not installed (Debian package valgrind)")
+def command(folder: Path, size: int, seed: int, out: Path) -> None:
+    """Instructions per frame against error on held-out published frames: a table, JSON and a picture."""
     cv2.setNumThreads(1)
     plt.switch_backend("Agg")
     data = tip_331(folder)
@@ -231,16 +197,13 @@ def command(folder: Path, size: int, seed: int, counted: bool, out: Path) -> Non
     paper = as_the_paper(data.rest, targets, seen, rest)
     calibrations, found = models(data.rest, targets, seen, paper, size)
     held_out = range(size, len(targets))
-    stills = [read_image(targets.frames[i]) for i in held_out if seen.trusted[i]][:STILLS]
-    us = times(data.rest, calibrations, stills, rest)
+    stills = [read_image(targets.frames[i]) for i in held_out if seen.trusted[i]][:COUNTED]
+    counts = instructions(calibrations, stills, rest)
     names = [PAPER, *(one.name for one in CONFIGURATIONS)]
     rows: list[dict[str, Any]] = [
-        {"name": name, "us": float(t), "ratio": float(us[0] / t), **errors_}
-        for name, t, errors_ in zip(names, us, found, strict=True)
+        {"name": name, "instructions": n, "ratio": counts[0] / n, **errors_}
+        for name, n, errors_ in zip(names, counts, found, strict=True)
     ]
-    if counted:
-        for one, n in zip(rows, instructions(calibrations, stills, rest), strict=True):
-            one["instructions"] = n
     result = {"frames_fitted": size, "frames_held_out": len(held_out), "seed": seed, "configurations": rows}
     write_json(out / "accuracy.json", result)
     accuracy_plot(rows, PUBLISHED, out / "accuracy.png")

@@ -1,4 +1,4 @@
-"""Make README's pictures again: `python -m tests.browser.pictures [page|touch]`.
+"""Make README's pictures again: `python -m docs.make_pictures [page|touch]`.
 
 touch is what `render` makes of the example recording, as a GIF. page is the live page with a bundled
 recording, played back and forth; latency and rate are this machine's: let it be idle. It has all colours: 256
@@ -23,7 +23,7 @@ from edge.examples import example_file
 from tests.browser.chrome import Chrome
 from tests.support.viewing import Live
 
-DATA = Path(__file__).resolve().parent.parent / "data"
+DATA = Path(__file__).resolve().parents[1] / "tests" / "data"
 PICTURES = DATA / "pictures"
 EACH = 3  # pictures of the recording that one of the GIF stands for
 FULL_S = 11.0  # the charts are full
