@@ -31,6 +31,7 @@ from tests.bench.output import ROOT, show, write_json, writes_results
 MASSES_G = (50, 100, 200, 350, 500)
 FRICTIONS = (0.7, 1.0)
 SPEED_MM_S = 2.0  # of the gripper
+GROUP = "239.0.0.17"  # multicast: the bus
 SHAKE_M_S2, SHAKE_HZ = 3.0, 2.0
 LIFT_S, HOLD_S, SHAKE_S = 1.5, 1.0, 1.5
 PATIENCE_S = 30.0  # for a gripper that closes
@@ -174,15 +175,14 @@ def draw(traces: dict[tuple[str, float, int], Trace], path: Path) -> None:
             axis.axvline(at, color="0.85", zorder=0)
         axis.set(title=f"friction {friction:g}: lifted, held, shaken", xlabel="s since the fingers hold")
     axes[0].set_ylabel("normal force of a finger, N")
-    axes[-1].legend(fontsize=7, ncols=2)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside right upper", fontsize=7)
     figure.savefig(path, dpi=110)
     plt.close(figure)
 
 
 @click.command()
-@click.option("--group", default="239.0.0.17", show_default=True, help="Multicast group that is the bus.")
 @writes_results
-def command(out: Path, group: str) -> None:
+def command(out: Path) -> None:
     """Objects gripped, lifted, held and shaken by two simulated fingers and the example's controller."""
     rows: list[dict[str, object]] = []
     traces = {}
@@ -194,7 +194,7 @@ def command(out: Path, group: str) -> None:
             skin = Skin(simulation)
             heaviest = GraspedObject(skin, max(MASSES_G) / 1e3).needed_n * (1 + SHAKE_M_S2 / GRAVITY_M_S2)
             with ExitStack() as stack:
-                fingers = SimulatedHand(simulation, "example:press", group)
+                fingers = SimulatedHand(simulation, "example:press", GROUP)
                 stack.callback(fingers.close)
                 fingers.wait_until_ready()
                 for mass_g in MASSES_G:
