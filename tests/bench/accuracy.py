@@ -39,12 +39,14 @@ from tests.bench.reference import Reference
 
 COUNTED = 4  # stills whose instructions are counted
 ROUNDS = 4  # of each
-#: Errors by name of the value: the columns of a report that are averaged.
-ERRORS = {"depth mm": (0,), "tilt deg": (1, 2), "shear mm": (3, 4), "torsion deg": (7,)}
-PUBLISHED = {name: float(np.mean([NETWORK[i] or 0.0 for i in at])) for name, at in ERRORS.items()}
+#: Errors by name of the value: the columns of a report that are averaged, and what it is a part of.
+ERRORS = {
+    "depth mm": ((0,), Feature.DISPLACEMENT), "tilt deg": ((1, 2), Feature.TILT),
+    "shear mm": ((3, 4), Feature.SHEAR), "torsion deg": ((7,), Feature.TORSION),
+}  # fmt: skip
+PUBLISHED = {name: float(np.mean([NETWORK[i] or 0.0 for i in at])) for name, (at, _) in ERRORS.items()}
 PLAIN, POLYNOMIAL = frozenset({ModelKind.PLAIN}), frozenset({ModelKind.POLYNOMIAL})
 PROCESS = frozenset({ModelKind.PROCESS})
-PAPER = "the paper's method"
 
 
 @dataclass(frozen=True)
@@ -65,22 +67,15 @@ CONFIGURATIONS = (
     Configuration("processes", Search(kinds=PROCESS)),
     Configuration("processes; depth, shear", Search(kinds=PROCESS), GRASP),
 )
-#: Values that are sent if these are in demand.
-VALUES = {
-    "depth mm": Feature.DISPLACEMENT,
-    "tilt deg": Feature.TILT,
-    "shear mm": Feature.SHEAR,
-    "torsion deg": Feature.TORSION,
-}
 
 
 def errors(report: dict[str, Any], demand: frozenset[Feature]) -> dict[str, float | None]:
     """Mean absolute errors, of x and y their mean; None: not in demand, or there is no such model."""
     values = row(report)
     found: dict[str, float | None] = {}
-    for name, columns in ERRORS.items():
+    for name, (columns, feature) in ERRORS.items():
         mean = float(np.mean([values[i] for i in columns]))
-        found[name] = mean if VALUES[name] in demand and np.isfinite(mean) else None
+        found[name] = mean if feature in demand and np.isfinite(mean) else None
     return found
 
 
@@ -199,7 +194,7 @@ def command(folder: Path, size: int, seed: int, out: Path) -> None:
     held_out = range(size, len(targets))
     stills = [read_image(targets.frames[i]) for i in held_out if seen.trusted[i]][:COUNTED]
     counts = instructions(calibrations, stills, rest)
-    names = [PAPER, *(one.name for one in CONFIGURATIONS)]
+    names = ["the paper's method", *(one.name for one in CONFIGURATIONS)]
     rows: list[dict[str, Any]] = [
         {"name": name, "instructions": n, "ratio": counts[0] / n, **errors_}
         for name, n, errors_ in zip(names, counts, found, strict=True)

@@ -8,7 +8,6 @@ gripped, lifted, held and shaken.
 import ctypes
 import math
 import runpy
-import subprocess
 import tempfile
 import time
 from collections.abc import Callable
@@ -27,6 +26,7 @@ from calib.simulated_hand import FINGERS, GRAVITY_M_S2, GraspedObject, Simulated
 from hostlink import State, Status
 from hostlink.wire.state import pack_state
 from tests.bench.output import ROOT, show, write_json, writes_results
+from tests.support.c_programs import C, compiled
 
 MASSES_G = (50, 100, 200, 350, 500)
 FRICTIONS = (0.7, 1.0)
@@ -39,17 +39,9 @@ DROPPED_MM, SLIPPED_MM = 5.0, 0.5
 STYLES = {"gentle": "-", "gentle, in C": "--", "fixed force": ":"}
 #: The tip of `example:press`, with the friction of the skin on the object.
 SIMULATION = """
-[tip]
-n_pins = 127
-kind = "hex"
-pin_radius_mm = 0.8
-friction = {friction}
-[camera]
-size_px = [160, 160]
-[look]
-vignetting = 0.0
-read_noise = 0.2
-shot_noise = 0.0
+tip = {{n_pins = 127, kind = "hex", pin_radius_mm = 0.8, friction = {friction}}}
+camera = {{size_px = [160, 160]}}
+look = {{vignetting = 0.0, read_noise = 0.2, shot_noise = 0.0}}
 """
 Trace = list[tuple[float, float, float]]
 Controller = Callable[[dict[int, State]], tuple[float, bool]]  # speed of closing, mm/s; whether it holds
@@ -83,12 +75,10 @@ def gentle_in_c(library: ctypes.CDLL) -> Controller:
     return control
 
 
-def compiled(folder: Path) -> ctypes.CDLL:
+def library_in(folder: Path) -> ctypes.CDLL:
     """The C example as a library."""
-    sources = [str(ROOT / "hostlink" / "c" / name) for name in ("examples/gentle_grip.c", "vt_fd.c")]
-    library = folder / "gentle_grip.so"
-    subprocess.run(["cc", "-O2", "-shared", "-fPIC", *sources, "-lm", "-o", str(library)], check=True)
-    loaded = ctypes.CDLL(str(library))
+    sources = [C / "examples" / "gentle_grip.c", C / "vt_fd.c"]
+    loaded = ctypes.CDLL(str(compiled(folder / "gentle_grip.so", sources, "-shared", "-fPIC")))
     loaded.grip_speed_mm_s.restype = ctypes.c_float
     return loaded
 
@@ -121,8 +111,8 @@ def load_m_s2(since_s: float) -> float:
 
 def grasp(fingers: SimulatedHand, world: GraspedObject, controller: Controller) -> Trace:
     """By step: s since the fingers hold it, normal force of a finger, N, and how far it has slid, mm."""
-    while fingers_touch(fingers):
-        pass
+    while any(s.status & Status.TOUCHED for s in fingers.feel(ToolPose()).values()):
+        pass  # opened, it still feels the object of before
     trace: Trace = []
     last_s = begun_s = time.monotonic()
     held_s: float | None = None
@@ -142,11 +132,6 @@ def grasp(fingers: SimulatedHand, world: GraspedObject, controller: Controller) 
         if world.slid_mm > DROPPED_MM:
             break
     return trace
-
-
-def fingers_touch(fingers: SimulatedHand) -> bool:
-    """Whether a finger still feels the object of before, after it was opened."""
-    return any(s.status & Status.TOUCHED for s in fingers.feel(ToolPose()).values())
 
 
 def row_of(mass_g: int, name: str, world: GraspedObject, trace: Trace) -> dict[str, object]:
@@ -187,7 +172,7 @@ def command(out: Path) -> None:
     rows: list[dict[str, object]] = []
     traces = {}
     with tempfile.TemporaryDirectory() as folder:
-        library = compiled(Path(folder))
+        library = library_in(Path(folder))
         for friction in FRICTIONS:
             simulation = Path(folder) / f"tip_{friction:g}.toml"
             simulation.write_text(SIMULATION.format(friction=friction))

@@ -1,11 +1,10 @@
-"""The host's cost of a sample: `python -m tests.bench host [--json]`.
+"""The host's cost of a sample: `python -m tests.bench host`.
 
 A control loop's: instructions of `CanDecoder.receive` and of reading four values, counted by
 `tests.bench.counter`. A recording's: time and peak memory a line of `to_arrays`, beside python-can's reader
 with cantools and the generated DBC, which check no CRC and no order, in the same run.
 """
 
-import json
 import tempfile
 import time
 import tracemalloc
@@ -62,9 +61,8 @@ def cost(read: Callable[[Path], object], path: Path, lines_n: int) -> tuple[floa
 
 
 @click.command("host")
-@click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout, nothing else.")
 @writes_results
-def command(as_json: bool, out: Path) -> None:
+def command(out: Path) -> None:
     """Instructions of a decoded sample; time and memory of a recording, against python-can and cantools."""
     rows = []
     with tempfile.TemporaryDirectory() as folder:
@@ -77,8 +75,5 @@ def command(as_json: bool, out: Path) -> None:
                 rows.append({"format": suffix, "reader": name, "us a line": us, "bytes a line": peak})
     result = {"instructions": counts.instructions, "lines": LINES, "recordings": rows}
     write_json(out / "host.json", result)
-    if as_json:
-        click.echo(json.dumps(result))
-    else:
-        click.echo(f"{counts.instructions:,} instructions a sample, received and four values read")
-        show(rows, f"{LINES:,} samples of one finger")
+    click.echo(f"{counts.instructions:,} instructions a sample, received and four values read")
+    show(rows, f"{LINES:,} samples of one finger")

@@ -42,13 +42,7 @@ def test_each_pose_is_an_image_of_that_moment(finger: RemoteSource) -> None:
     assert [frame.truth["depth_mm"] for frame in (before, pressed) if frame.truth] == [0.0, 1.5]
 
 
-BAD = (
-    b"",
-    b"{",
-    b'[{"depth": 1}]x',
-    b'[{"depth_mm": "deep"}]',
-    b'[{"depth_mm": 1, "x_mm": 99, "tool": {"kind": "sphere"}}]',
-)
+BAD = (b"", b"{", b'[{"depth_mm": "deep"}]', b'[{"depth_mm": 1, "x_mm": 99, "tool": {"kind": "sphere"}}]')
 
 
 @pytest.mark.parametrize("message", BAD)

@@ -164,6 +164,4 @@ if __name__ == "__main__":
     if not sys.argv[1:]:
         for stage, names in sorted(found.items(), key=lambda row: -len(row[1])):
             print(f"{stage:12} {len(names):4}")
-        model = ("pins", "tracking", "features", "faults", "rest", "runtime", "shared")
-        n = sum(len(found[stage]) for stage in model)
-        print(f"{'all':12} {sum(map(len, found.values())):4}; {', '.join(model)}: {n}")
+        print(f"{'all':12} {sum(map(len, found.values())):4}")

@@ -114,8 +114,7 @@ def test_of_noise_alone_the_highest_place_is_taken_as_one_contact() -> None:
 
 
 def test_where_no_cell_has_grown_there_is_no_contact() -> None:
-    rest = tip(331)
-    assert contacts(rest, np.zeros((331, 2)), noise=0.0) == ()
+    assert contacts(tip(331), np.zeros((331, 2)), noise=0.0) == ()
 
 
 @pytest.mark.compiled
