@@ -26,6 +26,40 @@ else:
 _LEVELS = np.dtype(np.uint8), np.dtype(np.uint16)
 
 
+def sample_levels(image: Image, step: int, top: int) -> tuple[int, int, int]:
+    """Of every step-th pixel of every step-th row: the sum, how many reach `top`, how many were sampled.
+
+    image   (h, w) uint8 or uint16
+    Raises  ValueError: no such image, a step below 1
+    """
+    _check_image(image)
+    if step < 1:
+        raise ValueError(f"a step of {step}: 1 or more is wanted")
+    if image.itemsize == 1:
+        return _sum_bytes(image, step, top)
+    samples = image[::step, ::step]
+    return int(samples.sum()), int(np.count_nonzero(samples >= top)), samples.size
+
+
+@cython.cfunc
+def _sum_bytes(
+    image: cython.const[cython.uchar][:, :], step: cython.Py_ssize_t, top: cython.long
+) -> tuple[int, int, int]:
+    level: cython.long
+    total: cython.longlong = 0
+    full: cython.Py_ssize_t = 0
+    x: cython.Py_ssize_t
+    y: cython.Py_ssize_t
+    rows: cython.Py_ssize_t = (image.shape[0] + step - 1) // step
+    columns: cython.Py_ssize_t = (image.shape[1] + step - 1) // step
+    for y in range(rows):
+        for x in range(columns):
+            level = cython.cast(cython.long, image[y * step, x * step])
+            total += level
+            full += level >= top
+    return total, full, rows * columns
+
+
 @cython.cclass
 class PinCounts:
     """What is counted of the pins of each frame.
@@ -187,8 +221,7 @@ class FocusWindows:
                 and the span of its levels without the tails; written
         Raises  ValueError: no such image, a window that is not within it
         """
-        if image.ndim != 2 or image.dtype not in _LEVELS:
-            raise ValueError(f"an image (h, w) is wanted, not {image.shape} of {image.dtype}")
+        _check_image(image)
         if out.shape[0] != self.corners.shape[0] or out.shape[1] != 2:
             raise ValueError(f"out ({self.corners.shape[0]}, 2) is wanted")
         for w in range(self.corners.shape[0]):
@@ -262,3 +295,8 @@ class FocusWindows:
             high -= 1
             below += self.counts[high]
         return high - low
+
+
+def _check_image(image: Image) -> None:
+    if image.ndim != 2 or image.dtype not in _LEVELS:
+        raise ValueError(f"an image (h, w) of uint8 or uint16 is wanted, not {image.shape} of {image.dtype}")

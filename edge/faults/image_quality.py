@@ -9,7 +9,7 @@ from math import isqrt, nan
 
 import numpy as np
 
-from edge.faults.frame_counts import FocusWindows
+from edge.faults.frame_counts import FocusWindows, sample_levels
 from edge.faults.judge import Facts
 from edge.params import PARAMS as RUNTIME
 from edge.pins.lens import rest_as_seen
@@ -26,9 +26,8 @@ def level_of(image: Image, bits: int) -> tuple[float, float]:
     """Mean level and share of saturated pixels, of full scale."""
     top = (1 << bits) - 1
     step = max(1, isqrt(image.size) // _SAMPLE_N)
-    levels = image[::step, ::step]
-    n = levels.size
-    return (int(levels.sum()) / (n * top), np.count_nonzero(levels >= top) / n) if n else (0.0, 0.0)
+    total, full, n = sample_levels(image, step, top)
+    return (total / (n * top), full / n) if n else (0.0, 0.0)
 
 
 class ImageQuality:

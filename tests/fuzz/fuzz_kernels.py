@@ -171,6 +171,7 @@ def play() -> None:
     frame_inputs(features, rest.pattern)
     contact_inputs(features.contacts[0], features, rest.pattern)
     image, motion = frames[-1].image, result.tracks.xy_img - rest.xy_img
+    frame_counts.sample_levels(image, 8, 255)
     counts = frame_counts.PinCounts(rest.xy_img, np.arange(len(rest), dtype=np.int32)[:, None])
     counts.seen(result.tracks.xy_img, result.tracks.sigma_px, 0.05, 1.0)
     counts.moved(motion, 1.0, 0.0, True)
