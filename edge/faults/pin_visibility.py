@@ -65,19 +65,24 @@ class PinVisibility:
             tracks.xy_img, tracks.sigma_px, FEATURES.noise_ratio_max * self._baseline_px, self._far_px
         )
         self.impossible = far_n > ASTRAY_REL * n
-        bad, new = self.counts.bad.view(np.bool_), self.counts.new.view(np.bool_)
-        why = self._why(tracks, self._seen_n, hole_n, bad, new) if new_n or self._seen_n < n else ""
         self.explained = False
+        why = self._judge(tracks, features, hole_n) if new_n or self._seen_n < n else ""
+        self._before = tracks.xy_img
+        known = ASTRAY_REL**2 if why and not self.explained else 1.0
+        self._baseline_share += known * (self._seen_n / n - self._baseline_share) / BASELINE_N
+        return why + "; a contact hides them" if self.explained else why
+
+    def _judge(self, tracks: Tracks, features: Features | None, hole_n: int) -> str:
+        """What is wrong with a frame that lacks pins, and whether a contact explains it."""
+        bad, new = self.counts.bad.view(np.bool_), self.counts.new.view(np.bool_)
+        why = self._why(tracks, self._seen_n, hole_n, bad, new)
         if why and features is not None and features.contacts:
             hidden = self._within(features.contacts)
             seen_n = int(np.count_nonzero(tracks.seen | hidden))
             bad, new = bad & ~hidden, new & ~hidden
             hole_n = int(np.count_nonzero(bad[self._near].all(axis=1)))
             self.explained = not self._why(tracks, seen_n, hole_n, bad, new)
-        self._before = tracks.xy_img
-        known = ASTRAY_REL**2 if why and not self.explained else 1.0
-        self._baseline_share += known * (self._seen_n / n - self._baseline_share) / BASELINE_N
-        return why + "; a contact hides them" if self.explained else why
+        return why
 
     def _why(self, tracks: Tracks, seen_n: int, hole_n: int, bad: Mask, new: Mask) -> str:
         """Why these pins allow no values; empty: they do."""

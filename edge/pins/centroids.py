@@ -25,6 +25,8 @@ Rules
 
 # mypy: disable-error-code="untyped-decorator,valid-type,index,attr-defined,assignment"
 
+from __future__ import annotations
+
 import cython
 import numpy as np
 from numpy.typing import NDArray
