@@ -148,7 +148,8 @@ class Measurement:
             self.pipeline.forget()
         result = self.pipeline.step(frame, self._detector)
         self._counters.counts.full_searches_n += result.searched
-        self._counters.counts.unidentified_n += self._faults.holds(FaultCode.TRACKER_LOST)
+        lost = result.features is None and self._faults.holds(FaultCode.TRACKER_LOST)
+        self._counters.counts.unidentified_n += lost
         return result
 
     def use_rest(self, rest: Rest, frame: Frame) -> None:

@@ -73,7 +73,6 @@ def command(out: Path) -> None:
             for name, read in (("to_arrays", to_arrays), ("python-can, cantools", by_cantools)):
                 us, peak = cost(read, path, LINES)
                 rows.append({"format": suffix, "reader": name, "us a line": us, "bytes a line": peak})
-    result = {"instructions": counts.instructions, "lines": LINES, "recordings": rows}
-    write_json(out / "host.json", result)
+    write_json(out / "host.json", {"instructions": counts.instructions, "lines": LINES, "recordings": rows})
     click.echo(f"{counts.instructions:,} instructions a sample, received and four values read")
     show(rows, f"{LINES:,} samples of one finger")

@@ -30,6 +30,7 @@ from tests.bench.recordings import real_option
 PAGE = ROOT / "docs" / "sensors.md"
 CASES = "cases/sensors"
 PRESSED, BINARY = f"{CASES}/press_hides_dots_gelslim", "real/tactip331_binary"
+DOME = "real/fingervision_dome/frames"
 HEAD = "| recording | pins by eye | found | more than by eye | held | touched |"
 SIDE_PX = 320
 TITLE_PX = 28
@@ -57,7 +58,7 @@ CATALOGUE = (
     Row("home-made tip, spokes", 0, "real/video/Movement4.avi"),
     Row("flat skin, square grid, fisheye", 0, "real/video/flatSkin.avi"),
     Row("GelSight Mini, dark dots", 70, "real/gelsight_mini/press.avi"),
-    Row("FingerVision dome", 36, "real/fingervision_dome/frames"),
+    Row("FingerVision dome", 36, DOME, f"{DOME}/0.00_0.00_0.00_0.00_0.jpg"),
     Row("GelSlim, ghosted dots", 285, PRESSED, f"{PRESSED}/000_rest.png"),
     Row("GelSlim, small dots", 530, "", f"{CASES}/false_gelsight_mini/000.png"),
     Row("Tactile insertion, ghosted dots", 330, "", f"{CASES}/ghosted_dots_one_marker_two_pins/000.png"),

@@ -108,9 +108,8 @@ def test_a_jittering_pin_at_the_rim_is_no_contact() -> None:
 @pytest.mark.compiled
 def test_of_noise_alone_the_highest_place_is_taken_as_one_contact() -> None:
     """Whether something touches was decided before, by cells together."""
-    rest = tip(331)
     for seed in range(20):
-        assert len(contacts(rest, np.zeros((331, 2)), seed=seed)) == 1
+        assert len(contacts(tip(331), np.zeros((331, 2)), seed=seed)) == 1
 
 
 def test_where_no_cell_has_grown_there_is_no_contact() -> None:
