@@ -29,8 +29,8 @@ from hostlink.input_file import open_input
 from hostlink.mcap_chunk import UNPACKED_MAX, unpack_chunk
 from hostlink.output_file import check_output, writing
 from hostlink.recording import READ_SUFFIXES, check_suffix, decode_recording
-from hostlink.wire.fields import FIELDS, field_named
-from hostlink.wire.shown import Chart, Shown, charts_of
+from hostlink.wire.fields import FIELDS, Shown, field_named
+from hostlink.wire.shown import Chart, charts_of
 
 __all__ = ["PANELS", "Series", "draw", "plot", "read_series"]
 

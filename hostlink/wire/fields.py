@@ -39,7 +39,6 @@ from hashlib import sha256
 from struct import Struct, calcsize
 from typing import Final
 
-from hostlink.wire.shown import Shown
 from hostlink.wire.status import STATUS
 
 __all__ = [
@@ -78,6 +77,26 @@ _TYPES: Final = {
     "h": (-0x7FFF, 0x7FFF, -0x8000),
     "H": (0, 0xFFFE, 0xFFFF),
 }
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """How viewers show a value: pages beside the picture and over time, `plot` over time.
+
+    title   of its chart; values with the same title share one, as x and y
+    number  its name beside the picture; "": it is not shown there
+    digits  behind the point there; a share is in percent
+    sigma   the field with its standard deviation
+    least   span of a live chart's axis at least, in the field's unit; 0: pages do not chart it
+    always  the live chart is there before the first value
+    """
+
+    title: str
+    number: str = ""
+    digits: int = 2
+    sigma: str = ""
+    least: float = 0.0
+    always: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,38 +1,15 @@
 """How viewers show the values of a sample, from the rows of the table: live pages and `plot`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
-if TYPE_CHECKING:
-    from hostlink.wire.fields import Field
+from hostlink.wire.fields import Field, Shown
 
-__all__ = ["WRENCH", "Chart", "Shown", "charts_of", "live_charts", "live_fields", "page_numbers"]
+__all__ = ["WRENCH", "Chart", "charts_of", "live_charts", "live_fields", "page_numbers"]
 
 #: Units as a reader has them; others are as on the wire.
 _UNITS = {"mm2": "mm²", "deg": "°", "Nmm": "N mm"}
-
-
-@dataclass(frozen=True, slots=True)
-class Shown:
-    """How viewers show a value: pages beside the picture and over time, `plot` over time.
-
-    title   of its chart; values with the same title share one, as x and y
-    number  its name beside the picture; "": it is not shown there
-    digits  behind the point there; a share is in percent
-    sigma   the field with its standard deviation
-    least   span of a live chart's axis at least, in the field's unit; 0: pages do not chart it
-    always  the live chart is there before the first value
-    """
-
-    title: str
-    number: str = ""
-    digits: int = 2
-    sigma: str = ""
-    least: float = 0.0
-    always: bool = False
 
 
 #: A wrench on the tip, z out of the skin: its parts in ROS's order, the field that each is, and by how much;
