@@ -471,7 +471,7 @@ class Follower:
         """
         vanished: cython.bint = self.share < self.baseline_share_min * self.baseline_share
         refused_n: cython.Py_ssize_t = self._count_refused() if self.share < 1.0 else 0
-        # As many again stand at the region's border, and have neighbours that are seen.
+        # The region's border has as many again, whose neighbours are seen.
         is_back: cython.bint = 2 * (refused_n - self.doubted_n) >= (1.0 - self.full_share_min) * self.n
         self.doubted_n = min(self.doubted_n, refused_n)
         swapped: cython.bint = leapt and self.share < self.full_share_min * self.baseline_share
