@@ -8,7 +8,7 @@ typedef double vt_two __attribute__((vector_size(16)));
 typedef double vt_any_two __attribute__((vector_size(16), aligned(8), may_alias));
 typedef long long vt_mask __attribute__((vector_size(16)));
 
-/* What the steps of a frame share, as `steps_of` describes it. */
+/* The steps of a frame share this, as `steps_of` describes it. */
 typedef struct {
     const double *norms, *predicted, *inner;
     const int *kind_of, *norm_of;

@@ -22,7 +22,7 @@ typedef struct {
     Py_ssize_t row, end, stride, first, beyond, rows, ahead;
 } vt_fetch;
 
-/* What the windows of an image share, as `windows_of` describes it. */
+/* The windows of an image share this, as `windows_of` describes it. */
 typedef struct {
     const unsigned char *image;
     vt_fetch *fetch;

@@ -56,7 +56,7 @@ class Follower:
 
     n: cython.Py_ssize_t
     photometric: PhotometricFilter
-    # of the tip
+    # These belong to the tip.
     rest: cython.const[cython.double][:, ::1]
     pitch2: cython.const[cython.double][::1]  # px2, square of the local pitch
     change2: cython.double  # limit of the square of a residual's change, in these
@@ -73,14 +73,14 @@ class Follower:
     pairs: cython.int[:, ::1]
     distance_min: cython.double[::1]
     separation: Separation
-    # of the last frame that was accepted
+    # These belong to the last frame that was accepted.
     last: cython.double[:, ::1]
     expected: cython.double[:, ::1]
     last_residual: cython.float[::1]  # (2 n,)
     last_seen: cython.uchar[::1]
     baseline_share: cython.double  # of the pins, seen lately
     doubted_n: cython.Py_ssize_t  # pins that a search did not find where a blob is, the fewest since
-    # of the frame in hand
+    # These belong to the frame in hand.
     pins: Pins  # found, and the same memory
     found: cython.const[cython.double][:, ::1]
     sigma: cython.const[cython.double][::1]

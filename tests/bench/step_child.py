@@ -110,7 +110,7 @@ def opened(source: Source, calibration: str, demand: frozenset[Feature]) -> tupl
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     for end in (ours, theirs):
         end.setblocking(False)
-    link_sink.PARAMS = replace(LINK, read_s=WAIT_S)  # type: ignore[attr-defined]
+    link_sink.PARAMS = replace(LINK, read_s=WAIT_S)  # type: ignore[attr-defined]  # the module's own name
     sink = CanFdSink("can", lambda: SocketCanMedium(ours, Path("/dev/null")))
     return Loop(source, [sink], Calibration.load(Path(calibration)), LoopConfig(demand=demand)), theirs
 

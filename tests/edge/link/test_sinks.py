@@ -11,6 +11,7 @@ from functools import partial
 from itertools import count
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import can
 import pytest
@@ -71,7 +72,7 @@ class Flaky:
             raise MediumError("no such device")
         self.trouble, self.opened_n = 0, self.opened_n + 1
         bus = VirtualBus(channel=self.channel)
-        bus.send = partial(self._send, bus.send)  # type: ignore[method-assign]
+        bus.send = partial(self._send, bus.send)  # type: ignore[method-assign]  # fails on demand
         return CanMedium(bus, self.instant)
 
     def _send(self, send: Callable[..., None], *arguments: Any, **options: Any) -> None:
@@ -316,19 +317,15 @@ def test_detail_is_spaced_by_what_a_frame_takes(pty: Pty, channel: str) -> None:
     bus.close()
 
 
-class Failing:
-    """Its next `recv` raises."""
-
-    def __init__(self, error: Exception, cause: Exception | None) -> None:
-        self._error, self._cause = error, cause
-
-    def recv(self, timeout: float) -> None:
-        raise self._error from self._cause
+def failing(interface: str, error: Exception, cause: Exception | None) -> OpenBus:
+    """A bus whose `recv` raises."""
+    error.__cause__ = cause
+    return OpenBus(Mock(recv=Mock(side_effect=error)), interface)
 
 
 def test_a_datagram_without_a_frame_is_counted_and_dropped() -> None:
-    junk = Failing(can.CanOperationError("could not unpack received message"), ValueError("extra data"))
-    bus = OpenBus(junk, "udp_multicast")  # type: ignore[arg-type]
+    error = can.CanOperationError("could not unpack received message")
+    bus = failing("udp_multicast", error, ValueError("extra data"))
     medium = CanMedium(bus, instant=True)
     assert [medium.read(0.0) for _ in range(1000)] == [None] * 1000
     assert bus.junk_n == 1000
@@ -346,7 +343,7 @@ def test_a_datagram_without_a_frame_is_counted_and_dropped() -> None:
     ],
 )
 def test_a_failed_bus_is_not_counted_as_junk(interface: str, cause: Exception | None) -> None:
-    bus = OpenBus(Failing(can.CanOperationError("failed"), cause), interface)  # type: ignore[arg-type]
+    bus = failing(interface, can.CanOperationError("failed"), cause)
     with pytest.raises(CanMedium.broken):
         CanMedium(bus, instant=True).read(0.0)
     assert bus.junk_n == 0

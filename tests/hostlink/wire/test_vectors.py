@@ -94,8 +94,8 @@ def test_every_message_of_the_version_before_is_decoded_and_a_damaged_one_is_noi
 
 def test_detail() -> None:
     golden = GOLDEN["detail"]
-    rows = [tuple(float(v) for v in row) for row in golden["rows"]]
-    segments = wire.pack_detail(golden["sample"], rows, golden["counter"])  # type: ignore[arg-type]
+    rows = [(float(x), float(y), float(change)) for x, y, change in golden["rows"]]
+    segments = wire.pack_detail(golden["sample"], rows, golden["counter"])
     assert [s.hex() for s in segments] == golden["segments"]
     assembler = wire.DetailAssembler()
     detail = [assembler.add(wire.unpack_segment(s)) for s in segments][-1]
