@@ -119,7 +119,6 @@ class RosNode:
         """A service: `answer` makes of a request its response, at once or later. One for which it raises is
         left without a response.
         """
-        self._declare_token("SS", name, service)
 
         def take(query: Any) -> None:
             try:
@@ -135,6 +134,8 @@ class RosNode:
 
         declare = self._session.declare_queryable
         self._services.append(declare(self._key(name, service), take, complete=True))
+        # The token comes last: whoever sees the service in the graph may ask it at once.
+        self._declare_token("SS", name, service)
 
     def close(self) -> None:
         """Take the node from the graph."""
