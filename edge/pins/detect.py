@@ -16,15 +16,15 @@ import cv2
 import numpy as np
 
 from edge.errors import NoPins
-from edge.geometry.lattice import pitch_of
-from edge.geometry.neighbours import nearest_of, pairs_within
+from edge.geometry.lattice import N_RING, pitch_of
+from edge.geometry.neighbours import nearest_of
 from edge.geometry.select import SIGMA_OF_MAD
 from edge.limits import PINS_MIN
 from edge.pins.blobs import Spots, find_spots, join, measure_discs, rows_of
 from edge.pins.lens import corrected_pins, pattern_as_seen
 from edge.pins.params import PARAMS
 from edge.pins.partial import find_cut
-from edge.pins.pattern import belongs, fills_gap, one_of_each, unevenness
+from edge.pins.pattern import belongs, fills_gap, one_of_each, one_of_each_marker, unevenness
 from edge.pins.refine import CentroidRefiner
 from edge.pins.templates import radius_max_px
 from edge.types import Array, Image, Mask, PinPattern, Pins, Polarity, Rest
@@ -183,10 +183,10 @@ def _refuse_glints(grey: Image, pins: Pins, pattern: PinPattern) -> None:
     """Raise _NotThese where the bright spots are reflections on dark pins.
 
     The skin between bright pins is as dark as that next to each pin. Next to a reflection lies the dark pin
-    that causes it, and halfway to the next one the brighter skin.
+    that causes it, and halfway to those round it the brighter skin, or a ghost of a few.
     """
-    neighbour = nearest_of(pins.xy_img, pins.xy_img, 2)[1][:, 1]
-    x, y = np.rint((pins.xy_img + pins.xy_img[neighbour]) / 2).astype(np.intp).T
+    ring = nearest_of(pins.xy_img, pins.xy_img, 1 + N_RING)[1][:, 1:]
+    x, y = np.rint((pins.xy_img[:, None] + pins.xy_img[ring]) / 2).astype(np.intp).T
     skin = float(np.median(grey[y, x]))
     if skin > pattern.background + 0.5 * pattern.brightness:
         raise _NotThese(f"{len(pins)} spots on ground that is unlike the skin between them: reflections")
@@ -218,7 +218,8 @@ def _at_scales(grey: Image, scales: Array, depth_min: float) -> Spots:
         fits &= spots.spread < PARAMS.gap_ray_spread_max
         parts.append(spots[fits])
         misfits.append((np.abs(np.log(scale)) + spots.spread + (1.0 - spots.share))[fits])
-    return one_of_each(join(parts), np.concatenate(misfits))
+    spots = join(parts)
+    return spots[one_of_each(spots.xy_img, 0.9 * spots.radius_px, np.concatenate(misfits))]
 
 
 def _well_shaped(spots: Spots) -> Mask:
@@ -234,6 +235,9 @@ def _settle(grey: Image, found: Spots, radius_px: float, depth_min: float) -> Sp
     found = replace(found, radius_px=measure_discs(grey, found)[0])
     good = _well_shaped(found)
     kept = np.flatnonzero(good)
+    lone = one_of_each_marker(found.xy_img[kept], found.depth[kept])
+    if 2 * np.count_nonzero(~lone) > np.count_nonzero(lone):  # most have a ghost
+        kept = kept[lone]
     kept = kept[belongs(found[kept])]
     pins, others = found[kept], found[np.setdiff1d(np.arange(len(found)), kept)]
     return join([pins, others[fills_gap(others, pins)]])
@@ -260,20 +264,5 @@ def _centroids(grey: Image, spots: Spots, pattern: PinPattern) -> tuple[Pins, fl
     found = refiner.refine(grey, spots.xy_img)
     fit = refiner.fit
     seen = ~np.isnan(found.xy_img[:, 0])
-    seen[_twins(found, np.where(seen, fit, -np.inf))] = False
+    seen[seen] = one_of_each(found.xy_img[seen], found.radius_px[seen], -fit[seen])
     return rows_of(found, seen), float(np.median(fit))
-
-
-def _twins(pins: Pins, fit: Array) -> Mask:
-    """(n,) true for all but the best fitting of pins one of whose middles lies on the disc of the other."""
-    twin = np.zeros(len(pins), bool)
-    there = np.flatnonzero(np.isfinite(pins.xy_img[:, 0]))
-    xy, radius = pins.xy_img[there], pins.radius_px[there]
-    if len(there) < 2:
-        return twin
-    a, b = pairs_within(xy, float(radius.max())).T
-    close = np.hypot(*(xy[a] - xy[b]).T) < np.maximum(radius[a], radius[b])
-    for i, j in zip(there[a[close]], there[b[close]], strict=True):
-        if not (twin[i] or twin[j]):
-            twin[j if fit[i] >= fit[j] else i] = True
-    return twin

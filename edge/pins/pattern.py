@@ -21,24 +21,63 @@ from edge.pins.params import PARAMS
 from edge.types import Array, Index, Mask
 
 
-def one_of_each(spots: Spots, misfit: Array) -> Spots:
-    """Of spots at the same place the one with the least misfit."""
-    if len(spots) < 2:
-        return spots
-    reach = 0.9 * spots.radius_px
-    pairs = pairs_within(spots.xy_img, float(reach.max()))
+def one_of_each(xy_img: Array, reach_px: Array, misfit: Array) -> Mask:
+    """(n,) of places (n, 2) that one within its own reach (n,) stands for, the one with the least misfit."""
+    if len(xy_img) < 2:
+        return np.ones(len(xy_img), bool)
+    pairs = pairs_within(xy_img, float(reach_px.max()))
     first, second = np.vstack([pairs, pairs[:, ::-1]]).T
-    near = np.hypot(*(spots.xy_img[first] - spots.xy_img[second]).T) <= reach[first]
+    near = np.hypot(*(xy_img[first] - xy_img[second]).T) <= reach_px[first]
     order = np.argsort(first[near], kind="stable")
     second = second[near][order]
-    begin = np.searchsorted(first[near][order], np.arange(len(spots) + 1))
-    dead = np.zeros(len(spots), bool)
-    keep = np.zeros(len(spots), bool)
+    begin = np.searchsorted(first[near][order], np.arange(len(xy_img) + 1))
+    dead = np.zeros(len(xy_img), bool)
+    keep = np.zeros(len(xy_img), bool)
     for i in np.argsort(misfit):
         if not dead[i]:
             keep[i] = True
             dead[second[begin[i] : begin[i + 1]]] = True
-    return spots[keep]
+    return keep
+
+
+def one_of_each_marker(xy_img: Array, weight: Array) -> Mask:
+    """(n,) of places (n, 2) without the one of less weight (n,) of two nearer than half the local pitch.
+
+    Two such are lobes of one marker, a ghost or the parts beside a glint. The local pitch is the distance to
+    the second nearest, a median over the neighbourhood: the nearest one may be the lobe. Without a lobe it is
+    larger, and may show others. Where nearly all stand in pairs, one side of the pairs is kept.
+    """
+    keep = np.ones(len(xy_img), bool)
+    while np.count_nonzero(keep) > N_RING:
+        index = np.flatnonzero(keep)
+        xy, own = xy_img[index], weight[index]
+        distance, near = nearest_of(xy, xy, 1 + N_RING)
+        weaker = ~_one_side(xy, own)
+        if not weaker.any():
+            partner = near[:, 1]
+            weaker = (own < own[partner]) | ((own == own[partner]) & (partner < np.arange(len(index))))
+            weaker &= distance[:, 1] < LATTICE.distance_min * np.median(distance[near, 2], axis=1)
+        if not weaker.any():
+            break
+        keep[index[weaker]] = False
+    return keep
+
+
+def _one_side(xy_img: Array, weight: Array) -> Mask:
+    """(n,) all, or where nearly all stand in pairs, plainly apart from others, the heavier side of each."""
+    distance, near = nearest_of(xy_img, xy_img, 1 + N_RING)
+    partner = near[:, 1]
+    paired = partner[partner] == np.arange(len(partner))
+    scatter = SIGMA_OF_MAD * np.median(np.abs(_log_ratio(distance[:, 1], near)))
+    gap = np.median(np.log(distance[:, 2] / distance[:, 1]))
+    if paired.mean() < RUNTIME.most_rel or gap < RUNTIME.noise_sigma * scatter:
+        return np.ones(len(xy_img), bool)
+    apart = xy_img[partner] - xy_img
+    ahead = apart @ np.linalg.svd(apart[paired], full_matrices=False)[2][0] > 0.0
+    if weight[paired & ahead].sum() < weight[paired & ~ahead].sum():
+        ahead = ~ahead
+    kept: Mask = ahead | ~paired
+    return kept
 
 
 def belongs(spots: Spots) -> Mask:

@@ -8,13 +8,13 @@ import cv2
 import numpy as np
 
 from edge.errors import NoPins
-from edge.geometry.lattice import N_RING, pitch_of
-from edge.geometry.lattice import PARAMS as LATTICE
+from edge.geometry.lattice import pitch_of
 from edge.geometry.neighbours import nearest_of
 from edge.pins.blobs import join, rows_of
 from edge.pins.detect import as_bright, detect, in_view, learn, noise_of, to_grey
 from edge.pins.lens import corrected_rest
 from edge.pins.params import PARAMS
+from edge.pins.pattern import one_of_each_marker
 from edge.pins.refine import CentroidRefiner
 from edge.types import Image, Lens, PinPattern, Pins, Polarity, Rest
 
@@ -37,7 +37,11 @@ def take_rest(images: Sequence[Image], polarity: Polarity = Polarity.FOUND, lens
     if len({grey.shape for grey in greys}) > 1:
         raise NoPins("images of different size cannot make one rest frame; give images of one camera setting")
     dark, greys, rest = _at_rest(greys, polarity) or _at_rest_in_some(greys, polarity)
-    pattern, pins = one_of_each_marker(*with_voted(greys, rest.pattern, rest.pins))
+    pattern, pins = with_voted(greys, rest.pattern, rest.pins)
+    lone = one_of_each_marker(pins.xy_img, pins.brightness * pins.radius_px**2)
+    if not lone.all():
+        pins = rows_of(pins, lone)
+        pattern = replace(pattern, count=len(pins), pitch_px=pitch_of(pins.xy_img))
     # The noise is that of a single image, like later frames, not that of the mean.
     pattern = replace(pattern, noise=float(np.median([noise_of(grey) for grey in greys])), dark=dark)
     order = np.lexsort((pins.xy_img[:, 0], np.rint(pins.xy_img[:, 1] / pattern.pitch_px)))
@@ -111,27 +115,6 @@ def with_voted(greys: Sequence[Image], pattern: PinPattern, pins: Pins) -> tuple
     (x, y), reach = cv2.minEnclosingCircle(pins.xy_img.astype(np.float32))
     outermost_px = float(reach) + pattern.pin_radius_px
     return replace(pattern, count=len(pins), centre_img=np.array([x, y]), tip_radius_px=outermost_px), pins
-
-
-def one_of_each_marker(pattern: PinPattern, pins: Pins) -> tuple[PinPattern, Pins]:
-    """Pattern and pins without the weaker one of two that are nearer to each other than half the local pitch.
-
-    They are two lobes of one marker, a ghost or the parts beside a glint. The local pitch is the distance to
-    the second nearest, a median over the neighbourhood: the nearest one may be the lobe. Without a lobe it is
-    larger, and may show others.
-    """
-    distance, near = nearest_of(pins.xy_img, pins.xy_img, 1 + N_RING)
-    pitch = np.median(distance[near, 2], axis=1)
-    weight = pins.brightness * pins.radius_px**2
-    partner = near[:, 1]
-    of_one = distance[:, 1] < LATTICE.distance_min * pitch
-    weaker = of_one & (
-        (weight < weight[partner]) | ((weight == weight[partner]) & (partner < np.arange(len(pins))))
-    )
-    if not weaker.any():
-        return pattern, pins
-    pins = rows_of(pins, np.flatnonzero(~weaker))
-    return one_of_each_marker(replace(pattern, count=len(pins), pitch_px=pitch_of(pins.xy_img)), pins)
 
 
 def _steady(greys: Sequence[Image], start: int, rest: Rest) -> list[int]:
