@@ -20,11 +20,21 @@ from edge.geometry.lattice import N_RING, pitch_of
 from edge.geometry.neighbours import nearest_of
 from edge.geometry.select import SIGMA_OF_MAD
 from edge.limits import PINS_MIN
+from edge.params import PARAMS as RUNTIME
 from edge.pins.blobs import Spots, find_spots, join, measure_discs, rows_of
 from edge.pins.lens import corrected_pins, pattern_as_seen
 from edge.pins.params import PARAMS
 from edge.pins.partial import find_cut
-from edge.pins.pattern import belongs, fills_gap, one_of_each, one_of_each_marker, unevenness
+from edge.pins.pattern import (
+    FLAT,
+    Trend,
+    belongs,
+    fills_gap,
+    one_of_each,
+    one_of_each_marker,
+    trend_of,
+    unevenness,
+)
 from edge.pins.refine import CentroidRefiner
 from edge.pins.templates import radius_max_px
 from edge.types import Array, Image, Mask, PinPattern, Pins, Polarity, Rest
@@ -130,7 +140,8 @@ def _learn(grey: Image, dark: bool) -> _Learnt:
         raise _NotThese(f"{len(spots)} spots")
     size = _common_radius(spots)
     core = np.median(spots.depth[np.abs(np.log(spots.radius_px / size)) < 0.2])
-    spots = _settle(grey, found, size, PARAMS.depth_min_pins * float(core))
+    depth_min = PARAMS.depth_min_pins * float(core)
+    spots = _settle(grey, found, spots[_alike(spots, size, depth_min, FLAT)], size, depth_min)
     if len(spots) < PINS_MIN:
         raise _NotThese(f"{len(spots)} spots alike")
     (x, y), reach = cv2.minEnclosingCircle(spots.xy_img.astype(np.float32))
@@ -164,7 +175,8 @@ def _learn(grey: Image, dark: bool) -> _Learnt:
     if len(spots) >= PINS_MIN:
         pins, fit = _centroids(grey, spots, pattern)
         pins = in_view(pins, pattern.size_px)
-        unlikeness = unevenness(spots) + 1.0 - fit
+        trend = trend_of(spots.xy_img, spots.radius_px, spots.depth, radius_px)
+        unlikeness = unevenness(spots, trend if trend.explains else FLAT) + 1.0 - fit
         if len(pins) >= PINS_MIN and unlikeness < PARAMS.unlike_pins_max:
             _refuse_glints(grey, pins, pattern)
             at_rest = replace(pattern, count=len(pins))
@@ -205,7 +217,8 @@ def _find(grey: Image, pattern: PinPattern) -> Spots:
     spots = found[_well_shaped(found)]
     if len(spots) == 0:
         return spots
-    return _settle(grey, found, pattern.pin_radius_px, PARAMS.depth_min_pins * float(np.median(spots.depth)))
+    depth_min = PARAMS.depth_min_pins * float(np.median(spots.depth))
+    return _settle(grey, found, spots[spots.depth > depth_min], pattern.pin_radius_px, depth_min)
 
 
 def _at_scales(grey: Image, scales: Array, depth_min: float) -> Spots:
@@ -226,21 +239,51 @@ def _well_shaped(spots: Spots) -> Mask:
     return np.asarray(spots.spread < PARAMS.ray_spread_max)
 
 
-def _settle(grey: Image, found: Spots, radius_px: float, depth_min: float) -> Spots:
-    """The pins among all spots: of about the given size, fitting each other; then those that fill gaps."""
-    scale = found.radius_px / radius_px
-    found = found[(found.depth > depth_min) & (scale > 0.45) & (scale < 2.0)]
+def _settle(grey: Image, found: Spots, likely: Spots, radius_px: float, depth_min: float) -> Spots:
+    """The pins among all spots: of about the given size, fitting each other; then those that fill gaps.
+
+    likely  of which most are pins: a trend is taken from them
+    Where a trend over the picture explains most of how their size differs, and shows plainly more of them,
+    size, depth and spacing are judged against it.
+    """
+    pins = _fitting(grey, found, radius_px, depth_min, FLAT)
+    if len(likely) < PINS_MIN:
+        return pins
+    trend = trend_of(likely.xy_img, likely.radius_px, likely.depth, radius_px)
+    if not trend.explains:
+        return pins
+    most = _fitting(grey, found, radius_px, depth_min, trend)
+    for _ in range(PARAMS.steps_max):
+        if len(most) < PINS_MIN:
+            break
+        trend = trend_of(most.xy_img, most.radius_px, most.depth, radius_px)
+        seen = _fitting(grey, found, radius_px, depth_min, trend)
+        if len(seen) <= len(most):
+            break
+        most = seen
+    return most if RUNTIME.most_rel * len(most) > len(pins) else pins
+
+
+def _alike(spots: Spots, radius_px: float, depth_min: float, trend: Trend) -> Mask:
+    radius, depth, _ = trend.at(spots.xy_img)
+    scale = spots.radius_px / (radius_px * radius)
+    return np.asarray((spots.depth > depth_min * depth) & (scale > 0.45) & (scale < 2.0))
+
+
+def _fitting(grey: Image, found: Spots, radius_px: float, depth_min: float, trend: Trend) -> Spots:
+    """The pins by a given trend."""
+    found = found[_alike(found, radius_px, depth_min, trend)]
     if len(found) == 0:
         return found
-    found = replace(found, radius_px=measure_discs(grey, found)[0])
-    good = _well_shaped(found)
-    kept = np.flatnonzero(good)
-    lone = one_of_each_marker(found.xy_img[kept], found.depth[kept])
+    if trend is FLAT:
+        found = replace(found, radius_px=measure_discs(grey, found)[0])
+    kept = np.flatnonzero(_well_shaped(found))
+    lone = one_of_each_marker(found.xy_img[kept], found.depth[kept], trend)
     if 2 * np.count_nonzero(~lone) > np.count_nonzero(lone):  # most have a ghost
         kept = kept[lone]
-    kept = kept[belongs(found[kept])]
+    kept = kept[belongs(found[kept], trend)]
     pins, others = found[kept], found[np.setdiff1d(np.arange(len(found)), kept)]
-    return join([pins, others[fills_gap(others, pins)]])
+    return join([pins, others[fills_gap(others, pins, trend)]])
 
 
 def _common_radius(spots: Spots) -> float:

@@ -2,12 +2,15 @@
 
 Rules
 - A spot is compared with its neighbours, not with the whole: a fisheye or a tilted tip shows pins of very
-  different size, vignetting of very different brightness, but never a small one among large ones.
+  different size, vignetting of very different brightness, but never a small one among large ones. Where size
+  changes steeply, as along a tube, what a trend over the picture explains is taken off first.
 - How much neighbours may differ is learnt from the image: little on an even tip, more on an uneven one.
 - Pins are connected: a spot that no chain of neighbours reaches is outside of the skin.
 - A gap inside the pattern may be filled with a spot of poor shape: a pin that merges with a reflection, or
   with another pin, is still a pin.
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,6 +22,38 @@ from edge.params import PARAMS as RUNTIME
 from edge.pins.blobs import Spots
 from edge.pins.params import PARAMS
 from edge.types import Array, Index, Mask
+
+
+@dataclass(frozen=True, slots=True)
+class Trend:
+    """How size, depth and spacing follow the place: each the exponential of a polynomial in x and y.
+
+    The fourth power of the distance lets it follow a tube, along which the camera looks, to its rim.
+
+    origin (2,), unit_px  px, of x and y
+    weights               (7, 3) of the terms 1, x, y, x x, x y, y y, (x x + y y)^2
+    explains              most of the variance of the size; where it does not, pins are alike everywhere
+    """
+
+    origin: Array
+    unit_px: float
+    weights: Array
+    explains: bool
+
+    def at(self, xy_img: Array) -> Array:
+        """(3, n) factors of size, depth and spacing."""
+        exponent = _terms((xy_img - self.origin) / self.unit_px) @ self.weights
+        most = np.log(np.finfo(np.float32).max)  # so far from all pins that nothing fits there
+        return np.asarray(np.exp(np.clip(exponent, -most, most)).T)
+
+
+#: Size, depth and spacing are the same everywhere.
+FLAT = Trend(np.zeros(2), 1.0, np.zeros((7, 3)), explains=False)
+
+
+def _terms(xy: Array) -> Array:
+    x, y = xy.T
+    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y, (x * x + y * y) ** 2], axis=1)
 
 
 def one_of_each(xy_img: Array, reach_px: Array, misfit: Array) -> Mask:
@@ -40,7 +75,7 @@ def one_of_each(xy_img: Array, reach_px: Array, misfit: Array) -> Mask:
     return keep
 
 
-def one_of_each_marker(xy_img: Array, weight: Array) -> Mask:
+def one_of_each_marker(xy_img: Array, weight: Array, trend: Trend) -> Mask:
     """(n,) of places (n, 2) without the one of less weight (n,) of two nearer than half the local pitch.
 
     Two such are lobes of one marker, a ghost or the parts beside a glint. The local pitch is the distance to
@@ -56,6 +91,7 @@ def one_of_each_marker(xy_img: Array, weight: Array) -> Mask:
         if not weaker.any():
             partner = near[:, 1]
             weaker = (own < own[partner]) | ((own == own[partner]) & (partner < np.arange(len(index))))
+            distance /= trend.at(xy)[2][:, None]
             weaker &= distance[:, 1] < LATTICE.distance_min * np.median(distance[near, 2], axis=1)
         if not weaker.any():
             break
@@ -80,14 +116,33 @@ def _one_side(xy_img: Array, weight: Array) -> Mask:
     return kept
 
 
-def belongs(spots: Spots) -> Mask:
-    """Which spots fit their neighbours and are connected."""
+def trend_of(xy_img: Array, radius_px: Array, depth: Array, common_px: float) -> Trend:
+    """The trend of size, against a common one, of depth and of spacing: their least absolute deviations."""
+    distance = nearest_of(xy_img, xy_img, 3)[0][:, 1:].mean(axis=1)
+    value = np.log(np.stack([radius_px / common_px, depth, distance], axis=1))
+    value[:, 1:] -= np.median(value[:, 1:], axis=0)
+    origin, unit_px = xy_img.mean(axis=0), float(xy_img.std())
+    terms = _terms((xy_img - origin) / unit_px)
+    off = value - np.median(value, axis=0)
+    least = np.median(np.abs(off), axis=0) + np.finfo(float).eps
+    weights = np.zeros((terms.shape[1], value.shape[1]))
+    for _ in range(PARAMS.steps_max):
+        root = 1.0 / np.sqrt(np.maximum(np.abs(off), least))
+        for k in range(value.shape[1]):
+            by = root[:, k]
+            weights[:, k] = np.linalg.lstsq(terms * by[:, None], value[:, k] * by, rcond=None)[0]
+        off = value - terms @ weights
+    return Trend(origin, unit_px, weights, bool(2.0 * off[:, 0].var() < value[:, 0].var()))
+
+
+def belongs(spots: Spots, trend: Trend) -> Mask:
+    """Which spots fit their neighbours, beside what the trend explains, and are connected."""
     keep = np.ones(len(spots), bool)
     for _ in range(4):  # removing a false spot corrects its neighbours' medians; it settles in two rounds
         index = np.flatnonzero(keep)
         if len(index) <= N_RING:
             return np.zeros(len(spots), bool)
-        outlierness = _outlierness(spots[index])
+        outlierness = _outlierness(spots[index], trend)
         likely = outlierness < RUNTIME.noise_sigma**2
         xy = spots.xy_img[index]
         core = index[likely][_connected(xy[likely])]
@@ -95,7 +150,8 @@ def belongs(spots: Spots) -> Mask:
             return np.zeros(len(spots), bool)
         pitch = pitch_of(spots.xy_img[core])
         inside = inside_hull(spots.xy_img[core], xy, 0.5 * pitch)
-        near = nearest_of(spots.xy_img[core], xy)[0][:, 0] < PARAMS.link_pitches_outside * pitch
+        reach_px = PARAMS.link_pitches_outside * pitch * trend.at(xy)[2]
+        near = nearest_of(spots.xy_img[core], xy)[0][:, 0] < reach_px
         fits = likely & (inside | (near & (outlierness < PARAMS.outlier_max_outside)))
         keep[index[~fits]] = False
         if fits.all():
@@ -103,37 +159,42 @@ def belongs(spots: Spots) -> Mask:
     return keep
 
 
-def fills_gap(spots: Spots, pins: Spots) -> Mask:
+def fills_gap(spots: Spots, pins: Spots, trend: Trend) -> Mask:
     """Which spots fill a gap of the pattern, about as large and bright as it would be."""
     if len(spots) == 0 or len(pins) <= N_RING:
         return np.zeros(len(spots), bool)
     distance, near = nearest_of(pins.xy_img, spots.xy_img, N_RING)
     pitch = np.median(nearest_of(pins.xy_img, pins.xy_img, 3)[0][:, 1:].mean(axis=1)[near], axis=1)
-    size = spots.radius_px / np.median(pins.radius_px[near], axis=1)
-    depth = spots.depth / np.median(pins.depth[near], axis=1)
+    (radius, depth, _), (of_pin, depth_of_pin, _) = trend.at(spots.xy_img), trend.at(pins.xy_img)
+    size = spots.radius_px / radius / np.median((pins.radius_px / of_pin)[near], axis=1)
+    depth = spots.depth / depth / np.median((pins.depth / depth_of_pin)[near], axis=1)
     fits: Mask = (size > 0.65) & (size < 1.5) & (depth > 0.45) & (depth < 1.7)
     fits &= distance[:, 0] > PARAMS.gap_pitches_min * pitch
     fits[fits] = inside_hull(pins.xy_img, spots.xy_img[fits], 0.5 * pitch_of(pins.xy_img))
     return fits
 
 
-def unevenness(spots: Spots) -> float:
+def unevenness(spots: Spots, trend: Trend) -> float:
     """How much neighbours differ: log scatter of size, of depth and of the nearest distance.
 
     The weights separate the known tips best from textures.
     """
     distance, near = nearest_of(spots.xy_img, spots.xy_img, N_RING + 1)
-    values = (spots.radius_px, spots.depth, distance[:, 1])
+    radius, depth, spacing = trend.at(spots.xy_img)
+    values = (spots.radius_px / radius, spots.depth / depth, distance[:, 1] / spacing)
     scatter = [np.median(np.abs(_log_ratio(value, near[:, 1:]))) for value in values]
     return float(SIGMA_OF_MAD * (scatter[0] + 1.5 * scatter[1] + 2.0 * scatter[2]))
 
 
-def _outlierness(spots: Spots) -> Array:
+def _outlierness(spots: Spots, trend: Trend) -> Array:
     """How far each spot is from its neighbours in size, depth and spacing; infinite: a reflection."""
     distance, near = nearest_of(spots.xy_img, spots.xy_img, N_RING + 1)
     distance, near = distance[:, 1:], near[:, 1:]
-    apart = np.maximum(_log_ratio(distance[:, :2].mean(axis=1), near), 0.0)
-    difference = np.stack([_log_ratio(spots.radius_px, near), _log_ratio(spots.depth, near), apart])
+    radius, depth, spacing = trend.at(spots.xy_img)
+    apart = np.maximum(_log_ratio(distance[:, :2].mean(axis=1) / spacing, near), 0.0)
+    difference = np.stack(
+        [_log_ratio(spots.radius_px / radius, near), _log_ratio(spots.depth / depth, near), apart]
+    )
     scatter = SIGMA_OF_MAD * np.median(np.abs(difference), axis=1)
     scatter = np.clip(scatter, PARAMS.scatter_min, PARAMS.scatter_max)
     outlierness: Array = ((difference / scatter[:, None]) ** 2).sum(axis=0)

@@ -14,7 +14,7 @@ from edge.pins.blobs import join, rows_of
 from edge.pins.detect import as_bright, detect, in_view, learn, noise_of, to_grey
 from edge.pins.lens import corrected_rest
 from edge.pins.params import PARAMS
-from edge.pins.pattern import one_of_each_marker
+from edge.pins.pattern import FLAT, one_of_each_marker, trend_of
 from edge.pins.refine import CentroidRefiner
 from edge.types import Image, Lens, PinPattern, Pins, Polarity, Rest
 
@@ -38,7 +38,9 @@ def take_rest(images: Sequence[Image], polarity: Polarity = Polarity.FOUND, lens
         raise NoPins("images of different size cannot make one rest frame; give images of one camera setting")
     dark, greys, rest = _at_rest(greys, polarity) or _at_rest_in_some(greys, polarity)
     pattern, pins = with_voted(greys, rest.pattern, rest.pins)
-    lone = one_of_each_marker(pins.xy_img, pins.brightness * pins.radius_px**2)
+    trend = trend_of(pins.xy_img, pins.radius_px, pins.brightness, pattern.pin_radius_px)
+    weight = pins.brightness * pins.radius_px**2
+    lone = one_of_each_marker(pins.xy_img, weight, trend if trend.explains else FLAT)
     if not lone.all():
         pins = rows_of(pins, lone)
         pattern = replace(pattern, count=len(pins), pitch_px=pitch_of(pins.xy_img))

@@ -56,7 +56,7 @@ NOT_TUNED: dict[str, frozenset[str]] = {
         "edge/tracking/outliers.py:_SIGMA_OF_MAD",
         "edge/geometry/select.py:SIGMA_OF_MAD",
         "edge/features/pin_motion.py:_ELLIPSE", "edge/features/modes.py:MODE_POWERS",
-        "edge/pins/blobs.py:_ANGLES", "edge/faults/detector.py:_NOWHERE",
+        "edge/pins/blobs.py:_ANGLES", "edge/pins/pattern.py:FLAT", "edge/faults/detector.py:_NOWHERE",
         "edge/geometry/lattice.py:N_RING", "edge/geometry/lattice.py:N_TWO_RINGS",
         "edge/geometry/lattice.py:THIRD_RING", "edge/rest/sensor_match.py:_SYMMETRY",
         "edge/rest/sensor_match.py:CLEAR", "edge/pins/templates.py:FAR_PX",

@@ -11,6 +11,7 @@ from skimage.data import coins
 
 from edge.errors import NoPins
 from edge.pins import CentroidRefiner, detect, learn_pattern, take_rest
+from edge.pins.pattern import trend_of
 from edge.pins.rest_frame import with_voted
 from edge.types import Array, Image, Pins, Polarity
 from tests.support.images import grey, read_grey
@@ -328,3 +329,38 @@ def test_a_marker_with_a_ghost_is_one_pin(away_px: float, every: int) -> None:
     assert rest.pattern.pitch_px == pytest.approx(20.0, rel=0.02)
     later = CentroidRefiner(rest).refine(expose(clean, 1.0, rng), rest.xy_img)
     assert np.hypot(*(later.xy_img - rest.xy_img).T).max() < 0.5  # no pin jumps to its other lobe
+
+
+@pytest.mark.parametrize(
+    ("spokes", "ratio", "largest_px"), [(18, 0.82, 7.0), (22, 0.86, 8.0), (14, 0.8, 11.0)]
+)
+def test_pins_in_spokes_along_a_tube_are_found_whatever_their_size(
+    spokes: int, ratio: float, largest_px: float
+) -> None:
+    """From ring to ring inwards their size, distance and brightness fall by one ratio."""
+    rng = np.random.default_rng(8)
+    rings = largest_px * ratio ** np.arange(20)
+    rings = rings[rings > 2.2]
+    angle = 2 * np.pi * np.arange(spokes) / spokes + 0.1
+    spoke = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    truth, clean = [], np.full((480, 640), 50.0)
+    for radius in rings:
+        at = 200.0 * radius / largest_px * spoke + np.array([320.0, 240.0])
+        truth.append(at + rng.uniform(-0.5, 0.5, at.shape))
+        clean += draw((640, 480), truth[-1], radius, 0.8, 60.0 + 5.0 * radius, 0.0)
+    pins = take_rest([expose(clean, 2.0, rng)]).pins
+    assert np.ptp(np.log(pins.radius_px)) > np.log(2.5)
+    missed, false = missed_and_false(pins, np.concatenate(truth), 1.0)
+    assert missed <= 0.05 * len(pins)
+    assert false == 0
+
+
+def test_pins_of_one_size_are_judged_without_a_trend() -> None:
+    truth = hexagon(6, 24.0, (220.0, 220.0))
+    rng = np.random.default_rng(9)
+    radius, depth = np.exp(rng.normal(np.log(6.0), 0.1, len(truth))), rng.normal(90.0, 5.0, len(truth))
+    assert not trend_of(truth, radius, depth, 6.0).explains
+    steep = radius * np.exp(0.004 * (truth[:, 0] - 220.0))
+    trend = trend_of(truth, steep, depth, 6.0)
+    assert trend.explains
+    assert np.log(trend.at(truth)[0]) == pytest.approx(0.004 * (truth[:, 0] - 220.0), abs=0.08)
