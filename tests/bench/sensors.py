@@ -66,7 +66,7 @@ CATALOGUE = (
     Row("Vptac, two mirrors", 0, f"{CASES}/mirror_two_views", f"{CASES}/mirror_two_views/001.png"),
     Row("UM-FingerVision dome", 36, "", f"{CASES}/size_jump_umfv/000.png"),
     Row("AllSight, spokes", 100, "", f"{CASES}/tube_perspective_allsight/000.png"),
-    Row("TacLINK, along a tube", 64, "", f"{CASES}/tube_perspective_taclink/000.png"),
+    Row("TacLINK, along a tube", 0, "", f"{CASES}/tube_perspective_taclink/000.png"),
 )
 STILLS_N = 20  # of a folder of stills, evenly
 
