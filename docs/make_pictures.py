@@ -1,8 +1,8 @@
 """Make README's pictures again: `python -m docs.make_pictures [page|touch]`.
 
 touch is what `render` makes of the example recording, as a GIF. page is the live page of `edge replay
-example:press --loop --view` while it is twisted; latency and rate are this machine's: let it be idle. It has all
-colours: 256 leave steps in colour bar and image.
+example:press --loop --view` while the tip is twisted; latency and rate are this machine's: let it be idle.
+It has all colours: 256 leave steps in colour bar and image.
 """
 
 import base64
