@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,9 @@ from rich.table import Table
 from calib.commands.options import PATH, Frames, frames_options
 from calib.evaluate import counts_line, error_rows, evaluate
 from edge.calibration import Calibration
+
+
+log = logging.getLogger(__name__)
 
 
 @click.command("evaluate")
@@ -31,6 +35,8 @@ def evaluate_command(calibration_path: Path, as_json: bool, **frames: Any) -> No
     given = Frames(**frames)
     calibration = Calibration.load(calibration_path)
     data = given.open().seen_by(calibration)
+    if data.targets.sha256 == calibration.content.data.sha256:
+        log.warning("%s was fitted to these frames; errors on others tell more", calibration_path)
     report = evaluate(calibration, *given.extract(data))
     if as_json:
         click.echo(json.dumps(report))
