@@ -15,7 +15,6 @@ from calib.commands.options import PATH, Frames, frames_options
 from calib.evaluate import counts_line, error_rows, evaluate
 from edge.calibration import Calibration
 
-
 log = logging.getLogger(__name__)
 
 
