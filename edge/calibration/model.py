@@ -14,6 +14,7 @@ Rules
 - The number of contacts has no unit: it is sent without a calibration too.
 - Every value has a standard deviation: the residual of the fit on held-out frames, widened where a frame
   lies far from the data (leverage), as in Bayesian linear regression; that of a process is each frame's own.
+- A touched frame in which no contact is found has models of its own, without the place: a light touch's.
 - Only the models in demand are evaluated. Processes may need more of a frame than the demand itself
   does (`Calibration.needed`).
 """
@@ -27,7 +28,7 @@ from pathlib import Path
 
 import numpy as np
 
-from edge.calibration.checks import check, is_of_contact, outputs_of
+from edge.calibration.checks import check, is_of_contact, is_of_place, outputs_of
 from edge.calibration.evaluation import ModelKernel
 from edge.calibration.file import (
     CONTACT_OUTPUTS,
@@ -57,6 +58,7 @@ OF_PROCESS = frozenset({Feature.DISPLACEMENT, Feature.CONTACTS})
 #: Features that include contacts: only for these are they passed on.
 OF_CONTACTS = frozenset({Feature.CONTACTS, Feature.PRESSURE, Feature.CONTACT_AREA, Feature.ORIENTATION})
 
+_SIZE = FRAME_INPUTS.index("size")
 Contacts = tuple[ContactRegion, ...]
 
 
@@ -78,7 +80,11 @@ class Calibration:
         self.mm_per_px = content.mm_per_px
         self.rest = rest_of(content.sensor)
         of_frame = [m for m in content.models if not is_of_contact(m)]
-        self._frame = ModelKernel(FRAME_INPUTS, of_frame)
+        self._frame = self._without_contact = ModelKernel(FRAME_INPUTS, of_frame)
+        if content.without_contact is not None:
+            others = [*content.without_contact, *(m for m in of_frame if not is_of_place(m))]
+            known = {tuple(outputs_of(m)): m for m in reversed(others)}
+            self._without_contact = ModelKernel(FRAME_INPUTS, list(known.values()))
         of_contact = [m for m in content.models if is_of_contact(m)]
         joint = [m for m in of_contact if not set(JOINT_OUTPUTS).isdisjoint(outputs_of(m))]
         self._contact = ModelKernel(CONTACT_INPUTS, [m for m in of_contact if m not in joint])
@@ -86,13 +92,15 @@ class Calibration:
         self._processes = [model for model in of_frame if isinstance(model, Process)]
         self.of_fits = bool(joint)
         self.outputs = frozenset((*self._frame.names, *self._contact.names, *self._joint.names))
-        read = frozenset().union(*map(_inputs_of, content.models))
+        models = *content.models, *(content.without_contact or ())
+        read = frozenset().union(*map(_inputs_of, models))
         self.of_moments = not read.isdisjoint(MOMENTS)
         self.of_volume = "volume" in read
         self._of_place = [CONTACT_OUTPUTS.index(name) for name in self._contact.names]
         self._of_joint = [JOINT_OUTPUTS.index(name) for name in self._joint.names]
         # A place that no model gives is computed with this.
         self._scale: float | None = None if self.outputs >= set(CONTACT_OUTPUTS[:2]) else content.mm_per_px
+        self._unknown = dict.fromkeys(self._frame.names, math.nan)
         self._untouched = {name: UNTOUCHED[name] for name in self._frame.names}
         self._untouched_sigmas = dict(zip(self._frame.names, self._frame.sigmas, strict=True))
         self._demand: frozenset[Feature] | None = None
@@ -154,11 +162,17 @@ class Calibration:
         """
         if demand is not self._demand:
             self._demand = demand
-            self._frame.want(None if demand is None else _outputs_in(demand))
+            for kernel in (self._frame, self._without_contact):
+                kernel.want(None if demand is None else _outputs_in(demand))
             self._gives_contacts = demand is None or not demand.isdisjoint(OF_CONTACTS)
         saturated: frozenset[str] = frozenset()
         if features.in_contact:
-            values, sigmas, saturated = self._frame.of_frame(features, pattern)
+            # None: not looked for, as nothing in demand depends on them.
+            light = features.contacts == () and self._without_contact is not self._frame
+            kernel = self._without_contact if light else self._frame
+            values, sigmas, saturated = kernel.of_frame(features, pattern)
+            if light:
+                values, sigmas = self._unknown | values, self._unknown | sigmas
         else:
             values, sigmas = self._untouched.copy(), self._untouched_sigmas.copy()
         found = features.contacts if self._gives_contacts else None
@@ -168,8 +182,9 @@ class Calibration:
 
     def frame_values(self, z: Complex) -> Iterator[tuple[str, float, float, bool]]:
         """Name, value, sigma and whether out of range, of every output, from `frame_inputs`."""
-        rows = self._frame.of_inputs(z).tolist()
-        for name, (y, sigma, outside) in zip(self._frame.names, rows, strict=True):
+        kernel = self._frame if z[_SIZE] else self._without_contact  # NaN: not looked for
+        rows = kernel.of_inputs(z).tolist()
+        for name, (y, sigma, outside) in zip(kernel.names, rows, strict=True):
             yield name, y, sigma, bool(outside)
 
     def area_mm2(self, found: Contacts | None, values: Mapping[str, float]) -> float | None:

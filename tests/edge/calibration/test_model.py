@@ -43,6 +43,24 @@ def test_a_missing_feature_is_invalid_and_untouched_reads_zero() -> None:
         assert reading.saturated == frozenset()
 
 
+def test_a_touch_without_a_contact_has_models_without_the_place() -> None:
+    content = calibration_content()
+    shear = content["models"][1]
+    content["models"][1] = shear | {"terms": [[], ["shear"], ["p", "p*", "shear"]]}
+    spot = contact_region((320.0, 250.0), 0.3, 100.0, 0.0, 1.0)
+    light, pressed = (touched_features(0.05, (4.0 * R, 0.0), found) for found in ((), (spot,)))
+    old = parsed(content)
+    values = {}
+    for name, others in (("own", [shear]), ("none", [])):
+        calibration = parsed(content | {"without_contact": others})
+        assert calibration.apply(pressed, PATTERN).values == old.apply(pressed, PATTERN).values
+        values[name] = calibration.apply(light, PATTERN).values
+        assert [values[name]["displacement_mm"]] == [old.apply(light, PATTERN).values["displacement_mm"]]
+    expected = parsed(calibration_content()).apply(light, PATTERN).values["shear_y_mm"]
+    assert values["own"]["shear_y_mm"] == expected != old.apply(light, PATTERN).values["shear_y_mm"]
+    assert math.isnan(values["none"]["shear_x_mm"])
+
+
 def test_contacts_have_places_in_the_tip_frame_and_a_single_one_the_frame_s_depth() -> None:
     spot = contact_region((340.0, 230.0), 0.3, 100.0, math.nan, 1.0)
     calibration = parsed(calibration_content())
