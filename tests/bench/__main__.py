@@ -26,12 +26,11 @@ COMMANDS = {
     "sigma": "Share of the errors on the published recordings that is within sigma.",
     "slip": "Slip announced before it happens, and false alarms.",
     "soak": "The program under a random schedule of all faults, and its promises.",
-    "speed": "Time per frame, against the reference (default).",
     "stability": "Hard cases of the geometry against exact arithmetic.",
-    "step": "Instructions, misses and calls of one step, from the image to the CAN FD frame.",
+    "step": "Instructions, misses and calls of one step, from the image to the CAN FD frame (default).",
     "videos": "Identities held and contacts found in the published videos.",
 }
-DEFAULT = "speed"
+DEFAULT = "step"
 HELP = ("-h", "--help")
 
 
