@@ -153,7 +153,6 @@ def test_a_depth_is_zero_at_rest_unless_it_counts_from_elsewhere() -> None:
         fitted = _fitted(inputs[light][:30], y, symmetry=Symmetry.EVEN)
         value = evaluate_terms(inputs, term_columns(fitted.terms, FRAME_INPUTS)) @ fitted.weights
         off = np.abs(value.real - depth)
-        print(offset, off[light].mean(), off[~light].mean(), depth[~light].mean())
         assert off[light].mean() < 0.15
         assert offset or off[~light].mean() < 0.1 * depth[~light].mean()
 

@@ -17,10 +17,10 @@ from edge.geometry.layout import pin_layout
 from edge.pins import detect, take_rest
 from edge.recording.reader import RecordingSource
 from edge.sources import open_source
+from edge.sources.files import read_image
 from edge.tracking import Tracker
 from edge.types import Array
 from tests.data import make
-from tests.support.images import read_grey
 
 CAMERA = Camera()
 SMALL = Camera(Tip(127, "hex", pin_radius_mm=0.8), size_px=(320, 240))
@@ -239,8 +239,8 @@ def test_bundled_recordings_are_what_their_recipe_makes(data_dir: Path, tmp_path
 def test_flat_press_moves_the_pins_as_on_a_published_frame(real_dir: Path) -> None:
     """2.8 mm deep, almost straight: outward motion by distance from the centre, in radii of the tip."""
     folder = real_dir / "tactip331_binary"
-    rest = take_rest([read_grey(folder / "rest.png")])
-    image = read_grey(folder / "frames" / "image_2687.png")
+    rest = take_rest([read_image(folder / "rest.png")])
+    image = read_image(folder / "frames" / "image_2687.png")
     tracks = Tracker(rest).identify(detect(image, rest.pattern))
     assert tracks.confidence > 0.5
 
