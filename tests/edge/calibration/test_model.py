@@ -12,7 +12,7 @@ import pytest
 from edge.calibration import Calibration, uncalibrated
 from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS
 from edge.types import Features
-from tests.support.calibrations import PATTERN, calibration_content, parsed, touched_features
+from tests.support.calibrations import PATTERN, calibration_content, damaged, parsed, touched_features
 from tests.support.fields import contact_region
 
 R = PATTERN.tip_radius_px / 200.0
@@ -98,8 +98,7 @@ def test_slip_speed_needs_a_scale_and_the_time_between_two_frames() -> None:
     assert reading.values["slip_probability"] == 0.9
     for interval in (None, 0.0, -0.01):
         assert "slip_speed_mm_s" not in calibrated.apply(slipping, PATTERN, interval).values
-    bare = calibration_content()
-    bare["mm_per_px"] = None
+    bare = damaged("mm_per_px", value=None)
     assert "slip_speed_mm_s" not in parsed(bare).apply(slipping, PATTERN, 0.01).values
 
 
@@ -110,8 +109,7 @@ def test_a_length_that_a_feature_names_is_scaled_to_mm(vibration_px: float | Non
     values = parsed(calibration_content()).apply(shaking, PATTERN).values
     expected = None if vibration_px is None else pytest.approx(0.1 * vibration_px, nan_ok=True)
     assert values.get("vibration_mm") == expected
-    bare = calibration_content()
-    bare["mm_per_px"] = None
+    bare = damaged("mm_per_px", value=None)
     assert "vibration_mm" not in parsed(bare).apply(shaking, PATTERN).values
 
 
