@@ -26,13 +26,15 @@ def predict(calibration: Calibration, extract: Extract) -> tuple[dict[str, Array
     n = len(extract.inputs)
     values = {name: np.full(n, np.nan) for name in sorted(calibration.outputs)}
     sigmas = {name: np.full(n, np.nan) for name in values}
+    models = calibration.frame_models
     for i, z in enumerate(extract.inputs):
-        for name, value, sigma, _ in calibration.frame_values(z):
+        for name, (value, sigma, _) in zip(models.names, models.of_inputs(z).tolist(), strict=True):
             # A frame without a result has no value, like in `Calibration.apply`.
             known = extract.in_contact[i] or not np.isfinite(z).any()
             values[name][i], sigmas[name][i] = (value if known else UNTOUCHED[name]), sigma
+    models = calibration.contact_models
     for i, z in enumerate(extract.contact):
-        for name, value, sigma in calibration.contact_values(z):
+        for name, (value, sigma, _) in zip(models.names, models.of_inputs(z).tolist(), strict=True):
             values[name][i], sigmas[name][i] = value, sigma
     if {"contact_depth_mm", "displacement_mm"} <= values.keys():
         single = extract.counts == 1  # as in `Calibration.apply`

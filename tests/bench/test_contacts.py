@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from edge.rest.tare import tare
+from edge.pins import take_rest
 from edge.types import Array
 from tests.bench.contacts import SCENES, SecondTip, measure
 from tests.bench.flat_gel import FlatGel
@@ -52,7 +52,7 @@ def test_outside_of_a_ball_the_surface_moves_as_under_its_point_forces(place: tu
 
 def test_caps_are_found_where_they_were_drawn() -> None:
     gel, rng = FlatGel(331, SEED), np.random.default_rng(SEED)
-    rest = tare([gel.picture((), rng) for _ in range(4)], np.inf)
+    rest = take_rest([gel.picture((), rng) for _ in range(4)])
     true = gel.project(gel.caps_mm())
     off = np.hypot(*(rest.xy_img[:, None] - true).transpose(2, 0, 1)).min(axis=1)
     assert len(rest) == 331
