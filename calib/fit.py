@@ -67,7 +67,6 @@ from edge.calibration.file import (
     Process,
     Sensor,
     encode,
-    sensor_of,
 )
 from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS
 from edge.types import Array, Complex, Index, Mask, Rest
@@ -82,12 +81,13 @@ __all__ = [
     "fit",
     "fit_processes",
     "groups_of",
+    "sensor_of",
     "tip_of",
 ]
 
 
 class ModelKind(StrEnum):
-    """Of the candidates."""
+    """Kind of a candidate."""
 
     PLAIN = "curve"  # the paper's: a curve of the volume, the plain mean motion
     POLYNOMIAL = "polynomial"
@@ -142,7 +142,7 @@ class Choice:
 
     @property
     def best_of_kinds(self) -> dict[str, Candidate]:
-        """Of curves, polynomials, processes: the candidate with the smallest error on held-out frames."""
+        """The candidate of curves, polynomials, processes with the smallest error on held-out frames."""
         kinds: dict[str, Candidate] = {}
         for candidate in sorted(self.tried, key=lambda c: c.rms):
             kinds.setdefault(_kind_of(candidate.name), candidate)
@@ -258,6 +258,24 @@ def fit_processes(rest: Rest, targets: Targets, extract: Extract, pool: Executor
 def groups_of(targets: Targets) -> list[Group]:
     """Groups of outputs that the table has columns for."""
     return [group for group in GROUPS if all(name in targets.values for name in group.truth)]
+
+
+def sensor_of(rest: Rest, serial: str) -> Sensor:
+    """The file's description of a tip, from its rest frame."""
+    p = rest.pattern
+    return Sensor(
+        serial=serial,
+        size_px=p.size_px,
+        pin_radius_px=p.pin_radius_px,
+        pitch_px=p.pitch_px,
+        centre_px=(float(p.centre_img[0]), float(p.centre_img[1])),
+        tip_radius_px=p.tip_radius_px,
+        background=p.background,
+        brightness=p.brightness,
+        noise=p.noise,
+        rest_xy_px=[(round(float(x), 3), round(float(y), 3)) for x, y in rest.xy_img],
+        lens=p.lens,
+    )
 
 
 def tip_of(rest: Rest) -> Calibration:
@@ -416,7 +434,7 @@ _Jobs = Mapping[ModelKind, Callable[[], FittedProcess]]
 
 
 def _start_processes(problem: _Problem, search: Search, pool: Executor | None) -> list[_Jobs]:
-    """For each group, functions that return a process of these frames alone, and one carried over.
+    """Functions for each group that return a process of these frames alone, and one carried over.
 
     Without those that are not wanted, and those that frames or inputs are missing for.
     """

@@ -43,7 +43,7 @@ _FRAMES: list[Callable[[Any], Any]] = [
         "lens_file",
         type=PATH,
         metavar="FILE",
-        help="Lens of the frames, by `edge lens`: its distortion is removed from the pins' places.",
+        help="Lens of the frames, by `calib lens`: its distortion is removed from the pins' places.",
     ),
     *_WORKERS,
     click.option("-q", "--quiet", is_flag=True, help="No progress bar."),

@@ -19,11 +19,11 @@ Rules
   motion of the rim smoothly.
 """
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from edge.cells.params import PARAMS, CellsParams
 from edge.geometry.layout import affine_terms
 from edge.types import Array, Index
 
@@ -31,6 +31,17 @@ from edge.types import Array, Index
 NEGLIGIBLE = 1e-8
 # Arcs of the ball's path shorter than this (rad) come from rounding: the ball touches three pins at once.
 ARC_MIN = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class CellsParams:
+    """Parameters by name, pitches of the pins; the evidence for each is in docs/tuning.md, "Cells"."""
+
+    ball_pitches: float = 3.0  # radius of the ball that rolls round the pins
+    step_pitches: float = 0.7  # largest distance of boundary points along an arc
+
+
+PARAMS = CellsParams()
 
 
 def make_boundary(xy: Array, pitch_px: float, params: CellsParams = PARAMS) -> tuple[Array, Index]:

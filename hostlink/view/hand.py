@@ -35,7 +35,7 @@ OVERLAP_S = 0.3  # rows are sent this long: a viewer that missed a packet has no
 UPDATE_S = 0.5  # rates and counts over less are noise
 
 
-#: Without a hand's file.
+#: This holds without a hand's file.
 _FIVE = dict(enumerate(("thumb", "index", "middle", "ring", "little"), 1))
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from edge.calibration import Calibration, uncalibrated
 from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS
-from edge.types import Features
+from edge.types import Array, Features
 from tests.support.calibrations import PATTERN, calibration_content, damaged, parsed, touched_features
 from tests.support.fields import contact_region
 
@@ -132,22 +132,22 @@ def test_old_files_give_the_same_values(data_dir: Path, tip: str) -> None:
     for row in old["rows"]:
         frame = _complex(row["frame"])
         added = np.full(len(FRAME_INPUTS) - len(frame), np.nan)  # inputs that files of that time do not have
-        found = list(calibration.frame_values(np.append(frame, added)))
-        assert [(name, beyond) for name, _, _, beyond in found] == [(r[0], r[3]) for r in row["values"]]
-        _assert_alike([r[1:3] for r in found], [r[1:3] for r in row["values"]])
+        found = calibration.frame_models.of_inputs(np.append(frame, added))
+        assert [*zip(calibration.frame_models.names, found[:, 2], strict=True)] == [
+            (r[0], r[3]) for r in row["values"]
+        ]
+        _assert_alike(found[:, :2], [r[1:3] for r in row["values"]])
         contact = _complex(row["contact"])
         added = np.full(len(CONTACT_INPUTS) - len(contact), np.nan)
-        found_contact = list(calibration.contact_values(np.append(contact, added)))
-        assert [r[0] for r in found_contact] == [r[0] for r in row["contact_values"]]
-        _assert_alike([r[1:] for r in found_contact], [r[1:] for r in row["contact_values"]])
+        found = calibration.contact_models.of_inputs(np.append(contact, added))
+        assert [*calibration.contact_models.names] == [r[0] for r in row["contact_values"]]
+        _assert_alike(found[:, :2], [r[1:] for r in row["contact_values"]])
 
 
-def _assert_alike(found: list[Any], wanted: list[Any]) -> None:
+def _assert_alike(found: Array, wanted: list[Any]) -> None:
     """Rows of value and sigma; what widens a sigma is in single precision."""
     for column, rounding in ((0, 1e-12), (1, 1e-5)):
-        np.testing.assert_allclose(
-            np.array(found)[:, column], np.array(wanted)[:, column], rtol=rounding, atol=1e-12
-        )
+        np.testing.assert_allclose(found[:, column], np.array(wanted)[:, column], rtol=rounding, atol=1e-12)
 
 
 def _complex(pairs: list[list[float]]) -> Any:
