@@ -51,7 +51,7 @@ function makeChart(what) {
     key.textContent = name;
     box.querySelector("h2").append(key);
   });
-  box.hidden = Boolean(what.optional); // until there is a value
+  box.hidden = true; // until there is a value
   $("charts").append(box);
   return box.querySelector("canvas");
 }
