@@ -485,17 +485,20 @@ def _problems(rest: Rest, targets: Targets, extract: Extract, usable: Mask) -> I
     # The error of a mode's coefficient is a mean over the errors of the pins, along x and along y.
     pattern = rest.pattern
     off = PARAMS.pin_noise * pattern.pitch_px / pattern.tip_radius_px * np.sqrt(2.0 / len(rest))
-    for members in alike.values():
+    shared: dict[bytes, tuple[Complex, Complex, Complex]] = {}  # problems of the same frames need it once
+    for (_, of_contact, _, chosen), members in alike.items():
         groups, (rows, *_), columns = zip(*members, strict=True)
-        of_contact = groups[0].of_contact
-        inputs = (extract.contact if of_contact else extract.inputs)[rows]
+        if chosen not in shared:
+            inputs = extract.inputs[rows]
+            shared[chosen] = inputs, extract.lossy[rows], input_noise(inputs, off)
+        frame_inputs, lossy, noise = shared[chosen]
         yield _Problem(
             groups=groups,
-            inputs=inputs,
-            frame_inputs=extract.inputs[rows],
-            lossy=extract.lossy[rows],
+            inputs=extract.contact[rows] if of_contact else frame_inputs,
+            frame_inputs=frame_inputs,
+            lossy=lossy,
             y=np.column_stack(columns),
-            noise=None if of_contact else input_noise(inputs, off),
+            noise=None if of_contact else noise,
             fold=folds_of(poses[rows]),
             pose=_poses_that_count(poses[rows]),
             all_round=went_all_round(targets, rows),
