@@ -264,7 +264,10 @@ class OakModule:
     def read(self, opened: Opened) -> dict[int, Frame] | None:
         """What came within a moment, by the camera's place; None: lost, or at the end of the stream."""
         queues = opened[1]
-        messages = self._dai.MessageQueue.getAny(queues, _READ)
+        try:
+            messages = self._dai.MessageQueue.getAny(queues, _READ)
+        except RuntimeError:
+            return None
         if not messages and any(queue.isClosed() for queue in queues.values()):
             return None
         return {int(place): self._frame(int(place), message) for place, message in messages.items()}
