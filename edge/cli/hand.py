@@ -65,9 +65,10 @@ def _cameras(configs: Sequence[Path]) -> tuple[str, list[OakCamera]]:
         if spec.scheme != "oak" or where not in (None, spec.where):
             raise SourceError(f"{config}: {spec.text}: a hand has one module; give oak:ID?socket=...")
         where, camera = spec.where, camera_at(spec.where, spec.options)
-        if camera.socket in cameras:
-            raise SourceError(f"{config}: {spec.text}: {camera.socket} is another finger's; give ?socket=")
-        cameras[camera.socket] = camera
+        socket = camera.keys.socket
+        if socket in cameras:
+            raise SourceError(f"{config}: {spec.text}: {socket} is another finger's; give ?socket=")
+        cameras[socket] = camera
     return where or "", list(cameras.values())
 
 

@@ -1,6 +1,6 @@
 """OAK modules, through depthai v3.
 
-Only `find_module` and `camera_output` need hardware; the rest takes any node's output.
+Only `find_module` and `OakCamera.output` need hardware; the rest takes any node's output.
 
 - depthai is loaded here and nowhere else (0.5 s, 85 MB), with its telemetry off.
 - Modules are listed first (0.5 s): opening one that does not exist takes 11.5 s.
@@ -40,9 +40,6 @@ from edge.types import Clock, Frame, Lens
 if TYPE_CHECKING:
     import depthai as dai
 
-MakeOutput = Callable[["dai.Pipeline"], "dai.Node.Output"]
-
-
 RATE_HZ = 60.0  # that every camera of the maker's gives at this size; without a rate the modules give 30
 _READ = timedelta(seconds=RUNTIME.wait_s)
 
@@ -69,40 +66,6 @@ def find_module(where: str) -> dai.DeviceInfo:
     raise SourceError(
         f"source {place}: no such OAK module; free modules here: {here}; plug it in, check its udev rule"
     )
-
-
-def _with_own(options: Options) -> Options:
-    return options.or_own(LIVE.size_px, RATE_HZ)
-
-
-def camera_output(
-    options: Options, socket: str = "CAM_B", crop: Crop | None = None, sync: str = ""
-) -> MakeOutput:
-    """Mono camera of a module: manual exposure and focus, no anti-banding, one chunk a frame.
-
-    Unasked it has the size that its maker's mono sensors give fastest, and a rate that each of them gives.
-    sync  what the camera's frame sync pin is: a key of `SYNC_MODES`; "": as depthai has it
-    """
-
-    options = _with_own(options)
-
-    def make(pipeline: dai.Pipeline) -> dai.Node.Output:
-        import depthai as dai
-
-        rate_hz = options.rate_hz
-        camera = pipeline.create(dai.node.Camera).build(_socket(socket), sensorFps=rate_hz)
-        control = camera.initialControl
-        control.setManualExposure(options.exposure_us or LIVE.exposure_us, options.gain or LIVE.gain_iso)
-        control.setAntiBandingMode(dai.CameraControl.AntiBandingMode.OFF)
-        if options.focus is not None:
-            control.setManualFocus(options.focus)
-        if sync:
-            control.setFrameSyncMode(getattr(dai.CameraControl.FrameSyncMode, SYNC_MODES[sync]))
-        pipeline.setXLinkChunkSize(0)
-        output = camera.requestOutput(options.size_px, type=dai.ImgFrame.Type.GRAY8, fps=rate_hz)
-        return output if crop is None else crop.of(pipeline, output)
-
-    return make
 
 
 #: A camera's frame sync pin does this, by the value of `sync=`; depthai's name for it.
@@ -193,30 +156,44 @@ class OakKeys(msgspec.Struct):
 
     socket: str = "CAM_B"
     clock: Literal["host", "device"] = "host"
-    crop: str | None = None
+    crop: str = ""
     sync: Literal["", "output", "input", "ptp"] = ""
 
 
 class OakCamera(NamedTuple):
-    """A camera of a module: what makes its nodes, again when a lost module is back, and what it gives.
+    """What is asked of a camera of a module."""
 
-    own_clock  times on the module's clock instead of the host's
-    """
-
-    make_output: MakeOutput
     options: Options
-    socket: str = "CAM_B"
-    own_clock: bool = False
-    crop: Crop | None = None
+    keys: OakKeys
+    crop: Crop | None
+
+    def output(self, pipeline: dai.Pipeline) -> dai.Node.Output:
+        """A mono camera: manual exposure and focus, no anti-banding, one chunk a frame."""
+        import depthai as dai
+
+        options, sync = self.options, self.keys.sync
+        rate_hz = options.rate_hz
+        camera = pipeline.create(dai.node.Camera).build(_socket(self.keys.socket), sensorFps=rate_hz)
+        control = camera.initialControl
+        control.setManualExposure(options.exposure_us or LIVE.exposure_us, options.gain or LIVE.gain_iso)
+        control.setAntiBandingMode(dai.CameraControl.AntiBandingMode.OFF)
+        if options.focus is not None:
+            control.setManualFocus(options.focus)
+        if sync:
+            control.setFrameSyncMode(getattr(dai.CameraControl.FrameSyncMode, SYNC_MODES[sync]))
+        pipeline.setXLinkChunkSize(0)
+        output = camera.requestOutput(options.size_px, type=dai.ImgFrame.Type.GRAY8, fps=rate_hz)
+        return output if self.crop is None else self.crop.of(pipeline, output)
 
 
 def camera_at(where: str, options: Options) -> OakCamera:
-    """The camera that an address asks for. Raises SourceError."""
+    """The camera that an address asks for. Raises SourceError.
+
+    Unasked it has the size that its maker's mono sensors give fastest, and a rate that each of them gives.
+    """
     keys = options.own(f"oak:{where}", OakKeys)
-    options = _with_own(options)
-    crop = None if keys.crop is None else Crop.parse(keys.crop, options.size_px)
-    output = camera_output(options, keys.socket, crop, keys.sync)
-    return OakCamera(output, options, keys.socket, keys.clock == "device", crop)
+    options = options.or_own(LIVE.size_px, RATE_HZ)
+    return OakCamera(options, keys, Crop.parse(keys.crop, options.size_px) if keys.crop else None)
 
 
 Opened = tuple["dai.Pipeline", "dict[str, dai.MessageQueue]"]
@@ -241,7 +218,7 @@ class OakModule:
         self.live = find is not None
         self._base = self._next = 0
         for camera in cameras:
-            _socket(camera.socket)
+            _socket(camera.keys.socket)
 
     def open(self) -> Opened:
         """Pipeline, running, and the queues of the cameras. Raises SourceError; RuntimeError from depthai."""
@@ -251,11 +228,11 @@ class OakModule:
         else:
             device = dai.Device(self._find())
             for camera in self.cameras:
-                check_socket(device, camera.socket)
+                check_socket(device, camera.keys.socket)
             handler = device.readCalibration()
-            self.lenses = [lens_of(handler, c.socket, c.options.size_px, c.crop) for c in self.cameras]
+            self.lenses = [lens_of(handler, c.keys.socket, c.options.size_px, c.crop) for c in self.cameras]
             pipeline = dai.Pipeline(device)
-        outputs = [camera.make_output(pipeline) for camera in self.cameras]
+        outputs = [camera.output(pipeline) for camera in self.cameras]
         queues = {str(place): output.createOutputQueue() for place, output in enumerate(outputs)}
         pipeline.start()
         self._base = self._next
@@ -283,7 +260,7 @@ class OakModule:
         image = np.array(message.getFrame(), dtype=np.uint8)  # a copy: the message's memory is reused
         sequence = self._base + message.getSequenceNum()
         self._next = max(self._next, sequence + 1)
-        own_clock = self.cameras[place].own_clock
+        own_clock = self.cameras[place].keys.clock == "device"
         end = message.getTimestampDevice() if own_clock else message.getTimestamp()
         stamp_ns = (end - message.getExposureTime()) // timedelta(microseconds=1) * 1000
         return Frame(image, stamp_ns, sequence, Clock.DEVICE if own_clock else Clock.DRIVER)
@@ -342,4 +319,4 @@ def open_oak(where: str, options: Options) -> OakSource:
     camera = camera_at(where, options)
     fed = fed_camera()
     module = fed or OakModule([camera], lambda: find_module(where))
-    return OakSource(module, camera, f"camera oak:{where} {camera.socket}")
+    return OakSource(module, camera, f"camera oak:{where} {camera.keys.socket}")

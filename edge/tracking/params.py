@@ -45,13 +45,6 @@ class TrackingParams:
     slip_spread: float = 0.03
 
     @property
-    def research_frames(self) -> int:
-        """Until an incomplete tip is searched again: two time constants leave a seventh of what the baseline
-        knew of the lost part.
-        """
-        return round(2.0 * self.baseline_frames)
-
-    @property
     def full_share_min(self) -> float:
         """Of the baseline, or of the largest share that a search found: so many pins count as all of them."""
         return 1.0 - ASTRAY_REL

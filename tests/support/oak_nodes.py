@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterable
 from datetime import timedelta
 from itertools import count
+from types import SimpleNamespace
 from typing import Any
 from unittest.mock import patch
 
@@ -32,7 +33,7 @@ def frames_output(
     gate: Callable[[int], object] = lambda n: None,
     picture: Callable[[int], Image] = noise,
     begin: timedelta = timedelta(seconds=1),
-) -> oak.MakeOutput:
+) -> Any:
     """A host node that emits frames with these sequence numbers, each after its gate."""
 
     class Node(dai.node.ThreadedHostNode):  # type: ignore[misc]
@@ -71,11 +72,11 @@ def main() -> None:
     images = [frame.image for frame in open_source("example:press")]
     begin = timedelta(seconds=time.monotonic())
 
-    def played(camera: oak.OakCamera) -> oak.OakCamera:
+    def played(camera: oak.OakCamera) -> Any:
         output = frames_output(
             oak.load_depthai(), count(), paced(begin), lambda n: images[n % len(images)], begin
         )
-        return camera._replace(make_output=output)
+        return SimpleNamespace(**camera._asdict(), output=output)
 
     with patch.object(hand, "OakModule", lambda cameras, find: oak.OakModule([*map(played, cameras)])):
         program.main()

@@ -37,7 +37,9 @@ def config(folder: Path, name: str, spec: str, more: str = "") -> Path:
         (("oak:?socket=CAM_A", "oak:?socket=CAM_B"), "no such OAK module"),
     ],
 )
-def test_cameras_that_are_not_those_of_one_module_are_refused_in_one_line(tmp_path: Path, specs: tuple[str, str], stated: str) -> None:
+def test_cameras_of_no_one_module_are_refused_in_one_line(
+    tmp_path: Path, specs: tuple[str, str], stated: str
+) -> None:
     done = run_edge("hand", *(config(tmp_path, str(n), spec) for n, spec in enumerate(specs)))
     assert stated in done.refusal
 

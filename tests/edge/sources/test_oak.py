@@ -42,7 +42,7 @@ def lock_step(dai: Any, steps: list[int], **asked: Any) -> tuple[list[Frame], oa
     go = threading.Semaphore(1)
     output = frames_output(dai, steps, lambda n: go.acquire(timeout=SOON_S))
     got: list[Frame] = []
-    camera = oak.OakCamera(output, HOST, **asked)
+    camera: Any = SimpleNamespace(options=HOST, keys=oak.OakKeys(**asked), crop=None, output=output)
     with closing(oak.OakSource(oak.OakModule([camera]), camera)) as source:
         for _ in steps:
             frame = source.read(SOON_S)
@@ -62,7 +62,7 @@ def test_pixels_times_and_gaps_come_through(dai: Any) -> None:
         assert np.array_equal(frame.image, noise(frame.sequence))
         assert frame.capture_ns == 1_000_000_000 + 20_000_000 * frame.sequence
         assert frame.clock is Clock.DRIVER
-    (first, second), _ = lock_step(dai, [0, 1], own_clock=True)
+    (first, second), _ = lock_step(dai, [0, 1], clock="device")
     assert (first.capture_ns, second.capture_ns) == (77_000, 20_077_000)
     assert first.clock is Clock.DEVICE
 
@@ -113,16 +113,18 @@ def test_sockets_without_a_camera_are_refused() -> None:
         oak.check_socket(device, "CAM_B")
 
 
-def calls_of(make: Any) -> dict[str, Any]:
+def calls_of(camera: oak.OakCamera) -> dict[str, Any]:
     """What an output asks of its pipeline: (by place, by name) of each function's last call."""
     pipeline = MagicMock()
-    make(pipeline)
+    camera.output(pipeline)
     return {name.rpartition(".")[2]: (by_place, named) for name, by_place, named in pipeline.mock_calls}
 
 
 def test_the_camera_is_asked_for_what_was_set(dai: Any) -> None:
-    options = Options(width=640, height=400, rate_hz=240.0, exposure_us=1500, gain=300, focus=120)
-    calls = calls_of(oak.camera_output(options, "CAM_C"))
+    options = Options(
+        width=640, height=400, rate_hz=240.0, exposure_us=1500, gain=300, focus=120, extra={"socket": "CAM_C"}
+    )
+    calls = calls_of(oak.camera_at("", options))
     assert not {"setFrameSyncMode", "addCrop"} & calls.keys()
     assert calls["build"] == ((dai.CameraBoardSocket.CAM_C,), {"sensorFps": 240.0})
     assert calls["setManualExposure"][0] == (1500, 300)
@@ -130,11 +132,11 @@ def test_the_camera_is_asked_for_what_was_set(dai: Any) -> None:
     assert calls["setAntiBandingMode"][0] == (dai.CameraControl.AntiBandingMode.OFF,)
     assert calls["setXLinkChunkSize"][0] == (0,)
     assert calls["requestOutput"] == (((640, 400),), {"type": dai.ImgFrame.Type.GRAY8, "fps": 240.0})
-    unasked = calls_of(oak.camera_output(Options()))  # its own size and rate
+    unasked = calls_of(oak.camera_at("", Options()))  # its own size and rate
     assert unasked["requestOutput"] == (((640, 400),), {"type": dai.ImgFrame.Type.GRAY8, "fps": 60.0})
     # Crop and synchronisation are left to the module.
-    size = Options(width=640, height=400)
-    calls = calls_of(oak.camera_output(size, "CAM_B", oak.Crop(100, 50, 320, 240), "input"))
+    size = Options(width=640, height=400, extra={"crop": "100,50,320,240", "sync": "input"})
+    calls = calls_of(oak.camera_at("", size))
     assert calls["setFrameSyncMode"][0] == (dai.CameraControl.FrameSyncMode.INPUT,)
     assert calls["requestOutput"][0] == ((640, 400),)
     assert calls["addCrop"][0] == (100, 50, 320, 240)
@@ -217,7 +219,8 @@ def cameras_of(
     def found(*given: object) -> Any:
         return fake  # as the module, and as an output
 
-    return oak.OakModule([oak.OakCamera(found, Options(**settings))] * n, found)
+    camera: Any = SimpleNamespace(options=Options(**settings), keys=oak.OakKeys(), crop=None, output=found)
+    return oak.OakModule([camera] * n, found)
 
 
 def opened(fake: FakeModule, monkeypatch: pytest.MonkeyPatch, **settings: Any) -> oak.OakSource:
