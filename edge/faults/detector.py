@@ -19,7 +19,7 @@ from edge.params import PARAMS as RUNTIME
 from edge.pins.params import PARAMS as PINS
 from edge.sources.live import ThreadedSource, stalled_after_s
 from edge.types import Array, Clock, Features, Frame, FrameSource, Reading, Rest, Result
-from hostlink.clock import DRIFT_MAX
+from hostlink.order_and_time import DRIFT_MAX
 from hostlink.wire import FaultCode as F
 from hostlink.wire import Status
 

@@ -52,7 +52,7 @@ PANELS = (
     Chart(("contact_n",), "number", Shown("contacts")),
     Chart(("latency_us",), "ms", Shown("latency")),
 )
-#: Where an axis has another unit than the wire.
+#: Factors of the axes that have another unit than the wire.
 _SCALES = {"latency_us": 1e-3}
 _COLUMNS = tuple(dict.fromkeys(f for p in PANELS for f in (*p.fields, p.how.sigma) if f))
 
@@ -146,7 +146,7 @@ def _mcap_samples(path: Path) -> Iterator[tuple[int, float, int, dict[str, Any]]
     samples_n = 0
     try:
         with open_input(path) as file:
-            # In the file's order, without its index: a truncated file has none.
+            # Records come in the file's order, without its index: a truncated file has none.
             reader = StreamReader(file, emit_chunks=True, record_size_limit=UNPACKED_MAX)
             channels: dict[int, int] = {}
             for record in reader.records:

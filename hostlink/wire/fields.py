@@ -381,7 +381,7 @@ def _version_2() -> Schema:
     return Schema(2, layout, parts)
 
 
-#: By version, what receivers still decode besides this one.
+#: Older versions that receivers still decode besides this one.
 OLDER: Final = {schema.version: schema for schema in (_version_2(),)}
 
 SCHEMA_TEXT: Final = SCHEMA.text

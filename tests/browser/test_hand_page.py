@@ -11,6 +11,7 @@ from hostlink.view import HandView
 from hostlink.web import parse_listen
 from hostlink.wire import Contact, State, Status
 from tests.browser.chrome import Chrome, Page
+from tests.support.bus import open_wire
 from tests.support.fingers import Fingers, state
 
 BUS = f"udp:239.0.0.8?port={21_000 + os.getpid() % 20_000}"
@@ -79,6 +80,19 @@ def test_one_finger_has_its_charts_beside_it_on_one_screen(chrome: Chrome) -> No
         assert all(left > finger[2] for left, *_ in charts)
         assert max(bottom for *_, bottom in (finger, *charts)) <= page.evaluate("innerHeight")
         assert page.evaluate("document.getElementById('next').disabled")
+
+
+def test_twenty_fingers_are_on_one_screen(chrome: Chrome) -> None:
+    with open_wire("page") as wire, closing(HandView(wire.hand, LISTEN)) as view:
+        view.start()
+        for n in range(1, 21):
+            wire.send_state(n, sample(n % 5, 0))
+        with closing(chrome.open(view.server.url)) as page:
+            page.until("document.querySelectorAll('.finger canvas').length === 20")
+            assert page.evaluate("document.documentElement.scrollHeight <= innerHeight")
+            names = page.evaluate("[...document.querySelectorAll('.finger h2 span')].map(e => e.innerText)")
+    known = ["thumb", "index", "middle", "ring", "little"]
+    assert names == [f"{name} {n}" for n, name in enumerate([*known, *["finger"] * 15], 1)]
 
 
 def test_a_chart_is_shown_once_it_has_a_value(page: Page) -> None:

@@ -1,4 +1,4 @@
-"""`edge lens`: pictures of a board seen through a known lens give that lens."""
+"""`calib lens`: pictures of a board seen through a known lens give that lens."""
 
 from functools import cache
 from pathlib import Path
@@ -7,10 +7,10 @@ import cv2
 import numpy as np
 import pytest
 
-from edge.geometry.lens import corrected
+from edge.pins.lens import corrected
 from edge.sources.lens_file import load_lens
 from edge.types import Array, Image, Lens
-from tests.support.commands import run_edge as command
+from tests.support.commands import run_calib as command
 
 TRUE = Lens(
     size_px=(480, 360), focal_px=(390.0, 386.0), centre_px=(233.0, 184.0),
