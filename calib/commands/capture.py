@@ -38,14 +38,14 @@ VALUES = tuple(UNTOUCHED)
 @click.option(
     "--poses",
     type=WholeNumber(1, PARAMS.candidates),
-    help=f"Of protocol {ADAPTIVE}, at most; default: {POSES}.",
+    help=f"Poses of protocol {ADAPTIVE} at most; default: {POSES}.",
 )
 @click.option(
     "--until",
     "goals",
     multiple=True,
     metavar="VALUE=ERROR",
-    help=f"Of protocol {ADAPTIVE}: end when the error expected is so small, e.g. tilt_x_deg=0.3; repeatable.",
+    help=f"End protocol {ADAPTIVE} when the expected error is so small, e.g. tilt_x_deg=0.3; repeatable.",
 )
 @click.option(
     "-o",

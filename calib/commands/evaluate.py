@@ -28,8 +28,8 @@ def evaluate_command(calibration_path: Path, as_json: bool, **frames: Any) -> No
     TABLE is a TARGETS.csv, with --frames and --rest, or one or more captures (.mcap) of one tip.
 
     Errors are given over all frames that have a value, and over the accepted ones, whose values the edge
-    would have sent; it refuses frames whose pins are not identified with certainty. Frames that are
-    pressed and read as untouched are counted, and count with the zeros that the edge sends.
+    would have sent. The edge refuses frames whose pins are not identified with certainty. A frame that is
+    pressed but read as untouched counts with the zeros that the edge sends, and its number is printed.
     """
     given = Frames(**frames)
     calibration = Calibration.load(calibration_path)
