@@ -22,7 +22,7 @@ SHARED_WITH_EDGE = (
     "hostlink.can_bus",
     "hostlink.cli_exit",
     "hostlink.cli_types",
-    "hostlink.clock",
+    "hostlink.order_and_time",
     "hostlink.command_group",
     "hostlink.input_file",
     "hostlink.interrupt",
@@ -170,7 +170,7 @@ def loaded_by(statement: str) -> set[str]:
 
 
 def test_the_edge_loads_no_heavy_libraries() -> None:
-    loaded = loaded_by("import edge.frame")
+    loaded = loaded_by("import edge.frame, edge.view.panels")
     assert not loaded & {"matplotlib", "skimage", "depthai", "aiohttp", "mcap", "pandas"}
 
 
