@@ -35,7 +35,6 @@ KERNELS = {
     "edge.features.contacts": FAST,
     "edge.features.extract": SMALL,
     "edge.features.pin_motion": FAST,
-    "edge.features.regions": FAST,
     "edge.features.slip_and_vibration": FAST,
     "edge.geometry.neighbours": FAST,
     "edge.geometry.select": FAST,
@@ -45,9 +44,8 @@ KERNELS = {
     "edge.tracking.follow": FAST,
     "edge.tracking.match": FAST,
     "edge.tracking.outliers": FAST,
-    "hostlink.clock": SMALL,
     "hostlink.decoder": SMALL,
-    "hostlink.sequence": SMALL,
+    "hostlink.order_and_time": SMALL,
     "hostlink.wire.body": SMALL,
 }
 #: Cython's own code for typed memoryviews, which all kernels share.

@@ -22,7 +22,7 @@ SHARED_WITH_EDGE = (
     "hostlink.can_bus",
     "hostlink.cli_exit",
     "hostlink.cli_types",
-    "hostlink.clock",
+    "hostlink.order_and_time",
     "hostlink.command_group",
     "hostlink.input_file",
     "hostlink.interrupt",

@@ -135,7 +135,7 @@ def scale_of(name: str | None, rest: Rest) -> float | None:
 
 
 def _known_models(prior: Path) -> dict[tuple[str, ...], KnownModel]:
-    """Of another tip. Raises CalibrationError: cannot be read, or nothing in it carries over."""
+    """The models of another tip. Raises CalibrationError: cannot be read, or nothing in it carries over."""
     content = Calibration.load(prior).content
     known = known_models(content)
     if not known:

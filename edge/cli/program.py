@@ -17,7 +17,6 @@ _SUMMARIES = {
     "render": "Make a video of RECORDING: cells, contacts and shear beside the camera's image.",
     "inspect": "Find the pins in each IMAGE, and say what is good and what is to be done.",
     "sensor": "Describe a sensor by one IMAGE of its untouched skin, for --sensor and [sensor] model.",
-    "lens": "Measure a lens by IMAGEs of a checkerboard, for ?lens=FILE in a source's address.",
     "doctor": "Check camera, pins, calibration, link, processor, clock and disk.",
 }
 COMMANDS = {name: CommandRow(f"edge.cli.{name}:{name}", text) for name, text in _SUMMARIES.items()}

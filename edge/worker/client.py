@@ -57,11 +57,6 @@ class WorkerClient:
         assert self._listen is not None
         return f"http://{self._listen}/" + (f"#token={self._listen.token}" if self._listen.token else "")
 
-    @property
-    def port(self) -> int:
-        assert self._listen is not None
-        return self._listen.port
-
     def start(self) -> None:
         """Start the process, and begin to send to it. Raises InputError."""
         self._start_process(self._config.record)
@@ -117,7 +112,7 @@ class WorkerClient:
         outbox = Outbox(PARAMS.memory_bytes)
         control, far_control = Pipe()
         fds = (outbox.far_end.fileno(), far_control.fileno(), outbox.fd)
-        # In its own session: Ctrl-C at the terminal goes to the loop alone, which ends the worker.
+        # It has its own session: Ctrl-C at the terminal goes to the loop alone, which ends the worker.
         self.process = subprocess.Popen(
             [sys.executable, "-m", "edge.worker", *map(str, fds)],
             pass_fds=fds,

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import msgspec
 
+from calib.fit import sensor_of
 from calib.sim import Camera, Simulator, Tip
 from calib.sim.script import REST_FRAMES, SCENES, play
 from edge.calibration import Calibration
-from edge.calibration.file import sensor_of
 from edge.pins import take_rest
 from edge.types import Feature, Frame
 

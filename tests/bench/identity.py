@@ -213,7 +213,7 @@ def judged_simulated(jumps: int, seed: int) -> Iterator[Judged]:
     rng = np.random.default_rng(seed)
     tips = [simulated_rest(n) for n in (127, 331)]
     smooth = [layouts.rest_of(make()) for make in layouts.TIPS.values()]
-    identifiers = {id(rest): Identifier(TrackedTip.of(rest)) for rest in [rest for _, rest in tips] + smooth}
+    identifiers = {id(rest): Identifier(TrackedTip(rest)) for rest in [rest for _, rest in tips] + smooth}
     for _ in track(range(jumps), "confidence", transient=True):
         if rng.random() < 0.6:
             camera, rest = tips[rng.integers(len(tips))]
@@ -231,7 +231,7 @@ def judged_stills(folder: Path, every: int, seed: int) -> Iterator[Judged]:
     """Published stills with a side hidden."""
     rng = np.random.default_rng(seed)
     rest = take_rest([read_image(folder / "rest.png")])
-    identifier = Identifier(TrackedTip.of(rest))
+    identifier = Identifier(TrackedTip(rest))
     for name in track(list(poses_of_stills(folder))[::every], "stills with a side hidden", transient=True):
         blobs = detect(read_image(folder / "frames" / name), rest.pattern).xy_img
         whole = identifier.identify(blobs).blob

@@ -43,7 +43,8 @@ from edge.frame import Pipeline
 from edge.link.node import Node
 from edge.link.settings import SettingsFile
 from edge.link.sinks import CanFdSink, opener
-from edge.rest.tare import tare
+from edge.pins import take_rest
+from edge.rest.tip_match import in_order_of
 from edge.runtime.board_monitor import BoardMonitor
 from edge.runtime.device import LoopDevice
 from edge.runtime.loop import Loop
@@ -176,7 +177,7 @@ def undisturbed(scene: SceneSource, calibration: Calibration) -> np.ndarray:
     """(n, 3) VALUES of each frame of the scene, without faults."""
     frames = list(scene)
     pipeline = Pipeline(
-        tare([f.image for f in frames[:8]], 1e9, calibration), calibration, frozenset(Feature)
+        in_order_of(calibration, take_rest([f.image for f in frames[:8]])), calibration, frozenset(Feature)
     )
     values = np.empty((len(frames), 3))
     for i, frame in enumerate(frames):

@@ -138,21 +138,23 @@ class Recorder:
 
 def play() -> None:
     """A scene that reaches every kernel."""
+    from calib.extract import contact_inputs, frame_inputs
     from calib.sim.script import REST_FRAMES
     from edge.calibration import Calibration
-    from edge.calibration.evaluation import ModelKernel, contact_inputs, frame_inputs
+    from edge.calibration.evaluation import ModelKernel
     from edge.faults import frame_counts
     from edge.frame import Pipeline
     from edge.geometry import select
     from edge.link.state_packer import StatePacker
-    from edge.rest.tare import tare
+    from edge.pins import take_rest
+    from edge.rest.tip_match import in_order_of
     from hostlink.wire import Contact, State
     from tests.bench.frames import calibration_of, scene
     from tests.edge.calibration.test_evaluation import INPUTS, MODELS
 
     frames = scene("two", 61, (320, 240))[: REST_FRAMES + 40]
     calibration: Calibration = calibration_of(frames)
-    rest = tare([frame.image for frame in frames[:REST_FRAMES]], np.inf, calibration)
+    rest = in_order_of(calibration, take_rest([frame.image for frame in frames[:REST_FRAMES]]))
     pipeline = Pipeline(rest, calibration)
     for frame in [*frames, frames[0], dataclasses.replace(frames[-1], image=frames[0].image * 0), frames[-1]]:
         result = pipeline.process(frame)

@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 
 import hostlink
 from edge.errors import RequestRefused
-from edge.link.commands import SerialCommands
-from edge.link.nmt import NmtState
+from edge.link.commands import NmtState, SerialCommands
 from edge.link.object_server import ObjectServer
 from edge.link.sdo_server import SdoServer
 from edge.link.settings import SettingsFile
@@ -103,9 +102,12 @@ class Line:
         else:
             deliver()
 
-    def post_frame(self, kind: Message, body: bytes, counter: int) -> None:
+    def frame(self, kind: Message, body: bytes, counter: int) -> tuple[int, bytes]:
+        return counter, body
+
+    def post(self, reply: tuple[int, bytes]) -> None:
         """The node replies."""
-        self._answer(lambda: self.client.answer(counter, ObjectReply.unpack(body)))
+        self._answer(lambda: self.client.answer(reply[0], ObjectReply.unpack(reply[1])))
 
 
 TARE, SERIAL_NUMBER = (0x2010, 0), (0x2000, 3)

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,15 @@ def python(*arguments: str | Path, **options: Any) -> subprocess.CompletedProces
 def edge(*arguments: str | Path, **options: Any) -> subprocess.CompletedProcess[str]:
     """`python -m edge` with these arguments."""
     return python("-m", "edge", *arguments, **options)
+
+
+def source_files(root: Path, *patterns: str) -> list[Path]:
+    """The project's files of these patterns: those that git has, in an unpacked source archive all."""
+    names = program("git", "ls-files", *patterns, cwd=root).stdout.split()
+    if not names:
+        every = (path.relative_to(root).as_posix() for path in root.rglob("*"))
+        names = [name for name in every if any(fnmatch(name, pattern) for pattern in patterns)]
+    return sorted(root / name for name in names if (root / name).is_file())
 
 
 def uncounted() -> dict[str, str]:

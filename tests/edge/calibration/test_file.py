@@ -32,6 +32,7 @@ def test_saved_and_loaded_is_the_same(tmp_path: Path) -> None:
     assert path.stat().st_mode & 0o777 == 0o600
 
 
+PLACED = calibration_content()["models"][1] | {"terms": [[], ["p"], ["shear"]]}
 DAMAGE: list[tuple[str, Any, str]] = [
     ("format", "something", "not a calibration file: its format is 'something'"),
     ("version", 2, "has version 2, this program reads version 1"),
@@ -53,6 +54,8 @@ DAMAGE: list[tuple[str, Any, str]] = [
     ("models.1.valid", [[2, -2], [-2, 2]], "models[1].valid: give a range [low, high]"),
     ("models.1.sigma", [0.1, -0.1], "models[1].sigma[1]: must be a number from 1e-09 to 1000000"),
     ("models.1.sigma", [0.1], "models[1].sigma: give one for each of 2 outputs"),
+    ("without_contact", [PLACED], "without_contact[0]: give a model without p, peak and size"),
+    ("without_contact", [PLACED | {"outputs": ["torsion_deg"]}], "without_contact[0]: give a model"),
     ("sensor.serial", "a\nb", "sensor.serial: "),
     ("sensor.rest_xy_px", [], "sensor.rest_xy_px: must have at least 12 items"),
 ]

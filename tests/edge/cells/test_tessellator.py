@@ -96,7 +96,6 @@ def test_random_walks_agree_with_fresh_triangulations() -> None:
     assert jumps.builds > 10  # this tests the rebuilding branch
     large = random_walks(20, 30, 2.0, seed=1)
     assert large.worst_difference <= 1e-12
-    assert large.builds <= 40  # of 600 frames; 78 where triangles that turned over were not repaired
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])

@@ -155,7 +155,7 @@ def test_a_lattice_that_may_have_slipped_by_a_step_has_low_confidence() -> None:
 def test_of_two_blobs_in_one_place_one_is_certain_at_most() -> None:
     xy = hexagonal(7)
     n = len(xy)
-    model = MotionModel(TrackedTip.of(rest_of(xy)))
+    model = MotionModel(TrackedTip(rest_of(xy)))
     now = xy + np.array([2.0, -1.0]) + np.random.default_rng(3).normal(0, 0.05, xy.shape)
     near = np.hypot(*(now - now[n // 2]).T) < 3 * PITCH_PX
     now[near] = now[n // 2] + 0.45 * (now[near] - now[n // 2])
