@@ -1,7 +1,6 @@
 """Benchmarks and long checks: `python -m tests.bench [COMMAND]`.
 
-A new one is a line in `COMMANDS`, and a module of that name with a click command named `command`. Called with
-options only, the group runs `DEFAULT`.
+A new one is a line in `COMMANDS`, and a module of that name with a click command named `command`.
 """
 
 import sys
@@ -26,27 +25,16 @@ COMMANDS = {
     "slip": "Slip announced before it happens, and false alarms.",
     "soak": "The program under a random schedule of all faults, and its promises.",
     "stability": "Hard cases of the geometry against exact arithmetic.",
-    "step": "Instructions, misses and calls of one step, from the image to the CAN FD frame (default).",
+    "step": "Instructions, misses and calls of one step, from the image to the CAN FD frame.",
     "videos": "Identities held and contacts found in the published videos.",
 }
-DEFAULT = "step"
-HELP = ("-h", "--help")
-
-
-class _Benchmarks(CommandGroup):
-    """Called with options only: DEFAULT."""
-
-    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        if not args or (args[0].startswith("-") and args[0] not in HELP):
-            args = [DEFAULT, *args]
-        return super().parse_args(ctx, args)
 
 
 @click.group(
-    cls=_Benchmarks,
+    cls=CommandGroup,
     table={name: CommandRow(f"tests.bench.{name}:command", text) for name, text in COMMANDS.items()},
     extra="dev",
-    context_settings={"help_option_names": list(HELP)},
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
 def main() -> None:
     """Benchmarks and long checks; results go to out/bench."""
