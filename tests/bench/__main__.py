@@ -12,7 +12,6 @@ from hostlink.cli_exit import run_command
 from hostlink.command_group import CommandGroup, CommandRow
 
 COMMANDS = {
-    "accuracy": "Instructions of a frame against its error, for every kind of model.",
     "contacts": "Contacts on a second, independent simulator, against their bounds.",
     "forces": "Forces of weights on a published dome, against scikit-learn, leave one load out.",
     "grasp": "Two simulated fingers, an object with mass and a gripper, end to end.",
