@@ -187,7 +187,7 @@ def beside(loop: Loop, viewers_n: int, record: str, seconds: float) -> Iterator[
         return
     worker = WorkerClient(loop, WorkerConfig(parse_listen("127.0.0.1:0"), Path(record) if record else None))
     worker.start()
-    page = f"http://127.0.0.1:{worker.port}/live"
+    page = worker.url.partition("#")[0] + "live"
     look = ["tests.support.viewers", page, str(viewers_n), str(seconds)]
     # Browsers run on another machine: they must not take the loop's processor.
     with subprocess.Popen(["nice", "-n", "19", sys.executable, "-m", *look]) as viewers:
