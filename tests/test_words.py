@@ -2,9 +2,10 @@
 
 import ast
 import re
+from functools import partial
 from pathlib import Path
 
-from tests.support.processes import program
+from tests.support.processes import source_files
 
 ROOT = Path(__file__).resolve().parent.parent
 #: Names of modules and folders that were replaced.
@@ -66,9 +67,7 @@ NOT_IN_SENTENCES = (
 )
 
 
-def files(*patterns: str) -> list[Path]:
-    listed = program("git", "ls-files", *patterns, cwd=ROOT, check=True)
-    return [ROOT / name for name in listed.stdout.split() if (ROOT / name).is_file()]
+files = partial(source_files, ROOT)
 
 
 THIS = Path(__file__).resolve()

@@ -182,8 +182,13 @@ class Data(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     created: Name
 
 
-class CalibrationFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The file's top level."""
+class CalibrationFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """The file's top level.
+
+    without_contact  models of touched frames in which no contact was found, instead of those of the same
+                     outputs that depend on a contact's place, which give nothing there; None: such frames
+                     were fitted with a place of 0, and the same models hold for them
+    """
 
     format: Name
     version: int
@@ -191,6 +196,7 @@ class CalibrationFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     mm_per_px: Scale | None
     models: Annotated[list[Model], msgspec.Meta(max_length=MODELS_MAX)]
     data: Data
+    without_contact: Annotated[list[Model], msgspec.Meta(max_length=MODELS_MAX)] | None = None
 
 
 class _Header(msgspec.Struct, frozen=True):

@@ -14,6 +14,7 @@ Rules
 - The number of contacts has no unit: it is sent without a calibration too.
 - Every value has a standard deviation: the residual of the fit on held-out frames, widened where a frame
   lies far from the data (leverage), as in Bayesian linear regression; that of a process is each frame's own.
+- A touched frame in which no contact is found has models of its own, without the place: a light touch's.
 - Only the models in demand are evaluated. Processes may need more of a frame than the demand itself
   does (`Calibration.needed`).
 """
@@ -27,7 +28,7 @@ from pathlib import Path
 
 import numpy as np
 
-from edge.calibration.checks import check, is_of_contact, outputs_of
+from edge.calibration.checks import check, is_of_contact, is_of_place, outputs_of
 from edge.calibration.evaluation import ModelKernel
 from edge.calibration.file import (
     CONTACT_OUTPUTS,
@@ -67,6 +68,7 @@ class Calibration:
     mm_per_px  scale at the tip's centre; None: not known, places of contact are NaN
     content_id 32 bits of the content's hash; goes over the wire as the calibration's identity
     frame_models, contact_models  of a frame, and of one contact
+    light_models  of a touched frame without a contact
     of_moments whether a model depends on a contact's moments
     of_volume  whether a model depends on the volume
     of_fits    whether there are models of contacts fitted together
@@ -79,7 +81,11 @@ class Calibration:
         self.mm_per_px = content.mm_per_px
         self.rest = rest_of(content.sensor)
         of_frame = [m for m in content.models if not is_of_contact(m)]
-        self.frame_models = ModelKernel(FRAME_INPUTS, of_frame)
+        self.frame_models = self.light_models = ModelKernel(FRAME_INPUTS, of_frame)
+        if content.without_contact is not None:
+            others = [*content.without_contact, *(m for m in of_frame if not is_of_place(m))]
+            known = {tuple(outputs_of(m)): m for m in reversed(others)}
+            self.light_models = ModelKernel(FRAME_INPUTS, list(known.values()))
         of_contact = [m for m in content.models if is_of_contact(m)]
         joint = [m for m in of_contact if not set(JOINT_OUTPUTS).isdisjoint(outputs_of(m))]
         self.contact_models = ModelKernel(CONTACT_INPUTS, [m for m in of_contact if m not in joint])
@@ -87,13 +93,15 @@ class Calibration:
         self._processes = [model for model in of_frame if isinstance(model, Process)]
         self.of_fits = bool(joint)
         self.outputs = frozenset((*self.frame_models.names, *self.contact_models.names, *self._joint.names))
-        read = frozenset().union(*map(_inputs_of, content.models))
+        models = *content.models, *(content.without_contact or ())
+        read = frozenset().union(*map(_inputs_of, models))
         self.of_moments = not read.isdisjoint(MOMENTS)
         self.of_volume = "volume" in read
         self._of_place = [CONTACT_OUTPUTS.index(name) for name in self.contact_models.names]
         self._of_joint = [JOINT_OUTPUTS.index(name) for name in self._joint.names]
         # A place that no model gives is computed with this.
         self._scale: float | None = None if self.outputs >= set(CONTACT_OUTPUTS[:2]) else content.mm_per_px
+        self._unknown = dict.fromkeys(self.frame_models.names, math.nan)
         self._untouched = {name: UNTOUCHED[name] for name in self.frame_models.names}
         self._untouched_sigmas = dict(zip(self.frame_models.names, self.frame_models.sigmas, strict=True))
         self._demand: frozenset[Feature] | None = None
@@ -156,11 +164,17 @@ class Calibration:
         """
         if demand is not self._demand:
             self._demand = demand
-            self.frame_models.want(None if demand is None else _outputs_in(demand))
+            for kernel in (self.frame_models, self.light_models):
+                kernel.want(None if demand is None else _outputs_in(demand))
             self._gives_contacts = demand is None or not demand.isdisjoint(OF_CONTACTS)
         saturated: frozenset[str] = frozenset()
         if features.in_contact:
-            values, sigmas, saturated = self.frame_models.of_frame(features, pattern)
+            # None: not looked for, as nothing in demand depends on them.
+            light = features.contacts == () and self.light_models is not self.frame_models
+            kernel = self.light_models if light else self.frame_models
+            values, sigmas, saturated = kernel.of_frame(features, pattern)
+            if light:
+                values, sigmas = self._unknown | values, self._unknown | sigmas
         else:
             values, sigmas = self._untouched.copy(), self._untouched_sigmas.copy()
         found = features.contacts if self._gives_contacts else None

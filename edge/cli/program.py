@@ -13,6 +13,7 @@ from hostlink.command_group import CommandGroup, CommandRow
 
 _SUMMARIES = {
     "run": "Run the finger: camera in, bus out, until stopped.",
+    "hand": "Run the fingers of a hand whose cameras are on one OAK module, until stopped.",
     "replay": "Send RECORDING (MCAP, video, folder of images, example:press) as if it were live.",
     "render": "Make a video of RECORDING: cells, contacts and shear beside the camera's image.",
     "inspect": "Find the pins in each IMAGE, and say what is good and what is to be done.",

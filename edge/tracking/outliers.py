@@ -114,9 +114,17 @@ class LocalAffine:
 
     def matrix(self) -> Array:
         """(n, n) `predict` where all pins are known, as one product; most of it is zero."""
-        one, known = np.eye(self.n), np.ones(self.n, np.bool_)
-        columns = [self.predict(one[[k, k]].T, known)[0][:, 0] for k in range(self.n)]
-        return np.stack(columns, axis=1)
+        result = np.zeros((self.n, self.n))
+        rows: cython.double[:, ::1] = result
+        one: cython.double[:, ::1] = np.zeros((self.n, 2))
+        known: cython.uchar[::1] = np.ones(self.n, np.uint8)
+        for i in range(self.n):
+            for c in range(self.k):  # of the others nothing reaches this pin
+                at: cython.Py_ssize_t = self.near[i, c]
+                one[at, 0] = 1.0
+                rows[i, at] = self.fit(one, known, i).x
+                one[at, 0] = 0.0
+        return result
 
     def fit(
         self,

@@ -19,10 +19,10 @@ from typing import Any
 
 from edge.errors import InputError, RequestRefused
 from edge.runtime.loop import Loop
+from edge.sources.shared_memory import Outbox
 from edge.types import Feature
 from edge.worker.feeds import ViewFeed
 from edge.worker.params import PARAMS, WorkerConfig
-from edge.worker.shared_memory import Outbox
 from hostlink.web import Listen
 from hostlink.wire import RestFrameState
 

@@ -88,7 +88,7 @@ def _show_table(hand: Connection, board: Board, end_s: float | None) -> None:
         while (wait_s := _left(end_s, REFRESH_S)) > 0:
             time.sleep(wait_s)
             link = "" if hand.up else "  (link down)"
-            live.update(screen(board.rows(), f"{hand.address}{link}"), refresh=True)
+            live.update(screen(board.rows(), f"{hand.address}{link}", live.console), refresh=True)
 
 
 def _left(end_s: float | None, most_s: float) -> float:

@@ -238,7 +238,7 @@ def _panel(axes: Any, panel: Chart, series: dict[int, Series]) -> None:
                 sigma = one.values[sigma_name]
                 low, high = ([v + sign * s for v, s in zip(values, sigma, strict=True)] for sign in (-1, 1))
                 axes.fill_between(one.time_s, low, high, color=colour, alpha=0.18, linewidth=0)
-    axes.set_ylabel(f"{panel.how.title}\n({panel.unit})", fontsize=8)
+    axes.set_ylabel(panel.how.title + (f"\n({panel.unit})" if panel.unit else ""), fontsize=8)
     if counts:
         axes.yaxis.get_major_locator().set_params(integer=True)
     axes.tick_params(labelsize=7)

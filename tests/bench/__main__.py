@@ -20,18 +20,16 @@ COMMANDS = {
     "hazards": "Rendered hazards through the whole chain: identities, place, depth.",
     "host": "A sample at the host, and a recording: against python-can and cantools.",
     "identity": "Pin identity after a jump and its confidence, on real and simulated frames.",
-    "paced": "The running program at 240 frames/s: latency, memory, losses.",
     "real": "Errors on the published recordings, five splits and a learning curve.",
     "sensors": "The table of docs/sensors.md: each real sensor, and a picture of some.",
     "sigma": "Share of the errors on the published recordings that is within sigma.",
     "slip": "Slip announced before it happens, and false alarms.",
     "soak": "The program under a random schedule of all faults, and its promises.",
-    "speed": "Time per frame, against the reference (default).",
     "stability": "Hard cases of the geometry against exact arithmetic.",
-    "step": "Instructions, misses and calls of one step, from the image to the CAN FD frame.",
+    "step": "Instructions, misses and calls of one step, from the image to the CAN FD frame (default).",
     "videos": "Identities held and contacts found in the published videos.",
 }
-DEFAULT = "speed"
+DEFAULT = "step"
 HELP = ("-h", "--help")
 
 

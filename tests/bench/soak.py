@@ -57,7 +57,6 @@ from hostlink.wire import FaultCode, State, Status
 from hostlink.wire.address import parse_address
 from tests.bench.output import ROOT, show, writes_results
 from tests.support import fault_injection as faults
-from tests.support.processes import memory_mb
 
 CALIBRATION = ROOT / "tests" / "data" / "rings331_ball.json"
 SCENE = "sim:tour?width=320&height=320&paced=0"
@@ -78,6 +77,12 @@ UNUSABLE = (
 KINDS = {"camera": faults.CAMERA, "link": faults.LINK, "board": faults.BOARD}
 BRISK_S = (0.3, 0.5)  # episodes and pauses of a short run
 VALUES = ("displacement_mm", "shear_x_mm", "shear_y_mm")
+
+
+def memory_mb() -> float:
+    """Resident memory of this process, MB of 2**20 bytes."""
+    lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith("VmRSS:")) / 1024
 
 
 class Metronome:

@@ -34,7 +34,7 @@ from tests.support.seeds import SEED
 from tests.support.states import mismatches, random_state, same
 
 IDS = CanIds()
-FRAMES = 30_000
+FRAMES = 10_000
 
 
 @dataclass

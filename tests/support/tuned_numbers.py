@@ -87,7 +87,7 @@ NOT_TUNED: dict[str, frozenset[str]] = {
     "a processor's lanes and cache lines": frozenset({
         "edge/calibration/evaluation.py:ROWS",
         "edge/pins/templates.py:LANES", "edge/pins/templates.py:BLOCK",
-        "edge/worker/shared_memory.py:ALIGN",
+        "edge/sources/shared_memory.py:ALIGN",
     }),
     "names of glibc's settings": frozenset({
         "edge/runtime/process.py:_MMAP_THRESHOLD", "edge/runtime/process.py:_TRIM_THRESHOLD",
