@@ -21,7 +21,7 @@ from calib.sim import Camera, Simulator, Tip, ToolPose
 from edge import open_source
 from edge.examples import example_file
 from hostlink import connect
-from tests.edge.cli.test_lens import board_pictures
+from tests.calib.test_lens_command import board_pictures
 from tests.hostlink.test_recording import write_buses
 from tests.support.captures import write_table
 from tests.support.fingers import need_multicast
