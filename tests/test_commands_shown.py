@@ -46,7 +46,7 @@ LEFT_OUT = {
 SLOW = ("docs/calibrate.md",)  # its captures and fits take minutes
 ENDLESS = r"--loop| monitor | view | --source (sim:nothing|sim-remote:)"
 SHOWN = re.compile(
-    r"(?: {4,}(?:\$ )?|\$ )((?:python|pip|voronoi-touch-\w+|sudo\w*|git|make|candump|socat|xxd|ros2) .*)"
+    r"(?: {4,}(?:\$ )?|\$ )((?:python|pip|voronoi-touch-\w+|sudo\w*|git|make|candump|socat|xxd|ros2|eval) .*)"
 )
 IN_TEXT = re.compile(r"`((?:python -m|voronoi-touch-\w+|pip) [^`]+)`")
 

@@ -52,7 +52,13 @@ from hostlink.output_file import check_output, writing
     type=FiniteFloat(min=0.01, max=0.9),
     help="Share of the poses to hold out; a fit to the others is evaluated on them, e.g. 0.2.",
 )
-@click.option("--seed", type=WholeNumber(0, 2**31 - 1), default=0, show_default=True, help="Of --hold-out.")
+@click.option(
+    "--seed",
+    type=WholeNumber(0, 2**31 - 1),
+    default=0,
+    show_default=True,
+    help="Another one holds out other poses.",
+)
 @click.option(
     "--prior",
     type=PATH,
