@@ -273,7 +273,7 @@ show "systemctl status after the end" systemctl status --no-pager -n 3 $unit
 if [ $# -ge 2 ]; then
     root=/run/container
     mkdir -p /app $root
-    sed "s|^spec = .*|spec = \"v4l2:0\"|; s|^directory = .*|directory = \"\"|; s|^sinks = .*|sinks = [\"can:$1?fd=0\"]|" \
+    sed "s|^spec = .*|spec = \"$(of_port 1)\"|; s|^directory = .*|directory = \"\"|; s|^sinks = .*|sinks = [\"can:$1?fd=0\"]|" \
         /etc/voronoi-touch/index.toml >/app/edge.toml
     mount --bind / $root
     mount --bind /dev $root/dev
