@@ -210,10 +210,79 @@ echo "$camera" >/sys/bus/platform/drivers/vivid/bind
 check "camera back: it comes up by itself" heard '701 +\[1\] +00'
 check "frames flow again" frames vcan0 8
 
+# ---- UVC cameras on the kernel's own USB and driver, that show a recording; see uvc_camera.py ----
+eval "exec ${adapter[1]}>&-" # the adapter ends
+systemctl stop $unit
+modprobe -a vhci-hcd uvcvideo
+coproc cameras { exec "$python" /shared/deploy/sbc/uvc_camera.py $recording/press.mcap; }
+camera() { # command
+    echo "$*" >&"${cameras[1]}"
+    read -r -t 300 answer <&"${cameras[0]}" && [ "$answer" = answered ]
+}
+compare() { timeout 600 "$python" /shared/deploy/sbc/uvc_values.py "$@"; }
+of_port() { echo "/dev/v4l/by-path/platform-vhci_hcd.0-usb-0:$(($1 + 1)):1.0-video-index0"; }
+"$python" -m edge replay $recording/press.mcap --speed max --sink memory: --samples -q \
+    --calibration $recording/rings331_ball.json >/run/replayed
+camera plug 0
+check "a UVC camera is plugged in: uvcvideo and udev have it" udevadm wait --timeout=100 "$(of_port 0)"
+for format in YUYV:0 MJPG:1; do
+    check "${format%:*}: its images are the recording's, within ${format#*:} levels" \
+        compare images $recording/press.mcap "v4l2:Fingertip?format=${format%:*}" "${format#*:}"
+    show "largest difference" cat /run/check.out
+done
+sed -i 's|^width = .*|width = 320|; s|^height = .*|height = 320|' /etc/voronoi-touch/index.toml
+for format in YUYV:0.02 MJPG:0.05; do
+    camera rest
+    program run --source "v4l2:Fingertip?format=${format%:*}" --config /etc/voronoi-touch/index.toml \
+        --calibration $recording/rings331_ball.json
+    systemctl restart $unit
+    check "v4l2:Fingertip finds it by name, ${format%:*}: the tip is untouched" compare untouched /run/replayed 0.1
+    camera press
+    check "pressed: values as of the recording replayed, within ${format#*:} mm" \
+        compare pressed /run/replayed "${format#*:}"
+    show "largest differences" cat /run/check.out
+done
+before=$(pid)
+listen vcan0,081:7FF
+camera unplug 0
+check "its plug is pulled: emergency 0x5001 on the bus" heard '081 +\[8\] +01 50'
+listen vcan0,081:7FF
+camera plug 0
+camera press
+check "plugged in again: an emergency with code 0" heard '081 +\[8\] +00 00'
+check "the same values as before" compare pressed /run/replayed 0.05
+check "in the same process" [ "$(pid)" = "$before" ]
+camera plug 1
+udevadm wait --timeout=100 "$(of_port 1)"
+for name in 0001 Fingertip; do
+    "$python" -m edge run --source v4l2:$name --sink memory: --frames 1 >/run/two 2>&1
+    check "two with one serial number: v4l2:$name is refused" [ $? = 2 ]
+    check "both are named by their sockets" sh -c "grep -F '$(of_port 0)' /run/two | grep -qF '$(of_port 1)'"
+    show "the refusal" grep error: /run/two
+done
+check "a camera in use: a second program says so and ends" sh -c \
+    "$python -m edge run --source $(of_port 0) --sink memory: --frames 1 2>&1 | tee /run/two | grep 'another program uses it'"
+check "by its socket, the second one runs" "$python" -m edge run --source "$(of_port 1)" --sink memory: --frames 1 -q
+
 # ---- end, away (upgrade and roll back: tests/deploy) ----
 check "stop" systemctl stop $unit
 check "ended cleanly" sh -c "[ \$(systemctl show -p Result --value $unit) = success ]"
 show "systemctl status after the end" systemctl status --no-pager -n 3 $unit
+# ---- the app of an OAK4 on its M8 box: a container with the module's can0, and its devices as oakapp.toml mounts them ----
+if [ $# -ge 2 ]; then
+    root=/run/container
+    mkdir -p /app $root
+    sed "s|^spec = .*|spec = \"$(of_port 1)\"|; s|^directory = .*|directory = \"\"|; s|^sinks = .*|sinks = [\"can:$1?fd=0\"]|" \
+        /etc/voronoi-touch/index.toml >/app/edge.toml
+    mount --bind / $root
+    mount --bind /dev $root/dev
+    start=$("$python" -c 'import sys, tomllib; print(tomllib.load(sys.stdin.buffer)["entrypoint"][2])' </shared/deploy/oakapp.toml)
+    PATH=$(dirname $python):$PATH unshare --mount --pid --fork --kill-child=TERM --mount-proc=$root/proc chroot $root bash -c "$start" &
+    check "an app in a container: classic frames on its $1" frames "$2" 8
+    kill -KILL $!
+    umount $root/dev $root
+fi
+
 sum=$(cat /etc/voronoi-touch/index.toml /var/lib/voronoi-touch/index/* | md5sum)
 check "uninstall" sh /shared/deploy/install.sh --uninstall
 check "configuration and settings are as before" [ "$(cat /etc/voronoi-touch/index.toml /var/lib/voronoi-touch/index/* | md5sum)" = "$sum" ]

@@ -2,7 +2,7 @@
 
     press.mcap, bag/, a.db3     a recording: MCAP, or a bag of ROS 2
     north.avi, frames/, a.png   a video, a folder of images, one image
-    v4l2:0, /dev/video0         a UVC or other V4L2 camera; also v4l2:SERIAL and /dev/v4l/by-id/...
+    v4l2:0, /dev/video0         a UVC or other V4L2 camera; also v4l2:SERIAL, v4l2:NAME, /dev/v4l/by-id/...
     oak:, oak:MXID              an OAK module, through depthai
     picamera:0                  a Raspberry Pi's CSI camera, through picamera2
     sim:...                     the simulator

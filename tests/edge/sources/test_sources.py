@@ -89,7 +89,7 @@ def test_keys_win_over_settings() -> None:
         ("", "no such file"),
         ("a\0b", "no such file"),
         ("ftp:somewhere", r"no scheme 'ftp'; known: example:, images:, mcap:.* oak:.* v4l2:.* video:"),
-        ("v4l2:99", "no such camera; give v4l2:NUMBER, v4l2:SERIAL or .*; cameras here"),
+        ("v4l2:99", "no such camera; give v4l2:NUMBER, v4l2:SERIAL, v4l2:NAME or .*; cameras here"),
         ("/dev/video99", "no such camera"),
         ("v4l2:0?exposure_us=long", "us: must be a whole number from 0 to 2147483647, is .long"),
         ("sim:press?rate_hz=nan", "rate_hz: must be a number from 0 to 1000000, is .nan"),
