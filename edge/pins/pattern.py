@@ -3,7 +3,7 @@
 Rules
 - A spot is compared with its neighbours, not with the whole: a fisheye or a tilted tip shows pins of very
   different size, vignetting of very different brightness, but never a small one among large ones. Where size
-  changes steeply, as along a tube, what a trend over the picture explains is taken off first.
+  changes steeply, as along a tube, spots are compared after their trend over the picture is removed.
 - How much neighbours may differ is learnt from the image: little on an even tip, more on an uneven one.
 - Pins are connected: a spot that no chain of neighbours reaches is outside of the skin.
 - A gap inside the pattern may be filled with a spot of poor shape: a pin that merges with a reflection, or
