@@ -80,9 +80,9 @@ slow: $(READY)
 test-browser: $(READY)
 	$(PYTEST) tests/browser
 
-## make bench      instructions, misses and calls of one step
+## make bench      time per frame, against the reference
 bench: $(READY)
-	$(BIN)/python -m tests.bench step
+	OMP_NUM_THREADS=1 $(BIN)/python -m tests.bench
 
 ## make stability  the long run of the geometry's hard cases
 stability: $(READY)

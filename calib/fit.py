@@ -613,7 +613,7 @@ def _best(
 
     kind = _kind_of(chosen.name)
     if kind not in processes:
-        model, light = of_all_frames(chosen.name), None
+        model, of_light_touch = of_all_frames(chosen.name), None
     else:
         process: Polynomial | Process = _process(problem, i, processes[kind])
         if kind is ModelKind.CARRIED:
@@ -622,10 +622,10 @@ def _best(
         good = _sufficient(of_all, whole.y[:, i], whole.share, Prefer.SPEED)
         simple = min(good, key=_terms_then_error)[0] if good else None
         known = simple is not None and _explained(simple, whole.y[:, i]) >= PARAMS.explained_min
-        light = of_all_frames(simple.name) if simple is not None and known else None
+        of_light_touch = of_all_frames(simple.name) if simple is not None and known else None
     if mirror is _mirrored:
         predicted = predicted.conj()
-    return Choice(outputs, model, light, chosen, tuple(t[0] for t in tried), allowed, predicted)
+    return Choice(outputs, model, of_light_touch, chosen, tuple(t[0] for t in tried), allowed, predicted)
 
 
 def _on_rows(tried: _Tried, rows: Mask, y: Complex, share: Array) -> _Tried:

@@ -361,6 +361,7 @@ class Mesh:
         return not self._orient(self.tail[3 * t], self.tail[3 * t + 1], self.tail[3 * t + 2]) > 0.0
 
     @cython.cfunc
+    @cython.exceptval(check=False)
     def _is_certain(self, t: cython.Py_ssize_t, k: cython.Py_ssize_t) -> cython.bint:
         """Whether the part of edge k of triangle t is positive and accurate by itself."""
         return self.parts[t, 3] < AREA_TOLERANCE * self.parts[t, k]
@@ -446,6 +447,7 @@ class Mesh:
         return reached
 
     @cython.cfunc
+    @cython.exceptval(check=False)
     def _part(
         self, h: cython.Py_ssize_t, g: cython.Py_ssize_t, part: cython.double, error: cython.double
     ) -> cython.double:

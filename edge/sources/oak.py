@@ -64,7 +64,8 @@ def find_module(where: str) -> dai.DeviceInfo:
     here = ", ".join(f"{info.deviceId} ({info.name})" for info in found) or "none"
     place = f"oak:{where}".rstrip(":")
     raise SourceError(
-        f"source {place}: no such OAK module; free modules here: {here}; plug it in, check its udev rule"
+        f"source {place}: no such OAK module; free modules here: {here}; plug it in, check its udev "
+        "rule; several cameras of one are for `edge hand`"
     )
 
 

@@ -44,8 +44,6 @@ class Jump:
     """One real frame, identified from rest alone."""
 
     frame: str
-    n_blobs: int
-    n_matched: int
     n_consistent: int
     confidence: float
     ms: float
@@ -89,7 +87,7 @@ def real_jumps(folder: Path, every: int) -> Iterator[Jump]:
         motion = tracks.xy_img - rest.xy_img
         x, y = np.nanmean(motion, axis=0).tolist() if tracks.n_seen else (0.0, 0.0)
         n_consistent = int(consistent(motion, around).sum())
-        yield Jump(name, len(blobs), tracks.n_seen, n_consistent, tracks.confidence, ms, (x, y))
+        yield Jump(name, n_consistent, tracks.confidence, ms, (x, y))
 
 
 def off_the_pose(jumps: list[Jump], folder: Path) -> Array:

@@ -1,4 +1,4 @@
-"""The paper's method implemented directly with common libraries: the oracle and the baseline.
+"""The paper's method implemented directly with common libraries: the oracle and the baseline of every ratio.
 
     image -> cv2.SimpleBlobDetector -> nearest rest pin -> scipy.spatial.Voronoi with artificial points
           -> scipy griddata cubic on a grid -> skimage.morphology.local_maxima, volume, mean shear

@@ -135,12 +135,12 @@ def test_a_press_pushes_pins_outwards_and_enlarges_the_cells_under_it_alone(tool
     for depth_mm in (1.0, 2.0, 3.0):
         motion = motion_of(ToolPose(tool, depth_mm=depth_mm))
         outwards = (out * motion).sum(axis=1) / np.maximum(far * CAMERA.radius_px, 1.0)
-        grown = cell_areas(REST + motion, around) / cell_areas(REST, around) - 1.0
-        now = np.array([outwards[beyond].mean(), grown[under].mean()])
+        larger = cell_areas(REST + motion, around) / cell_areas(REST, around) - 1.0
+        now = np.array([outwards[beyond].mean(), larger[under].mean()])
         assert (now - before > 0.05).all()
         assert outwards[beyond].std() < 0.1 * now[0]
         assert outwards[rim].mean() < now[0]
-        assert abs(grown[beyond].mean()) < 0.01
+        assert abs(larger[beyond].mean()) < 0.01
         before = now
 
 

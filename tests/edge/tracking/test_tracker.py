@@ -103,7 +103,7 @@ def test_beside_an_inconsistent_place_a_pin_is_lost_but_not_swapped() -> None:
         now = camera.project(deform(camera.tip, (identity.random_contact(rng),)).tips_mm)
         for dropped, false in ((0.0, 0), (0.3, 0), (0.0, 50), (0.1, 10), (0.3, 50), (0.5, 20)):
             blobs, owner = spoiled(now, dropped, false, rng)
-            found = identity.judged(Identifier(TrackedTip.of(rest)), blobs, owner)
+            found = identity.judged(Identifier(TrackedTip(rest)), blobs, owner)
             if found.confidence >= Tracks.LOW_CONFIDENCE:
                 trusted += 1
                 assert found.right, (dropped, false)
