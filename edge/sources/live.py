@@ -4,6 +4,7 @@ A slow reader gets the newest frame, and `dropped_n` counts those it missed. A d
 freezes or goes dark raises no exception: `condition` says so, and the iterator waits until frames come back.
 """
 
+import atexit
 import threading
 import time
 import zlib
@@ -191,6 +192,8 @@ class ThreadedSource(FrameSource, ABC):
         if self._thread.is_alive() and self._thread is not threading.current_thread():
             # Do not wait for a driver that hangs in the kernel; the thread is a daemon.
             self._thread.join(RUNTIME.close_s)
+            if self._thread.is_alive():  # coming back from C++ after the interpreter's end, it would abort
+                atexit.register(self._thread.join, RUNTIME.patience_s)
         with self._changed:
             self._slot = None
             self._ended = True
