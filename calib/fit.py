@@ -572,17 +572,9 @@ def _best(
     of_all  models of all frames; a process is one of those with a contact, and compared on these
     """
     outputs, y = whole.groups[i].outputs, whole.y[:, i]
-    curve: Curve | None = None
-    if (
-        outputs == ("displacement_mm",)
-        and ModelKind.PLAIN in search.kinds
-        and len(y) >= PARAMS.rows_min
-        and np.all(np.isfinite(whole.inputs[:, 0]))
-    ):
-        fitted = fit_curve(whole.inputs[:, 0].real, y.real, whole.fold)
-        if fitted is not None:
-            curve, candidate, predicted = fitted
-            of_all.insert(0, (candidate, [], predicted))
+    curve = _curve(whole, i) if ModelKind.PLAIN in search.kinds else None
+    if curve is not None:
+        of_all.insert(0, (curve[1], [], curve[2]))
     rows = whole.in_contact if processes else np.ones(len(y), np.bool_)
     problem, tried = whole.rows(rows), [_on_rows(one, rows, y, whole.share) for one in of_all]
     y = problem.y[:, i]
@@ -608,12 +600,12 @@ def _best(
     def of_all_frames(name: str) -> Model:
         candidate, terms, held_out = next(t for t in of_all if t[0].name == name)
         if curve is not None and name == CURVE:
-            return curve
+            return curve[0]
         return mirror(_polynomial(whole, i, terms, candidate.ridge, held_out))
 
     kind = _kind_of(chosen.name)
     if kind not in processes:
-        model, light = of_all_frames(chosen.name), None
+        model, of_light_touch = of_all_frames(chosen.name), None
     else:
         process: Polynomial | Process = _process(problem, i, processes[kind])
         if kind is ModelKind.CARRIED:
@@ -622,10 +614,18 @@ def _best(
         good = _sufficient(of_all, whole.y[:, i], whole.share, Prefer.SPEED)
         simple = min(good, key=_terms_then_error)[0] if good else None
         known = simple is not None and _explained(simple, whole.y[:, i]) >= PARAMS.explained_min
-        light = of_all_frames(simple.name) if simple is not None and known else None
+        of_light_touch = of_all_frames(simple.name) if simple is not None and known else None
     if mirror is _mirrored:
         predicted = predicted.conj()
-    return Choice(outputs, model, light, chosen, tuple(t[0] for t in tried), allowed, predicted)
+    return Choice(outputs, model, of_light_touch, chosen, tuple(t[0] for t in tried), allowed, predicted)
+
+
+def _curve(problem: _Problem, i: int) -> tuple[Curve, Candidate, Complex] | None:
+    """The paper's curve of the depth over the volume; None: another output, too few frames, no such curve."""
+    volume, y = problem.inputs[:, 0].real, problem.y[:, i].real
+    of_depth = problem.groups[i].outputs == ("displacement_mm",)
+    enough = len(y) >= PARAMS.rows_min and bool(np.all(np.isfinite(problem.inputs[:, 0])))
+    return fit_curve(volume, y, problem.fold) if of_depth and enough else None
 
 
 def _on_rows(tried: _Tried, rows: Mask, y: Complex, share: Array) -> _Tried:

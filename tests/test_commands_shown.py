@@ -36,7 +36,7 @@ LEFT_OUT = {
     r"^make |tests\.|pytest|calib report": "minutes to hours",
     r"^pip ": "an environment of its own: tests/test_wheel.py",
     r"\bcan:|candump": "a CAN interface",
-    r"v4l2:|oak:|doctor$|run --(view|record)": "a camera",
+    r"v4l2:|oak:|edge hand |doctor$|run --(view|record|json)": "a camera",
     r"gcode:|--rig manual": "a stage, or hands",
     r"serial:|socat|xxd": "a serial line",
     r"^ros2 |--ros": "ROS",

@@ -212,6 +212,7 @@ check "frames flow again" frames vcan0 8
 
 # ---- UVC cameras on the kernel's own USB and driver, that show a recording; see uvc_camera.py ----
 eval "exec ${adapter[1]}>&-" # the adapter ends
+systemctl stop $unit
 modprobe -a vhci-hcd uvcvideo
 coproc cameras { exec "$python" /shared/deploy/sbc/uvc_camera.py $recording/press.mcap; }
 camera() { # command
@@ -220,10 +221,8 @@ camera() { # command
 }
 compare() { timeout 600 "$python" /shared/deploy/sbc/uvc_values.py "$@"; }
 of_port() { echo "/dev/v4l/by-path/platform-vhci_hcd.0-usb-0:$(($1 + 1)):1.0-video-index0"; }
-read -r -t 300 answer <&"${cameras[0]}"
 "$python" -m edge replay $recording/press.mcap --speed max --sink memory: --samples -q \
     --calibration $recording/rings331_ball.json >/run/replayed
-systemctl stop $unit
 camera plug 0
 check "a UVC camera is plugged in: uvcvideo and udev have it" udevadm wait --timeout=100 "$(of_port 0)"
 for format in YUYV:0 MJPG:1; do
@@ -273,7 +272,7 @@ show "systemctl status after the end" systemctl status --no-pager -n 3 $unit
 if [ $# -ge 2 ]; then
     root=/run/container
     mkdir -p /app $root
-    sed "s|^spec = .*|spec = \"v4l2:0\"|; s|^directory = .*|directory = \"\"|; s|^sinks = .*|sinks = [\"can:$1?fd=0\"]|" \
+    sed "s|^spec = .*|spec = \"$(of_port 1)\"|; s|^directory = .*|directory = \"\"|; s|^sinks = .*|sinks = [\"can:$1?fd=0\"]|" \
         /etc/voronoi-touch/index.toml >/app/edge.toml
     mount --bind / $root
     mount --bind /dev $root/dev

@@ -211,7 +211,6 @@ def main(recording: str) -> None:
     height, width = images[0].shape
     shown = [encoded(image) for image in images]
     cameras: dict[int, Camera] = {}
-    print("ready", flush=True)
     while True:
         due_s = min((camera.due_s for camera in cameras.values() if camera.waiting), default=inf)
         wait_s = None if due_s == inf else max(0.0, due_s - time.monotonic())

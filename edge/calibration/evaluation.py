@@ -49,7 +49,6 @@ ROWS = 16
 LOST_MAX = cython.declare(cython.double, 100.0)  # of the logarithm: more is no number any more
 VOLUME_MIN = cython.declare(cython.double, 1e-6)  # of the tip's circle times its radius: no load at all
 _NONE: frozenset[str] = frozenset()
-_NO_LOSS = Lost(-math.inf, 0.0, 0.0, math.inf)  # adds nothing
 
 
 @cython.final
@@ -229,7 +228,7 @@ class ModelKernel:
         self._models, self._inputs = parts, InputRow(inputs)
         self.names = tuple(name for part in parts for name in part.outputs)
         self.sigmas = tuple(sigma for part in parts for sigma in part.sigma)
-        lost = [part.lost or _NO_LOSS for part in parts]
+        lost = [_lost_of(part) for part in parts]
         knots = [model.knots if isinstance(model, Curve) else [] for model in models]
         tree = _Tree(inputs)
         sums = [_sums_of(part, *tree.nodes(part.terms)) for part in parts]
@@ -523,9 +522,14 @@ def _limits(model: Process, lost: Lost) -> tuple[float, ...]:
     return (model.far, *model.noise_range, *across, *of_lost)
 
 
+def _lost_of(model: Process) -> Lost:
+    """Its own, or one that adds nothing."""
+    return model.lost or Lost(-math.inf, 0.0, 0.0, math.inf)
+
+
 def _check_sizes(model: Process) -> None:
     """Raises ValueError: lists that belong together differ in length."""
-    lost, noise, outputs = model.lost or _NO_LOSS, len(model.noise_terms), len(model.outputs)
+    lost, noise, outputs = _lost_of(model), len(model.noise_terms), len(model.outputs)
     sizes = len(model.terms), noise, noise if model.across_weights else 0, outputs, outputs, len(lost.terms)
     lists = (model.weights, model.noise_weights, model.across_weights, model.valid, model.sigma, lost.weights)
     given = tuple(len(part) for part in lists)

@@ -170,10 +170,10 @@ class Calibration:
         saturated: frozenset[str] = frozenset()
         if features.in_contact:
             # None: not looked for, as nothing in demand depends on them.
-            light = features.contacts == () and self.light_models is not self.frame_models
-            kernel = self.light_models if light else self.frame_models
+            is_light = features.contacts == () and self.light_models is not self.frame_models
+            kernel = self.light_models if is_light else self.frame_models
             values, sigmas, saturated = kernel.of_frame(features, pattern)
-            if light:
+            if is_light:
                 values, sigmas = self._unknown | values, self._unknown | sigmas
         else:
             values, sigmas = self._untouched.copy(), self._untouched_sigmas.copy()
