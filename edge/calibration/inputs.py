@@ -14,7 +14,7 @@ MODES = tuple(f"c{a}{d - a}" for d in range(6) for a in range(d, -1, -1))  # as 
 #: contact, as below, all 0 if a touch is too weak for one; `gap` is real, the uncertainty due to lost pins,
 #: `gap_place` their mean place on the tip's unit disc, weighted by it, 0 if none is lost.
 FRAME_INPUTS: tuple[str, ...] = ("volume", "shear", *MODES, "p", "peak", "size", "gap", "gap_place")
-#: Those of them that are the strongest contact's.
+#: The frame inputs that are the strongest contact's.
 OF_PLACE = ("p", "peak", "size")
 #: First moments about a contact's middle: computed only for models that depend on them.
 MOMENTS = ("divergence_moment", "curl_moment")
