@@ -188,7 +188,8 @@ def test_agrees_with_the_papers_method(pins: int) -> None:
     """Volume within 5 %, place within a third of a pitch, shear exact: one push, no noise."""
     rest = tip(pins)
     pitch = rest.pattern.pitch_px
-    paper = Reference(rest.xy_img)
+    image = np.zeros((480, 640), dtype=np.uint8)
+    paper = Reference(image, rest.pattern.pin_radius_px, rest_img=rest.xy_img)
     for at in ((0.0, 0.0), (35.0, 20.0), (-20.0, 50.0)):
         xy = rest.xy_img + push(rest, at, 2.5 * pitch, 0.15)
         oracle = paper.features(xy)
