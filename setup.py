@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+import re
 from pathlib import Path
 from typing import NamedTuple
 
@@ -35,7 +36,6 @@ KERNELS = {
     "edge.features.contacts": FAST,
     "edge.features.extract": SMALL,
     "edge.features.pin_motion": FAST,
-    "edge.features.regions": FAST,
     "edge.features.slip_and_vibration": FAST,
     "edge.geometry.neighbours": FAST,
     "edge.geometry.select": FAST,
@@ -45,9 +45,8 @@ KERNELS = {
     "edge.tracking.follow": FAST,
     "edge.tracking.match": FAST,
     "edge.tracking.outliers": FAST,
-    "hostlink.clock": SMALL,
     "hostlink.decoder": SMALL,
-    "hostlink.sequence": SMALL,
+    "hostlink.order_and_time": SMALL,
     "hostlink.wire.body": SMALL,
 }
 #: Cython's own code for typed memoryviews, which all kernels share.
@@ -176,6 +175,35 @@ class BuildKernels(build_ext):
                 extension.sources = c.sources
 
 
+def page_of(readme: str, repository: str) -> str:
+    """README as a package index shows it: links and pictures lead to the repository, or are left out where it
+    is not known.
+    """
+
+    def link(found: re.Match[str]) -> str:
+        picture, text, target = found.groups()
+        if "://" in target:
+            return found[0]
+        if not repository:
+            return "" if picture else text
+        return f"{picture}[{text}]({repository}/{'raw' if picture else 'blob'}/HEAD/{target})"
+
+    return re.sub(r"(!?)\[([^\]]*)\]\(([^)\s]+)\)", link, readme)
+
+
+def about(repository: str) -> dict[str, object]:
+    """What pyproject.toml leaves to this file. The workflow that releases says where the repository is."""
+    readme = (Path(__file__).parent / "README.md").read_text(encoding="utf-8")
+    urls = {"Source": repository, "Issues": f"{repository}/issues"} if repository else {}
+    kind = {"long_description_content_type": "text/markdown", "project_urls": urls}
+    return {"long_description": page_of(readme, repository), **kind}
+
+
 if __name__ == "__main__":
+    server, name = (os.environ.get(f"GITHUB_{what}", "") for what in ("SERVER_URL", "REPOSITORY"))
     # The list is made anew for the variant that is asked for; without one here, there would be no build_ext.
-    setup(ext_modules=extensions(VARIANTS["release"]), cmdclass={"build_ext": BuildKernels})
+    setup(
+        ext_modules=extensions(VARIANTS["release"]),
+        cmdclass={"build_ext": BuildKernels},
+        **about(f"{server}/{name}" if server and name else ""),
+    )

@@ -215,7 +215,7 @@ def write_table(path: Path, plan: AnyPlan) -> Path:
 
 
 def _complete_rows(path: Path, plan: AnyPlan) -> list[dict[str, Any]]:
-    """Of the table, of all steps that are complete."""
+    """Rows of the table, of all steps that are complete."""
     rows: dict[int, list[dict[str, Any]]] = {}
     for part in parts(path):
         in_part: dict[int, list[dict[str, Any]]] = {}

@@ -98,7 +98,7 @@ class KnownModel:
         return replace(self, terms=terms, weights=self.weights.conj(), open_rows=self.open_rows.conj())
 
     def scaled(self, unit: float, offset: float) -> KnownModel:
-        """In units of `unit`, counted from `offset`."""
+        """The values in units of `unit`, counted from `offset`."""
         weights = self.weights / unit
         weights[0] -= offset / unit
         along, across = (one and one.over(unit**2) for one in (self.noise, self.across))
@@ -113,7 +113,7 @@ class KnownModel:
 
 
 def known_models(content: CalibrationFile) -> dict[tuple[str, ...], KnownModel]:
-    """By the outputs: the models of a frame's values that are linear in weights, thus not curves."""
+    """The models of a frame's values by outputs that are linear in weights, thus not curves."""
     known = {}
     for group in GROUPS:
         for model in content.models:

@@ -122,7 +122,7 @@ def open_dataset(
 
 
 def _without_rest(table: Path, targets: Targets, lens: Lens | None) -> Dataset:
-    """With a rest frame from the table's frames: those without load, or else what they were without it."""
+    """The data with a rest frame from the table's frames without load, or from what all were without it."""
     load = load_of(targets.values)
     # Exactly 0 where there is such a frame: a load below it may be one that is counted the other way.
     none = None if load is None else (load == 0 if (load == 0).any() else load <= 0)
@@ -139,7 +139,7 @@ def _without_rest(table: Path, targets: Targets, lens: Lens | None) -> Dataset:
 
 
 def _estimated(targets: Targets, lens: Lens | None) -> tuple[Rest, str]:
-    """Of frames of which the table says no one is untouched, or says nothing. Raises NoPins."""
+    """Rest frame of frames of which the table says no one is untouched, or says nothing. Raises NoPins."""
     some = range(0, len(targets), max(1, -(-len(targets) // CANDIDATES_MAX)))
     images = [read_image(targets.frames[k]) for k in some]
     choice = choose_rest(images, lens=lens)

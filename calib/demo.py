@@ -243,10 +243,12 @@ def demo(data: Path, out: Path, console: Console, overwrite: bool = False) -> No
     for name in ("recording", "samples", "pins", "links\nagree", "contacts", "place\nmm", "depth\nmm",
                  "shear\nmm", "angle\ndeg"):  # fmt: skip
         table.add_column(name, justify="left" if name == "recording" else "right", no_wrap=True)
+    begun_s = time.monotonic()
     with executor() as processes:
         rows = [processes.submit(_row, data, out, name) for name in RECORDINGS]
-        for row in rows:
+        for name, row in zip(RECORDINGS, rows, strict=True):
             table.add_row(*row.result())
+            console.print(f"{name}: played over CAN FD and a serial line, {time.monotonic() - begun_s:.0f} s")
     console.print(table)
     console.print("Links agree: what CAN FD and serial brought equals what the edge computed.")
     console.print("Errors: mean absolute, over the frames pressed by 0.8 mm or more.")

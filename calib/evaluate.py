@@ -10,10 +10,12 @@ from calib.extract import Extract
 from calib.targets import Targets
 from edge.calibration import Calibration
 from edge.calibration.file import UNTOUCHED
+from edge.calibration.inputs import FRAME_INPUTS
 from edge.types import Array, Complex, Mask
 
 __all__ = ["counts_line", "error_rows", "evaluate", "predict", "pressed"]
 
+_SIZE = FRAME_INPUTS.index("size")
 #: The direction of a smaller shear is meaningless; the published network is evaluated on the same frames.
 DIRECTION_MIN_MM = 1.5
 
@@ -27,12 +29,14 @@ def predict(calibration: Calibration, extract: Extract) -> tuple[dict[str, Array
     values = {name: np.full(n, np.nan) for name in sorted(calibration.outputs)}
     sigmas = {name: np.full(n, np.nan) for name in values}
     for i, z in enumerate(extract.inputs):
-        for name, value, sigma, _ in calibration.frame_values(z):
+        models = calibration.light_models if z[_SIZE] == 0 else calibration.frame_models
+        for name, (value, sigma, _) in zip(models.names, models.of_inputs(z).tolist(), strict=True):
             # A frame without a result has no value, like in `Calibration.apply`.
             known = extract.in_contact[i] or not np.isfinite(z).any()
             values[name][i], sigmas[name][i] = (value if known else UNTOUCHED[name]), sigma
+    models = calibration.contact_models
     for i, z in enumerate(extract.contact):
-        for name, value, sigma in calibration.contact_values(z):
+        for name, (value, sigma, _) in zip(models.names, models.of_inputs(z).tolist(), strict=True):
             values[name][i], sigmas[name][i] = value, sigma
     if {"contact_depth_mm", "displacement_mm"} <= values.keys():
         single = extract.counts == 1  # as in `Calibration.apply`

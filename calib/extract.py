@@ -27,15 +27,40 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.errors import TableError
-from edge.calibration.evaluation import contact_inputs, frame_inputs
+from edge.calibration.evaluation import InputRow
 from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS
 from edge.errors import EdgeError
 from edge.frame import Pipeline
 from edge.sources.files import read_image
-from edge.types import Array, Complex, Feature, Frame, Image, Index, Mask, Pins, Rest, Tracks
+from edge.types import (
+    Array,
+    Complex,
+    ContactRegion,
+    Feature,
+    Features,
+    Frame,
+    Image,
+    Index,
+    Mask,
+    PinPattern,
+    Pins,
+    Rest,
+    Tracks,
+)
 from hostlink.interrupt import ENDING
 
-__all__ = ["DEMAND", "Extract", "Measured", "executor", "extract", "gather", "join_extracts", "measure"]
+__all__ = [
+    "DEMAND",
+    "Extract",
+    "Measured",
+    "contact_inputs",
+    "executor",
+    "extract",
+    "frame_inputs",
+    "gather",
+    "join_extracts",
+    "measure",
+]
 
 #: Features that models use; not slip, which needs a sequence.
 DEMAND = frozenset({Feature.DISPLACEMENT, Feature.SHEAR, Feature.TILT, Feature.TORSION, Feature.CONTACTS})
@@ -134,6 +159,22 @@ def measure(pipeline: Pipeline, image: Image, without: Pipeline | None = None) -
         us,
         lossy,
     )
+
+
+def frame_inputs(features: Features, pattern: PinPattern) -> Complex:
+    """The inputs `FRAME_INPUTS` of one frame, as of `InputRow`; a new array."""
+    row = InputRow(FRAME_INPUTS)
+    row.write_frame(features, pattern)
+    values: Complex = row.values
+    return values
+
+
+def contact_inputs(contact: ContactRegion, features: Features, pattern: PinPattern) -> Complex:
+    """The inputs `CONTACT_INPUTS` of one contact of a frame, as of `InputRow`; a new array."""
+    row = InputRow(CONTACT_INPUTS)
+    row.write_contact(contact, features, pattern)
+    values: Complex = row.values
+    return values
 
 
 def _losses(tracks: Tracks, rest: Rest) -> Iterator[Tracks]:

@@ -181,7 +181,7 @@ def surface_figure(
     )  # fmt: skip
     for contact in features.contacts or ():
         at = (contact.xy_img - origin) * unit_per_px
-        # On the surface as drawn: `contact.peak` is the maximum between the grid's points.
+        # It lies on the surface as drawn: `contact.peak` is the maximum between the grid's points.
         near = np.hypot(x - at[0], y - at[1])
         top = float(height.flat[np.argmin(np.where(inside, near, np.inf))])
         axes.plot(

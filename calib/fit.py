@@ -10,6 +10,9 @@ follows from the distance to the data.
 A symmetric Gaussian process (`calib.process_fit`), with the contact's place among its inputs, is a candidate
 like the others; so is another tip's model that was changed as these frames say (`calib.carry_over`). If the
 axes of a rig are mirrored against the image (`calib.axes`), its vectors are fitted mirrored.
+
+A touch may be too light for a contact with a place. Such frames do not take part in a process, which depends
+on the place; they are read by the smallest sufficient of the other candidates, which is kept beside it.
 """
 
 from __future__ import annotations
@@ -50,6 +53,7 @@ from calib.ridge import (
 from calib.targets import Targets
 from calib.terms import evaluate_terms, term_columns
 from edge.calibration import Calibration
+from edge.calibration.checks import is_of_place
 from edge.calibration.file import (
     FORMAT,
     TERMS_MAX,
@@ -63,7 +67,6 @@ from edge.calibration.file import (
     Process,
     Sensor,
     encode,
-    sensor_of,
 )
 from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS
 from edge.types import Array, Complex, Index, Mask, Rest
@@ -78,12 +81,13 @@ __all__ = [
     "fit",
     "fit_processes",
     "groups_of",
+    "sensor_of",
     "tip_of",
 ]
 
 
 class ModelKind(StrEnum):
-    """Of the candidates."""
+    """Kind of a candidate."""
 
     PLAIN = "curve"  # the paper's: a curve of the volume, the plain mean motion
     POLYNOMIAL = "polynomial"
@@ -122,6 +126,7 @@ EVERYTHING = Search()
 class Choice:
     """The chosen model for a group of outputs, and what it was chosen from.
 
+    without_contact  the model of touched frames without a contact; None: the same, or none
     allowed   largest rms error on held-out frames of the candidates as good as the best, of which the one
               with fewest terms is chosen
     held_out  (n,) prediction of each frame by a model fitted without it
@@ -129,6 +134,7 @@ class Choice:
 
     outputs: tuple[str, ...]
     model: Model
+    without_contact: Model | None
     chosen: Candidate
     tried: tuple[Candidate, ...]
     allowed: float
@@ -136,7 +142,7 @@ class Choice:
 
     @property
     def best_of_kinds(self) -> dict[str, Candidate]:
-        """Of curves, polynomials, processes: the candidate with the smallest error on held-out frames."""
+        """The candidate of curves, polynomials, processes with the smallest error on held-out frames."""
         kinds: dict[str, Candidate] = {}
         for candidate in sorted(self.tried, key=lambda c: c.rms):
             kinds.setdefault(_kind_of(candidate.name), candidate)
@@ -186,7 +192,7 @@ def fit(
     axes = _axes(problems, search.known)
     on_axes(axes)
     problems = [problem.in_the_image(axes) for problem in problems]
-    started = [_start_processes(problem, search, pool) for problem in problems]
+    started = [_start_processes(problem.rows(problem.in_contact), search, pool) for problem in problems]
     for problem, processes in zip(problems, started, strict=True):
         for result in _choose(problem, processes, search, on_part):
             on_part(0.5)
@@ -204,7 +210,10 @@ def fit(
     order = [group.outputs for group in GROUPS]
     choices.sort(key=lambda choice: order.index(choice.outputs))
     scale = mm_per_px or _scale(targets, extract, rest)
-    return _checked(sensor, scale, [choice.model for choice in choices], _data(targets, usable)), choices
+    of_place = any(is_of_place(c.model) for c in choices)
+    without = [c.without_contact for c in choices if c.without_contact] if of_place else None
+    models = [choice.model for choice in choices]
+    return _checked(sensor, scale, models, _data(targets, usable), without), choices
 
 
 def _data(targets: Targets, usable: Mask) -> Data:
@@ -233,7 +242,7 @@ class Processes:
 
 def fit_processes(rest: Rest, targets: Targets, extract: Extract, pool: Executor | None = None) -> Processes:
     """The processes alone. Raises FitError: too few frames can be used, or none varies."""
-    usable = _usable_frames(targets, extract, PARAMS.rows_min)
+    usable = _usable_frames(targets, extract, PARAMS.rows_min) & _with_place(extract.inputs)
     problems = [p for p in _problems(rest, targets, extract, usable) if not p.groups[0].of_contact]
     axes = _axes(problems, {})
     problems = [problem.in_the_image(axes) for problem in problems]
@@ -251,17 +260,40 @@ def groups_of(targets: Targets) -> list[Group]:
     return [group for group in GROUPS if all(name in targets.values for name in group.truth)]
 
 
+def sensor_of(rest: Rest, serial: str) -> Sensor:
+    """The file's description of a tip, from its rest frame."""
+    p = rest.pattern
+    return Sensor(
+        serial=serial,
+        size_px=p.size_px,
+        pin_radius_px=p.pin_radius_px,
+        pitch_px=p.pitch_px,
+        centre_px=(float(p.centre_img[0]), float(p.centre_img[1])),
+        tip_radius_px=p.tip_radius_px,
+        background=p.background,
+        brightness=p.brightness,
+        noise=p.noise,
+        rest_xy_px=[(round(float(x), 3), round(float(y), 3)) for x, y in rest.xy_img],
+        lens=p.lens,
+    )
+
+
 def tip_of(rest: Rest) -> Calibration:
     """A calibration without models: to compare another rest frame with its tip."""
     sensor = sensor_of(rest, "unnamed")
     return Calibration(CalibrationFile(FORMAT, VERSION, sensor, None, [], Data("", "", 0, "")))
 
 
-def _checked(sensor: Sensor, mm_per_px: float | None, models: list[Model], data: Data) -> Calibration:
+def _checked(
+    sensor: Sensor,
+    mm_per_px: float | None,
+    models: list[Model],
+    data: Data,
+    without: list[Model] | None = None,
+) -> Calibration:
     """The calibration after encoding and checking. Raises CalibrationError."""
-    return Calibration.parse(
-        encode(CalibrationFile(FORMAT, VERSION, sensor, mm_per_px, models, data)), "the calibration fitted"
-    )
+    content = CalibrationFile(FORMAT, VERSION, sensor, mm_per_px, models, data, without)
+    return Calibration.parse(encode(content), "the calibration fitted")
 
 
 def _usable_frames(targets: Targets, extract: Extract, rows_min: int) -> Mask:
@@ -341,9 +373,26 @@ class _Problem:
         return len(self.groups[0].outputs) == 1
 
     @property
-    def all_with_contact(self) -> bool:
-        """Whether each frame has a contact, whose inputs are 0 otherwise."""
-        return bool(np.all(self.frame_inputs[:, FRAME_INPUTS.index("size")]))
+    def in_contact(self) -> Mask:
+        """(n,) whether the frame has a contact."""
+        return _with_place(self.frame_inputs)
+
+    def rows(self, chosen: Mask) -> _Problem:
+        """Some of the frames."""
+        if chosen.all():
+            return self
+        parts = {name: getattr(self, name)[chosen] for name in ("inputs", "y", "frame_inputs", "lossy")}
+        pose = pose_numbers(self.pose[chosen, None].astype(np.float64))
+        noise = None if self.noise is None else self.noise[:, chosen]
+        frames = tuple(name for name, use in zip(self.frames, chosen, strict=True) if use)
+        return replace(
+            self,
+            **parts,
+            noise=noise,
+            pose=pose,
+            fold=folds_of(pose[:, None].astype(np.float64)),
+            frames=frames,
+        )
 
     def terms(self, names: list[list[str]]) -> Terms:
         return Terms(self.inputs, self.noise, term_columns(names, self.names), self.real, self.share)
@@ -359,6 +408,11 @@ class _Problem:
         return replace(
             self, y=y, mirrored=frozenset(g for g, m in zip(self.groups, mirrored, strict=True) if m)
         )
+
+
+def _with_place(inputs: Complex) -> Mask:
+    """(n,) whether a frame has a contact; its inputs are 0 otherwise."""
+    return np.asarray(inputs[:, FRAME_INPUTS.index("size")] != 0)
 
 
 def _axes(problems: Sequence[_Problem], models: Mapping[tuple[str, ...], KnownModel]) -> Axes:
@@ -380,7 +434,7 @@ _Jobs = Mapping[ModelKind, Callable[[], FittedProcess]]
 
 
 def _start_processes(problem: _Problem, search: Search, pool: Executor | None) -> list[_Jobs]:
-    """For each group, functions that return a process of these frames alone, and one carried over.
+    """Functions for each group that return a process of these frames alone, and one carried over.
 
     Without those that are not wanted, and those that frames or inputs are missing for.
     """
@@ -402,10 +456,7 @@ def _start_processes(problem: _Problem, search: Search, pool: Executor | None) -
         )
         calls: dict[ModelKind, Callable[[], FittedProcess]] = {}
         if poses >= PARAMS.process_rows_min:
-            alone = partial(call, terms_max=search.terms_max)
-            if not problem.all_with_contact:
-                alone = partial(_with_contact_or_without, alone, y=y, share=problem.share)
-            calls[ModelKind.PROCESS] = partial(alone, problem.inputs)
+            calls[ModelKind.PROCESS] = partial(call, problem.inputs, terms_max=search.terms_max)
         if len(y) >= PARAMS.known_rows_min and group.outputs in search.known:
             known = search.known[group.outputs].in_the_image(problem.inputs, problem.names)
             calls[ModelKind.CARRIED] = partial(call, problem.inputs, known=known)
@@ -421,16 +472,6 @@ def _poses_that_count(poses: Array) -> Index:
     return np.arange(len(pose), dtype=np.int32) if few else pose
 
 
-def _with_contact_or_without(
-    fitted: Callable[[Complex], FittedProcess], inputs: Complex, y: Complex, share: Array
-) -> FittedProcess:
-    """The better one: inputs of the strongest contact are 0 where a touch is too weak for one."""
-    without = inputs.copy()
-    without[:, [FRAME_INPUTS.index(name) for name in ("p", "peak", "size")]] = 0.0
-    both = fitted(inputs), fitted(without)
-    return min(both, key=lambda one: float(np.average(np.abs(one.held_out - y) ** 2, weights=share)))
-
-
 def _problems(rest: Rest, targets: Targets, extract: Extract, usable: Mask) -> Iterator[_Problem]:
     """All groups of outputs that the table has and that vary."""
     alike: dict[tuple[int, bool, bool, bytes], list[tuple[Group, Mask, Complex]]] = {}
@@ -444,17 +485,20 @@ def _problems(rest: Rest, targets: Targets, extract: Extract, usable: Mask) -> I
     # The error of a mode's coefficient is a mean over the errors of the pins, along x and along y.
     pattern = rest.pattern
     off = PARAMS.pin_noise * pattern.pitch_px / pattern.tip_radius_px * np.sqrt(2.0 / len(rest))
-    for members in alike.values():
+    shared: dict[bytes, tuple[Complex, Complex, Complex]] = {}  # problems of the same frames need it once
+    for (_, of_contact, _, chosen), members in alike.items():
         groups, (rows, *_), columns = zip(*members, strict=True)
-        of_contact = groups[0].of_contact
-        inputs = (extract.contact if of_contact else extract.inputs)[rows]
+        if chosen not in shared:
+            inputs = extract.inputs[rows]
+            shared[chosen] = inputs, extract.lossy[rows], input_noise(inputs, off)
+        frame_inputs, lossy, noise = shared[chosen]
         yield _Problem(
             groups=groups,
-            inputs=inputs,
-            frame_inputs=extract.inputs[rows],
-            lossy=extract.lossy[rows],
+            inputs=extract.contact[rows] if of_contact else frame_inputs,
+            frame_inputs=frame_inputs,
+            lossy=lossy,
             y=np.column_stack(columns),
-            noise=None if of_contact else input_noise(inputs, off),
+            noise=None if of_contact else noise,
             fold=folds_of(poses[rows]),
             pose=_poses_that_count(poses[rows]),
             all_round=went_all_round(targets, rows),
@@ -517,58 +561,108 @@ def _choose(
 
 
 def _best(
-    problem: _Problem,
+    whole: _Problem,
     i: int,
-    tried: list[_Tried],
+    of_all: list[_Tried],
     processes: Mapping[ModelKind, FittedProcess],
     search: Search,
 ) -> Choice | FitError:
-    """The smallest model of group i within one standard error of the best, or the best."""
-    outputs, y = problem.groups[i].outputs, problem.y[:, i]
-    curve: Curve | None = None
-    if (
-        outputs == ("displacement_mm",)
-        and ModelKind.PLAIN in search.kinds
-        and len(y) >= PARAMS.rows_min
-        and np.all(np.isfinite(problem.inputs[:, 0]))
-    ):
-        fitted = fit_curve(problem.inputs[:, 0].real, y.real, problem.fold)
-        if fitted is not None:
-            curve, candidate, predicted = fitted
-            tried.insert(0, (candidate, [], predicted))
-    for kind, process in processes.items():
-        squares = np.abs(process.held_out - y) ** 2
-        candidate = as_candidate(kind, len(process.terms), squares, problem.share, process.pin_noise)
-        tried.append((candidate, process.terms, process.held_out))
+    """The smallest model of group i within one standard error of the best, or the best.
+
+    of_all  models of all frames; a process is one of those with a contact, and compared on these
+    """
+    outputs, y = whole.groups[i].outputs, whole.y[:, i]
+    curve = _curve(whole, i) if ModelKind.PLAIN in search.kinds else None
+    if curve is not None:
+        of_all.insert(0, (curve[1], [], curve[2]))
+    rows = whole.in_contact if processes else np.ones(len(y), np.bool_)
+    problem, tried = whole.rows(rows), [_on_rows(one, rows, y, whole.share) for one in of_all]
+    y = problem.y[:, i]
+    for kind, one in processes.items():
+        squares = np.abs(one.held_out - y) ** 2
+        candidate = as_candidate(kind, len(one.terms), squares, problem.share, one.pin_noise)
+        tried.append((candidate, one.terms, one.held_out))
     if not tried:
-        return FitError(f"{problem.where}: {' and '.join(outputs)}: no model of the kinds that are wanted")
+        return FitError(f"{whole.where}: {' and '.join(outputs)}: no model of the kinds that are wanted")
     best, _, predicted = min(tried, key=lambda t: t[0].rms)
-    explained = 1.0 - best.rms**2 / float((np.abs(y - y.mean()) ** 2).mean())
+    explained = _explained(best, y)
     if explained < PARAMS.explained_min:
         worst = ", ".join(problem.frames[k] for k in np.argsort(-np.abs(predicted - y))[:5])
         return FitError(
-            f"{problem.where}: {' and '.join(outputs)} cannot be predicted from these frames (the best "
+            f"{whole.where}: {' and '.join(outputs)} cannot be predicted from these frames (the best "
             f"model explains {max(0.0, explained):.0%} of the variance); largest errors: {worst}"
         )
-    good = [t for t in tried if t[0].rms <= best.rms]
-    if search.prefer is Prefer.SPEED:
-        good = [t for t in tried if _as_good(t, best, predicted, y, problem.share)]
+    good = _sufficient(tried, y, problem.share, search.prefer)
     allowed = max(t[0].rms for t in good)
-    chosen, terms, predicted = min(good, key=lambda t: (t[0].n_terms, t[0].rms))
-    model: Model
-    if curve is not None and chosen.name == CURVE:
-        model = curve
+    chosen, _, predicted = min(good, key=_terms_then_error)
+    mirror = _mirrored if whole.groups[i] in whole.mirrored else _unchanged
+
+    def of_all_frames(name: str) -> Model:
+        candidate, terms, held_out = next(t for t in of_all if t[0].name == name)
+        if curve is not None and name == CURVE:
+            return curve[0]
+        return mirror(_polynomial(whole, i, terms, candidate.ridge, held_out))
+
+    kind = _kind_of(chosen.name)
+    if kind not in processes:
+        model, of_light_touch = of_all_frames(chosen.name), None
     else:
-        kind = _kind_of(chosen.name)
-        if kind in processes:
-            model = _process(problem, i, processes[kind])
-        else:
-            model = _polynomial(problem, i, terms, chosen.ridge, predicted)
+        process: Polynomial | Process = _process(problem, i, processes[kind])
         if kind is ModelKind.CARRIED:
-            model = _valid_too(model, search.known[outputs])
-        if problem.groups[i] in problem.mirrored:
-            model, predicted = _mirrored(model), predicted.conj()
-    return Choice(outputs, model, chosen, tuple(t[0] for t in tried), allowed, predicted)
+            process = _valid_too(process, search.known[outputs])
+        model = mirror(process)
+        good = _sufficient(of_all, whole.y[:, i], whole.share, Prefer.SPEED)
+        simple = min(good, key=_terms_then_error)[0] if good else None
+        known = simple is not None and _explained(simple, whole.y[:, i]) >= PARAMS.explained_min
+        of_light_touch = of_all_frames(simple.name) if simple is not None and known else None
+    if mirror is _mirrored:
+        predicted = predicted.conj()
+    return Choice(outputs, model, of_light_touch, chosen, tuple(t[0] for t in tried), allowed, predicted)
+
+
+def _curve(problem: _Problem, i: int) -> tuple[Curve, Candidate, Complex] | None:
+    """The paper's curve of the depth over the volume; None: another output, too few frames, no such curve."""
+    volume, y = problem.inputs[:, 0].real, problem.y[:, i].real
+    of_depth = problem.groups[i].outputs == ("displacement_mm",)
+    enough = len(y) >= PARAMS.rows_min and bool(np.all(np.isfinite(problem.inputs[:, 0])))
+    return fit_curve(volume, y, problem.fold) if of_depth and enough else None
+
+
+def _on_rows(tried: _Tried, rows: Mask, y: Complex, share: Array) -> _Tried:
+    """The same model, and its error on some of the frames."""
+    if rows.all():
+        return tried
+    candidate, terms, predicted = tried
+    squares = np.abs(predicted - y) ** 2
+    noise = max(0.0, candidate.rms**2 - float(np.average(squares, weights=share)))
+    return (
+        as_candidate(candidate.name, candidate.n_terms, squares[rows], share[rows], noise, candidate.ridge),
+        terms,
+        predicted[rows],
+    )
+
+
+def _explained(candidate: Candidate, y: Complex) -> float:
+    """Share of the variance that a model explains on held-out frames."""
+    return 1.0 - candidate.rms**2 / float((np.abs(y - y.mean()) ** 2).mean())
+
+
+def _sufficient(tried: list[_Tried], y: Complex, share: Array, prefer: Prefer) -> list[_Tried]:
+    """Those as good as the best. One carried over is as fast as the user chose for the other tip."""
+    if not tried:
+        return []
+    best, _, predicted = min(tried, key=lambda t: t[0].rms)
+    if prefer is Prefer.ACCURACY or _kind_of(best.name) is ModelKind.CARRIED:
+        return [t for t in tried if t[0].rms <= best.rms]
+    return [t for t in tried if _as_good(t, best, predicted, y, share)]
+
+
+def _terms_then_error(tried: _Tried) -> tuple[int, float]:
+    return tried[0].n_terms, tried[0].rms
+
+
+def _unchanged(model: Polynomial | Process) -> Polynomial | Process:
+    return model
 
 
 def _as_good(tried: _Tried, best: Candidate, predicted: Complex, y: Complex, share: Array) -> bool:

@@ -159,7 +159,7 @@ def along_press(
 
 
 def _sign(column: Array, apart: Array) -> int:
-    """Of their correlation; 0: it is not certain, or explains next to nothing."""
+    """Sign of their correlation; 0: it is not certain, or explains next to nothing."""
     if len(column) < PARAMS.known_rows_min or np.ptp(column) <= PARAMS.variation_min or not np.ptp(apart):
         return 0
     r = float(np.corrcoef(column, apart)[0, 1])

@@ -220,7 +220,7 @@ def _standardised(y: Complex, symmetry: Symmetry, volume: Array) -> tuple[float,
 
 
 def _n_groups(fold: Index, poses: int) -> int:
-    """As many as are worth their time: settings from few frames depend on each of them."""
+    """Take as many as are worth their time: settings from few frames depend on each of them."""
     folds = int(fold.max()) + 1
     return min(folds, max(PARAMS.groups_min, PARAMS.rows_groups // poses))
 
@@ -296,7 +296,7 @@ class _Errors:
         self._direction = np.where(length > 0, predicted / np.where(length > 0, length, 1.0), 1.0)
 
     def noise(self, rows: Mask | slice = EVERY) -> tuple[NoiseModel, NoiseModel | None, float]:
-        """Of one output; or of two along the value, and across it. Then their level: its typical variance."""
+        """Noise of one output, or of two along the value, and across it; and their typical variance."""
         fitted = partial(fit_noise, self._inputs[rows], self._names, learnt=self._learnt[rows])
         if not self._turning or not self._all_round:
             one = fitted(squares=np.abs(self._error[rows]) ** 2, before=self._before[0])
@@ -333,7 +333,7 @@ class _Errors:
 
 @dataclass(frozen=True, slots=True)
 class _Prior:
-    """Of the weights, and the noise, in units of the target.
+    """Factor of the weights, and the noise, in units of the target.
 
     mean  (terms,) complex128
     start that led to the settings; None: there are no others

@@ -119,7 +119,7 @@ class Likelihood:
         self._blocks = [_Block.empty(rows, *self._phases.shape[::-1]) for rows in _blocks(self._n)]
 
     def settings(self, logs: Array, start: int = 0) -> Settings:
-        """From what the search moves: logarithms of w, a1..a3, m1, m2, noise."""
+        """The settings from what the search moves: logarithms of w, a1..a3, m1, m2, noise."""
         k, values = self._k, np.exp(logs)
         asymmetric = np.append(values[k + 3 : k + 5], 0.0) if self._asymmetric else np.zeros(3)
         return Settings(values[:k], values[k : k + 3], asymmetric, float(values[-1]), start)

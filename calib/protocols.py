@@ -224,6 +224,7 @@ def drag() -> Plan:
     return Plan("drag", tuple(steps))
 
 
+ADAPTIVE = "adaptive"  # chooses its poses while it is captured: `calib.adaptive`
 PROTOCOLS: dict[str, Callable[[], Plan]] = {
     "displacement": displacement,
     "shear": shear,
@@ -240,7 +241,9 @@ def load_protocol(spec: str) -> Plan:
         return PROTOCOLS[spec]()
     path = Path(spec)
     if path.suffix != ".toml":
-        raise ProtocolError(f"protocol {spec!r} is unknown; one of {', '.join(PROTOCOLS)}, FILE.toml")
+        raise ProtocolError(
+            f"protocol {spec!r} is unknown; one of {', '.join(PROTOCOLS)}, {ADAPTIVE}, FILE.toml"
+        )
     try:
         _, file = read_toml_as(path, _File)
         return _plan(file, path.stem)

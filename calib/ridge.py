@@ -188,7 +188,7 @@ def cross_validate(name: str, terms: Terms, y: Complex, fold: Index) -> list[tup
 def as_candidate(
     name: str, n_terms: int, squares: Array, counts: Array, noise: float, ridge: float = 0.0
 ) -> Candidate:
-    """From the squares of held-out errors, and what noise of the inputs adds to their mean."""
+    """Estimates from the squares of held-out errors, and what noise of the inputs adds to their mean."""
     mean = np.average(squares, weights=counts)
     rms = float(np.sqrt(mean + noise))
     # Standard error of a root of a mean of squares, by the delta method.

@@ -15,7 +15,7 @@ from calib.sim.mechanics import Tool, ToolPose
 from calib.targets import Targets
 from edge.calibration import Calibration
 from edge.frame import Pipeline
-from edge.rest.tare import tare
+from edge.pins import take_rest
 
 __all__ = ["Range", "calibrate_simulated", "random_contact"]
 
@@ -70,7 +70,7 @@ def calibrate_simulated(
 ) -> tuple[Calibration, list[Choice]]:
     """Press the simulated tip at random poses and fit a calibration to what its camera sees."""
     reach, rng = reach or Range(), np.random.default_rng(seed)
-    rest = tare([simulator.frame().image for _ in range(TARE_FRAMES)], np.inf)
+    rest = take_rest([simulator.frame().image for _ in range(TARE_FRAMES)])
     pipeline = Pipeline(rest, demand=DEMAND)
     poses, rows, truths = [], [], []
     for _ in range(n_frames):

@@ -48,7 +48,7 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "contact_depth": ("contact_depth_mm", "mm"),
 }
 _IMAGE = "sensor_image"
-#: By unit: largest plausible truth of a fingertip; a depth that never exceeds the smallest is not in mm.
+#: Largest plausible truth by unit, of a fingertip; a depth that never exceeds the smallest is not in mm.
 MOST = {"mm": 100.0, "deg": 180.0, "N": 1000.0, "Nmm": 1e4, "mm2": 1e4}
 LEAST_DEPTH_MM = 0.05
 #: Columns that an arm may give as its position, and how far an arm reaches.

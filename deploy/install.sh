@@ -157,6 +157,15 @@ make_release() {
     say "release $(basename "$fresh")"
 }
 
+# Nothing is begun with a folder that lacks something.
+check_folder() {
+    for each in 70-voronoi-touch.rules 80-voronoi-touch-can.network edge.toml voronoi-touch@.service ../constraints.txt; do
+        [ -e "$here/$each" ] || fail "$here/$each is missing: run it in a whole checkout"
+    done
+    [ -n "$wheels" ] || [ -e "$here/../pyproject.toml" ] ||
+        fail "$here/../pyproject.toml is missing: run it in a whole checkout, or give --wheels DIR"
+}
+
 install_files() {
     mkdir -p "$etc" "$state" "$units" "$rules" "$network"
     install -m 644 "$here/voronoi-touch@.service" "$units/"
@@ -195,6 +204,7 @@ case $action in
 uninstall) uninstall ;;
 rollback) rollback ;;
 install)
+    check_folder
     install_files
     make_release
     if [ -n "$finger" ]; then set_up_finger; fi

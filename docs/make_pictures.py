@@ -1,12 +1,14 @@
 """Make README's pictures again: `python -m docs.make_pictures [page|touch]`.
 
-touch is what `render` makes of the example recording, as a GIF. page is the live page with a bundled
-recording, played back and forth; latency and rate are this machine's: let it be idle. It has all colours: 256
-leave steps in colour bar and image.
+touch is what `render` makes of the example recording, as a GIF. page is the live page of `edge replay
+example:press --loop --view` while the tip is twisted; latency and rate are this machine's: let it be idle.
+It has all colours: 256 leave steps in colour bar and image.
 """
 
 import base64
 import io
+import signal
+import subprocess
 import sys
 import tempfile
 import threading
@@ -21,13 +23,11 @@ from edge.calibration import Calibration
 from edge.cli.render import render_recording
 from edge.examples import example_file
 from tests.browser.chrome import Chrome
-from tests.support.viewing import Live
 
-DATA = Path(__file__).resolve().parents[1] / "tests" / "data"
-PICTURES = DATA / "pictures"
+PICTURES = Path(__file__).resolve().parents[1] / "tests" / "data" / "pictures"
 EACH = 3  # pictures of the recording that one of the GIF stands for
 FULL_S = 11.0  # the charts are full
-STEP_S = 0.6
+REPLAY = (sys.executable, "-m", "edge", "replay", "example:press", "--loop", "--view-at", "127.0.0.1:0")
 
 
 def moving(path: Path) -> None:
@@ -45,17 +45,16 @@ def moving(path: Path) -> None:
 
 
 def page(path: Path) -> None:
-    pause = threading.Event()
-    with closing(Chrome()) as chrome, Live(DATA / "press_shear.mcap", DATA / "hex127_flat.json") as live:
-        shown = chrome.open(live.url)
-        for n in range(round(FULL_S / STEP_S)):
-            live.show(n % 2 - 1)
-            pause.wait(STEP_S)
-        live.show(-1)
-        shown.until("document.getElementById('felt_about').textContent.includes('contact')")
-        raw = base64.b64decode(shown.call("Page.captureScreenshot", {"format": "png"})["data"])
-        assert shown.errors == []
-        shown.close()
+    with closing(Chrome()) as chrome, subprocess.Popen(REPLAY, stderr=subprocess.PIPE, text=True) as replay:
+        assert replay.stderr is not None
+        try:
+            shown = chrome.open(replay.stderr.readline().removeprefix("live page: ").strip())
+            threading.Event().wait(FULL_S)
+            shown.until("/Torsion\\s*°\\s*[3456]/.test(document.getElementById('numbers').innerText)")
+            raw = base64.b64decode(shown.call("Page.captureScreenshot", {"format": "png"})["data"])
+            assert shown.errors == []
+        finally:
+            replay.send_signal(signal.SIGINT)
     with Image.open(io.BytesIO(raw)) as shot:
         shot.convert("RGB").save(path, optimize=True)
 

@@ -55,12 +55,9 @@ class TareTable(_Table, frozen=True, kw_only=True):
     """[tare] the rest frame, taken at start-up while nothing touches the tip."""
 
     frames_n: Count = 8
-    steady_px: Annotated[float, msgspec.Meta(ge=0.01, le=100)] = (
-        0.5  # largest motion of 90 % of the pins while taring
-    )
-    drift_px: Annotated[float, msgspec.Meta(ge=0, le=1)] = (
-        0.3  # largest slow drift that is subtracted; 0: none
-    )
+    #: Largest motion of 90 % of the pins while taring; largest slow drift that is subtracted, 0: none.
+    steady_px: Annotated[float, msgspec.Meta(ge=0.01, le=100)] = 0.5
+    drift_px: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.3
 
 
 class LimitsTable(_Table, frozen=True, kw_only=True):

@@ -40,8 +40,8 @@ class RuntimeParams:
 
     @property
     def close_s(self) -> float:
-        """For a thread or driver that does not return. Four are waited for at the end: the board's checks, a
-        link's queue, its threads and the camera, together for `patience_s`.
+        """How long a thread or driver that does not return is waited for: the board's checks, a link's queue,
+        its threads and the camera, together for `patience_s`.
         """
         return 0.25 * self.patience_s
 
@@ -54,8 +54,8 @@ class RuntimeParams:
 
     @property
     def sample_n(self) -> int:
-        """So many that one may be beyond a limit for reasons of its own: of an image's rows and columns, of
-        windows in it, of a window's levels to one at each end that is noise or glare, of a camera's periods.
+        """Number of which one may be beyond a limit for reasons of its own: of an image's rows and columns,
+        of windows in it, of a window's levels to one that is noise or glare at each end, of camera periods.
         """
         return round(1.0 / self.astray_rel)
 

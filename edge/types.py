@@ -37,6 +37,9 @@ Heights = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 Index = NDArray[np.int32]
 Image = NDArray[np.uint8] | NDArray[np.uint16]
+#: The part of a source's images that shows the skin (`edge.sources.region`): (h, w, 2) x, y of the pixel of
+#: the skin that is nearest to each, its own on the skin.
+Region = NDArray[np.int16]
 T = TypeVar("T")
 
 
@@ -99,16 +102,6 @@ class Lens(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
             raise ValueError(f"distortion: {len(self.distortion)} numbers; a {self.model} has {numbers}")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Region:
-    """The part of a source's images that shows the skin: `edge.sources.region`.
-
-    nearest_px  (h, w, 2) x, y of the pixel of the skin that is nearest to each: its own on the skin
-    """
-
-    nearest_px: NDArray[np.int16]
-
-
 @per_frame
 class Frame:
     """One camera image.
@@ -129,9 +122,9 @@ class Frame:
 
     def within(self, region: Region | None) -> Frame:
         """The frame that shows the region alone: a pixel outside is as the nearest one inside."""
-        if region is None or region.nearest_px.shape[:2] != self.image.shape:
+        if region is None or region.shape[:2] != self.image.shape:
             return self
-        image: Any = cv2.remap(self.image, region.nearest_px, None, cv2.INTER_NEAREST)  # type: ignore[call-overload]  # the second map may be None
+        image: Any = cv2.remap(self.image, region, None, cv2.INTER_NEAREST)  # type: ignore[call-overload]  # the second map may be None
         return replace(self, image=image)
 
 
@@ -260,7 +253,7 @@ class Tracks:
 
     @classmethod
     def of(cls, xy_img: Array, sigma_px: Array, seen: Mask, confidence: float = 1.0) -> Tracks:
-        """Those of one frame alone."""
+        """The tracks of one frame alone."""
         return cls(xy_img, sigma_px, seen, int(np.count_nonzero(seen)), confidence)
 
 

@@ -40,8 +40,8 @@ if TYPE_CHECKING:
     )
     from hostlink.events import Sample
     from hostlink.finger import RestFrameOutcome
+    from hostlink.order_and_time import LinkStatistics
     from hostlink.recording import decode_recording
-    from hostlink.sequence import LinkStatistics
     from hostlink.table import to_arrays, to_pandas
     from hostlink.wire import (
         NO_CONTROL,
@@ -101,7 +101,7 @@ _MODULES = {
     "hostlink.events": ("Sample",),
     "hostlink.finger": ("RestFrameOutcome",),
     "hostlink.recording": ("decode_recording",),
-    "hostlink.sequence": ("LinkStatistics",),
+    "hostlink.order_and_time": ("LinkStatistics",),
     "hostlink.table": ("to_arrays", "to_pandas"),
     "hostlink.wire": (
         "NO_CONTROL",

@@ -27,7 +27,6 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from hostlink.clock import ClockMap
 from hostlink.decoder import SERIAL_NODE, CanDecoder, SerialDecoder
 from hostlink.errors import ConnectError, LinkDown, LinkTimeout, UsageError, VersionMismatch, WireError
 from hostlink.events import (
@@ -45,7 +44,7 @@ from hostlink.hand_file import HandFile, read_hand
 from hostlink.link_guard import LinkGuard
 from hostlink.links import CanLink, Link, open_link
 from hostlink.objects import ObjectClient, SdoObjects, SerialObjects
-from hostlink.sequence import LinkStatistics
+from hostlink.order_and_time import ClockMap, LinkStatistics
 from hostlink.subscription import End, Subscription
 from hostlink.window import MEASURED, Window, WindowCollector
 from hostlink.wire import CanIds, Kind
@@ -274,7 +273,7 @@ class Connection:
 
     @property
     def statistics(self) -> Mapping[int, LinkStatistics]:
-        """By node number: received, lost, late, corrupt, out of order, duplicate."""
+        """Counts by node number: received, lost, late, corrupt, out of order, duplicate."""
         return dict((self._can if self._is_can else self._serial).statistics)
 
     @property

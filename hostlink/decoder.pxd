@@ -1,8 +1,7 @@
 # C types of what every sample takes; see decoder.py.
 import cython
 
-from hostlink.clock cimport ClockMap
-from hostlink.sequence cimport Evidence, SenderWatch, Sequence
+from hostlink.order_and_time cimport ClockMap, Evidence, SenderWatch, Sequence
 from hostlink.wire.body cimport Decoded, FromFrame, body_in, received
 
 cdef int _CLOCK_STEP

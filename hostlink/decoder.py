@@ -26,7 +26,6 @@ from collections.abc import Callable, Hashable
 from math import inf, nan
 from typing import Any, Final
 
-from hostlink.clock import ClockMap
 from hostlink.events import (
     DetailFrame,
     Emergency,
@@ -37,7 +36,15 @@ from hostlink.events import (
     SdoFrame,
     SecondSender,
 )
-from hostlink.sequence import EVIDENCE_P5, EVIDENCE_P11, Evidence, LinkStatistics, SenderWatch, Sequence
+from hostlink.order_and_time import (
+    EVIDENCE_P5,
+    EVIDENCE_P11,
+    ClockMap,
+    Evidence,
+    LinkStatistics,
+    SenderWatch,
+    Sequence,
+)
 from hostlink.wire.body import body_in, received
 from hostlink.wire.canid import CanIds, Kind
 from hostlink.wire.detail import DetailAssembler, unpack_segment
@@ -190,7 +197,7 @@ class _Node:
         return None
 
     def corrupt_p11(self, tpdo: int, frame: bytes) -> VersionMismatch | None:
-        """As `corrupt_p5`; only for TPDO1, whose data id does not depend on a page."""
+        """The same as `corrupt_p5`, only for TPDO1, whose data id does not depend on a page."""
         if tpdo == tpdo_of(0) and len(frame) == PART_SIZE:
             implied = implied_id_p11(frame)
             known = {DATA_ID_CLASSIC, *(older.data_id_classic for older in OLDER.values())}
@@ -262,7 +269,7 @@ class _Decoder:
 
     @property
     def statistics(self) -> dict[int, LinkStatistics]:
-        """By node number, the sum of all channels; live objects where there is one."""
+        """Counts by node number, the sum of all channels; live objects where there is one."""
         total: dict[int, LinkStatistics] = {}
         for (_, number), node in list(self._nodes.items()):
             total[number] = total[number] + node.statistics if number in total else node.statistics

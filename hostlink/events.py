@@ -32,7 +32,7 @@ class Sample(NamedTuple):
     finger        node number
     state         the values; fields: `hostlink.wire.fields`
     host_time_s   when the image was taken, on the clock of `arrival_s`; NaN where that is NaN
-    host_error_s  bound of that time's error: see `hostlink.clock`
+    host_error_s  bound of that time's error: see `hostlink.order_and_time`
     arrival_s     time of arrival
     lost_n        samples lost between the one before and this
     """

@@ -9,7 +9,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from hostlink.clock import ClockMap
 from hostlink.errors import (
     LinkError,
     LinkTimeout,
@@ -22,7 +21,7 @@ from hostlink.events import Emergency, Sample
 from hostlink.hand_file import Mount
 from hostlink.input_file import UPLOAD_BYTES, read_bounded
 from hostlink.objects import ObjectClient
-from hostlink.sequence import LinkStatistics
+from hostlink.order_and_time import ClockMap, LinkStatistics
 from hostlink.wire import (
     OBJECTS,
     Abort,

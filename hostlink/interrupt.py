@@ -75,7 +75,7 @@ def _end(number: int, _frame: FrameType | None) -> None:
 
 
 def exit_code(interrupt: BaseException | None) -> int:
-    """Of a program that ends by this KeyboardInterrupt."""
+    """Exit code of a program that ends by this KeyboardInterrupt."""
     number = interrupt.args[0] if interrupt is not None and interrupt.args else signal.SIGINT
     return _SHELL + int(number)
 

@@ -103,7 +103,7 @@ _REMOTE: Final = 0x80
 
 
 def run_of_objects(plain: bytes, at: int, begin_s: float) -> tuple[Run, int] | None:
-    """As `run_of_lines`, of the objects in a container; its channel 1 is 0 here."""
+    """The same as `run_of_lines`, of the objects in a container; its channel 1 is 0 here."""
     rows = np.frombuffer(plain, _OBJECT, (len(plain) - at) // _OBJECT.itemsize, at)
     rows = rows[: _whole_n(rows["mark"] == _MARK)]
     good = (rows["version"] == 1) & (rows["size"] == _OBJECT.itemsize) & (rows["kind"] == _KIND)

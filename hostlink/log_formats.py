@@ -144,7 +144,7 @@ def read_candump(path: Path, skipped: Skipped) -> Iterator[can.Message]:
 
 
 def read_candump_runs(path: Path, skipped: Skipped) -> Iterator[can.Message | Run]:
-    """As `read_candump`, runs of lines together; a log that does not begin with one is read line by line."""
+    """The same as `read_candump`, runs of lines together; a log that begins with none is read by line."""
     from hostlink.log_blocks import run_of_lines
 
     with path.open("rb") as file:
@@ -180,7 +180,7 @@ def _candump_lines(path: Path, skipped: Skipped) -> Iterator[tuple[float, can.Me
 def _messages_in(
     lines: Iterable[tuple[int, str]], skipped: Skipped
 ) -> Iterator[tuple[float, can.Message | None]]:
-    """Of each line the time that it states, for a difference counts whatever it is of; and its message."""
+    """Time that each line states, for a difference counts whatever it is of; and its message."""
     for number, line in lines:
         found = _CANDUMP.fullmatch(line)
         message = None if found is None else _candump_message(found)
@@ -347,7 +347,7 @@ def read_blf(path: Path, _: Skipped, run_at: RunAt | None = None) -> Iterator[An
 
 
 def read_blf_runs(path: Path, skipped: Skipped) -> Iterator[can.Message | Run]:
-    """As `read_blf`, runs of objects together."""
+    """The same as `read_blf`, runs of objects together."""
     from hostlink.log_blocks import run_of_objects
 
     return read_blf(path, skipped, run_of_objects)

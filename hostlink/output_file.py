@@ -127,12 +127,12 @@ def find_unfinished(path: str | Path) -> list[Path]:
 
 
 def _unfinished_name(path: Path) -> Path:
-    """Beside the file, hidden, with the same suffix: many libraries choose the format by it."""
+    """A name beside the file, hidden, with the same suffix: many libraries choose the format by it."""
     return path.with_name(f".{path.stem}.{os.urandom(4).hex()}.part{path.suffix}")
 
 
 def _mode(path: Path) -> int:
-    """Of the file that is replaced; of a new one what the umask leaves."""
+    """Mode of the file that is replaced; of a new one what the umask leaves."""
     return path.stat().st_mode & 0o777 if _is_file(path) else 0o666
 
 

@@ -8,7 +8,7 @@ Rules
 - Columns: `COLUMNS`, the same everywhere. Names carry units; frame of reference and sign: WIRE.md.
 - A value that is not valid is NaN; an empty cell in CSV, as pandas and spreadsheets read it.
 - `status` is a number: `frame[frame.status & int(hostlink.NO_CONTROL) == 0]` selects the rows that may move a
-hand.
+hand. All but arrays have `status_names` too, the names of its bits with spaces between, as the last column.
 - Files are written piece by piece: a recording of hours needs no more memory than one of seconds.
 - A damaged recording is an error here; `decode --csv` or `--parquet` keeps the samples before the damage.
 """
@@ -19,6 +19,7 @@ import csv
 from array import array
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from itertools import islice
 from math import nan
 from operator import attrgetter
@@ -28,6 +29,7 @@ from typing import TYPE_CHECKING, Any, Final
 from hostlink.events import Event, Sample
 from hostlink.extras import require
 from hostlink.recording import decode_blocks
+from hostlink.wire import Status
 from hostlink.wire.fields import CONTACTS_MAX, FIELDS, LAYOUT, SCHEMA
 
 if TYPE_CHECKING:
@@ -66,6 +68,8 @@ COLUMNS: Final = (
     *(Column(f.name, f.unit, f.meaning, whole=f.plain) for f in (*FIELDS, *_CONTACT_ROWS)),
 )
 
+_NAMES: Final = "status_names"
+_STATUS: Final = next(i for i, c in enumerate(COLUMNS) if c.name == "status")
 _OF_SAMPLE: Final = attrgetter("finger", "arrival_s", "host_time_s", "host_error_s", "lost_n")
 _OF_STATE: Final = attrgetter(*(f.name for f in FIELDS))
 _DTYPE: Final = {  # of a frame's version and fields
@@ -74,6 +78,11 @@ _DTYPE: Final = {  # of a frame's version and fields
 }
 _NOTHING: Final = bytes(SCHEMA.body.size)
 _NO_CONTACT: Final = (nan,) * (len(_CONTACT_ROWS) // CONTACTS_MAX)
+
+
+@cache
+def _names_of(status: float) -> str:
+    return " ".join(bit.name or "" for bit in Status(int(status)))
 
 
 def row_of(sample: Sample) -> Row:
@@ -149,6 +158,7 @@ def to_pandas(source: Source, channel: str | int | None = None) -> pd.DataFrame:
     Raises  UsageError: pandas is not installed, or a channel must be chosen; LogError: as there
     """
     frame: pd.DataFrame = require("pandas", "data").DataFrame(to_arrays(source, channel), copy=False)
+    frame[_NAMES] = frame["status"].map(_names_of)
     frame.attrs["units"] = {c.name: c.unit for c in COLUMNS}
     return frame
 
@@ -158,12 +168,13 @@ def write_csv(samples: Iterable[Sample], path: Path) -> int:
     written_n = 0
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(c.name for c in COLUMNS)
+        writer.writerow((*(c.name for c in COLUMNS), _NAMES))
         for row in map(row_of, samples):
-            writer.writerow(
+            cells = (
                 int(v) if c.whole else "" if v != v else round(v, _DIGITS)
                 for c, v in zip(COLUMNS, row, strict=True)
             )
+            writer.writerow((*cells, _names_of(row[_STATUS])))
             written_n += 1
     return written_n
 
@@ -174,22 +185,24 @@ def write_parquet(samples: Iterable[Sample], path: Path) -> int:
     Raises  UsageError: pyarrow is not installed; OSError
     """
     arrow, parquet = require("pyarrow", "data"), require("pyarrow.parquet", "data")
-    schema = arrow.schema(
+    fields = [
         arrow.field(
             c.name,
             arrow.int64() if c.whole else arrow.float64(),
             metadata={"unit": c.unit, "meaning": c.meaning},
         )
         for c in COLUMNS
-    )
+    ]
+    schema = arrow.schema([*fields, arrow.field(_NAMES, arrow.string())])
     written_n = 0
     with parquet.ParquetWriter(path, schema, compression="zstd") as writer:
         rows = map(row_of, samples)
         while piece := list(islice(rows, ROWS_PER_PIECE)):
             columns = [
                 arrow.array(map(int, column) if c.whole else column, field.type)
-                for c, field, column in zip(COLUMNS, schema, zip(*piece, strict=True), strict=True)
+                for c, field, column in zip(COLUMNS, fields, zip(*piece, strict=True), strict=True)
             ]
+            columns.append(arrow.array([_names_of(row[_STATUS]) for row in piece]))
             writer.write_table(arrow.Table.from_arrays(columns, schema=schema))
             written_n += len(piece)
     return written_n

@@ -44,7 +44,7 @@ class SampleTimes(Generic[_Time]):
         self._times: dict[int, _Time] = {}
 
     def note(self, sample: int, time: _Time) -> None:
-        """By the sample's number."""
+        """The pins by the sample's number."""
         self._times[sample] = time
         if len(self._times) > _BEHIND_MAX:
             del self._times[next(iter(self._times))]

@@ -5,12 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.processes import program, python
+from tests.support.processes import python, source_files
 
 ROOT = Path(__file__).resolve().parent.parent
 LINK = re.compile(r"(?<!!)\[[^\]]+\]\(([^)\s]+)\)|!\[[^\]]*\]\(([^)\s]+)\)")
-TRACKED = program("git", "ls-files", "*.md", cwd=ROOT).stdout.split()
-PAGES = sorted(ROOT / name for name in TRACKED if (ROOT / name).is_file())
+PAGES = source_files(ROOT, "*.md")
 
 
 def anchors(page: Path) -> set[str]:

@@ -1,6 +1,7 @@
 """The wheel is one for all releases of CPython, and runs where there is neither compiler nor Cython."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -14,6 +15,8 @@ from pathlib import Path
 import pytest
 
 from tests.support.kernels import ROOT, table
+from tests.support.processes import program
+from tests.test_commands_shown import PAGES, commands
 
 VERSION = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
 #: Imports the pipeline from the wheel without Cython, and calls a kernel.
@@ -66,6 +69,10 @@ def test_every_kernel_is_in_it_for_every_release(wheel: Path) -> None:
     assert sensors
     assert sensors <= set(names)
     assert {"edge/examples/press.mcap", "edge/examples/press.json", "edge/examples/sim.json"} <= set(names)
+    (about,) = (name for name in names if name.endswith(".dist-info/METADATA"))
+    text = zipfile.ZipFile(wheel).read(about).decode()
+    assert "# voronoi-touch\n" in text
+    assert not re.findall(r"\]\((?!https?://)", text), "links that lead nowhere from a package index"
     made = [name for name in names if name.startswith("edge/") and name.endswith((".c", ".h"))]
     assert not [name for name in made if not (ROOT / name).is_file()]  # what Cython makes stays out
 
@@ -75,9 +82,15 @@ def test_the_wheel_runs_without_a_compiler(wheel: Path, tmp_path: Path) -> None:
     python = tmp_path / "env" / "bin" / "python"
     pure = ("-c", "import sysconfig; print(sysconfig.get_path('purelib'))")
     packages = Path(subprocess.check_output([python, *pure], text=True).strip())
-    installer = [sys.executable, "-m", "pip", "--quiet", "--python", str(python), "install", "--no-deps"]
-    environment = {"PATH": str(python.parent), "CC": "false", "HOME": str(tmp_path)}
-    subprocess.run([*installer, str(wheel)], check=True, env=os.environ | environment, timeout=300)
+    pip = python.with_name("pip")
+    pip.write_text(f'#!/bin/sh\nexec {sys.executable} -m pip --python {python} "$@"\n')
+    pip.chmod(0o755)
+    environment = {"PATH": f"{python.parent}:/usr/bin:/bin", "CC": "false", "HOME": str(tmp_path)}
+    index = {"PIP_NO_INDEX": "1", "PIP_NO_DEPS": "1", "PIP_FIND_LINKS": str(wheel.parent)}
+    shown = {command for page in PAGES for block in commands(page) for command in block}
+    for command in sorted(c for c in shown if c.startswith("pip install") and "voronoi-touch" in c):
+        done = program("bash", "-c", command, cwd=tmp_path, env=os.environ | environment | index)
+        assert (done.returncode, "does not provide" in done.stderr) == (0, False), done.stderr
     # Dependencies come from these folders; the project itself is not in them.
     own = [p for p in sys.path if p.endswith(("site-packages", "dist-packages"))]
     (packages / "dependencies.pth").write_text("\n".join(own) + "\n")
@@ -85,9 +98,11 @@ def test_the_wheel_runs_without_a_compiler(wheel: Path, tmp_path: Path) -> None:
     file, area = output.split()
     assert Path(file).is_relative_to(packages)
     assert float(area) == 2.0
-    program = [str(python.parent / "voronoi-touch-edge"), "--version"]
-    version = subprocess.check_output(program, cwd=tmp_path, env=environment, text=True)
+    started = [str(python.parent / "voronoi-touch-edge"), "--version"]
+    version = subprocess.check_output(started, cwd=tmp_path, env=environment, text=True)
     assert version.split()[-1] == VERSION
+    first = next(command for block in commands("README.md") for command in block if "example:" in command)
+    assert "largest depth, mm" in program("bash", "-c", first, cwd=tmp_path, env=environment).stdout
 
 
 @pytest.mark.slow

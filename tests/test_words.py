@@ -2,9 +2,10 @@
 
 import ast
 import re
+from functools import partial
 from pathlib import Path
 
-from tests.support.processes import program
+from tests.support.processes import source_files
 
 ROOT = Path(__file__).resolve().parent.parent
 #: Names of modules and folders that were replaced.
@@ -40,35 +41,18 @@ ALLOWED = {
     "tests/bench/hazards.py": {"unsure"},  # a column of its table
     "tests/bench/soak.py": {"growth", "tell"},  # of memory; of a report
     "tests/bench/videos.py": {"sure", "unsure"},  # a column of its table
-    "tests/hostlink/wire/test_c_receiver.py": {"heard", "tell"},  # names of the C program
+    "tests/hostlink/wire/test_c_receiver.py": {"tell"},  # names of the C program
 }
 #: Of these words and phrases not even a sentence may be left.
 NOT_IN_SENTENCES = (
-    "aside",
-    "mends?",
-    "mended",
-    "doubt",
-    "doubtful",
-    "mourns?",
-    "vitals",
-    "starved?",
-    "told apart",
-    "(is|are|was|were) told",
-    "no news",
-    "nobody (will|can) (hear|know)",
-    "bears? witness",
-    "is no answer",
-    "let(s|ting)? go of",
-    "has no say",
-    "throw(s|n)? away",
-    "taken? off",
+    "aside", "mends?", "mended", "doubt", "doubtful", "mourns?", "vitals", "starved?", "told apart",
+    "(is|are|was|were) told", "no news", "nobody (will|can) (hear|know)", "bears? witness",
+    "is no answer", "let(s|ting)? go of", "has no say", "throw(s|n)? away", "taken? off",
     "wait(s|ing)? for each other",
-)
+)  # fmt: skip
 
 
-def files(*patterns: str) -> list[Path]:
-    listed = program("git", "ls-files", *patterns, cwd=ROOT, check=True)
-    return [ROOT / name for name in listed.stdout.split() if (ROOT / name).is_file()]
+files = partial(source_files, ROOT)
 
 
 THIS = Path(__file__).resolve()

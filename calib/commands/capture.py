@@ -13,13 +13,12 @@ from calib.adaptive import PARAMS, AdaptivePlan
 from calib.capture import capture, progress_of
 from calib.errors import CaptureError
 from calib.extract import executor
-from calib.protocols import PROTOCOLS, AnyPlan, Step, load_protocol
+from calib.protocols import ADAPTIVE, PROTOCOLS, AnyPlan, Step, load_protocol
 from calib.rig import Rig, ask_here, open_rig
 from edge.calibration.file import UNTOUCHED
 from hostlink.cli_types import WholeNumber, counted
 from hostlink.output_file import check_output
 
-ADAPTIVE = "adaptive"
 POSES = 200  # of protocol adaptive, if no number is given
 #: Values that poses on a flat surface teach.
 VALUES = tuple(UNTOUCHED)
@@ -39,14 +38,14 @@ VALUES = tuple(UNTOUCHED)
 @click.option(
     "--poses",
     type=WholeNumber(1, PARAMS.candidates),
-    help=f"Of protocol {ADAPTIVE}, at most; default: {POSES}.",
+    help=f"Poses of protocol {ADAPTIVE} at most; default: {POSES}.",
 )
 @click.option(
     "--until",
     "goals",
     multiple=True,
     metavar="VALUE=ERROR",
-    help=f"Of protocol {ADAPTIVE}: end when the error expected is so small, e.g. tilt_x_deg=0.3; repeatable.",
+    help=f"End protocol {ADAPTIVE} when the expected error is so small, e.g. tilt_x_deg=0.3; repeatable.",
 )
 @click.option(
     "-o",

@@ -24,6 +24,10 @@ COMMANDS = {
         "Replay the bundled recordings through the whole chain, compare with the truth, draw pictures.",
     ),
     "fit": CommandRow("calib.commands.fit:fit_command", "Fit a calibration to frames with known truth."),
+    "lens": CommandRow(
+        "calib.commands.lens:lens_command",
+        "Measure a lens by IMAGEs of a checkerboard, for ?lens=FILE in a source's address.",
+    ),
     "report": CommandRow(
         "calib.commands.report:report_command",
         "One page on the accuracy of calibrations, and the reasons for the edge's methods.",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,8 @@ from rich.table import Table
 from calib.commands.options import PATH, Frames, frames_options
 from calib.evaluate import counts_line, error_rows, evaluate
 from edge.calibration import Calibration
+
+log = logging.getLogger(__name__)
 
 
 @click.command("evaluate")
@@ -25,12 +28,14 @@ def evaluate_command(calibration_path: Path, as_json: bool, **frames: Any) -> No
     TABLE is a TARGETS.csv, with --frames and --rest, or one or more captures (.mcap) of one tip.
 
     Errors are given over all frames that have a value, and over the accepted ones, whose values the edge
-    would have sent; it refuses frames whose pins are not identified with certainty. Frames that are
-    pressed and read as untouched are counted, and count with the zeros that the edge sends.
+    would have sent. The edge refuses frames whose pins are not identified with certainty. A frame that is
+    pressed but read as untouched counts with the zeros that the edge sends, and its number is printed.
     """
     given = Frames(**frames)
     calibration = Calibration.load(calibration_path)
     data = given.open().seen_by(calibration)
+    if data.targets.sha256 == calibration.content.data.sha256:
+        log.warning("%s was fitted to these frames; errors on others tell more", calibration_path)
     report = evaluate(calibration, *given.extract(data))
     if as_json:
         click.echo(json.dumps(report))

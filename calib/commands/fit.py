@@ -52,7 +52,13 @@ from hostlink.output_file import check_output, writing
     type=FiniteFloat(min=0.01, max=0.9),
     help="Share of the poses to hold out; a fit to the others is evaluated on them, e.g. 0.2.",
 )
-@click.option("--seed", type=WholeNumber(0, 2**31 - 1), default=0, show_default=True, help="Of --hold-out.")
+@click.option(
+    "--seed",
+    type=WholeNumber(0, 2**31 - 1),
+    default=0,
+    show_default=True,
+    help="Another one holds out other poses.",
+)
 @click.option(
     "--prior",
     type=PATH,
@@ -135,7 +141,7 @@ def scale_of(name: str | None, rest: Rest) -> float | None:
 
 
 def _known_models(prior: Path) -> dict[tuple[str, ...], KnownModel]:
-    """Of another tip. Raises CalibrationError: cannot be read, or nothing in it carries over."""
+    """The models of another tip. Raises CalibrationError: cannot be read, or nothing in it carries over."""
     content = Calibration.load(prior).content
     known = known_models(content)
     if not known:

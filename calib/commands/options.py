@@ -10,7 +10,14 @@ from typing import Any
 
 import click
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
 from calib.dataset import Dataset, open_dataset
 from calib.extract import Extract, executor
@@ -43,7 +50,7 @@ _FRAMES: list[Callable[[Any], Any]] = [
         "lens_file",
         type=PATH,
         metavar="FILE",
-        help="Lens of the frames, by `edge lens`: its distortion is removed from the pins' places.",
+        help="Lens of the frames, by `calib lens`: its distortion is removed from the pins' places.",
     ),
     *_WORKERS,
     click.option("-q", "--quiet", is_flag=True, help="No progress bar."),
@@ -114,7 +121,9 @@ class Frames:
 
 @contextmanager
 def progress_bar(quiet: bool = False) -> Iterator[Progress]:
-    """A bar on stderr, with counts and the remaining time."""
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    """A bar on stderr, with counts, and the time that has passed and remains."""
+    # The elapsed time moves while a long fit does not tell how far it is.
+    counts = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()
+    columns = (*counts, TimeElapsedColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True), disable=quiet) as bar:
         yield bar

@@ -149,9 +149,24 @@ def record(camera: SettledCamera, loads: Loads, folder: Path, frames_n: int) -> 
 @click.option("-o", "--output", "folder", required=True, type=PATH, help="Folder to make, for the pictures.")
 @click.option("--camera", default="v4l2:0", show_default=True, metavar="SPEC", help="Source of frames.")
 @click.option("--scale", "port", metavar="PORT", help="Serial scale that prints its readings; else you type.")
-@click.option("--baud", type=WholeNumber(300, 4_000_000), default=9600, show_default=True, help="Of --scale.")
-@click.option("--unit", type=click.Choice(list(UNITS)), default="g", show_default=True, help="Of the scale.")
-@click.option("--loads", "most", type=WholeNumber(1, 1000), default=12, show_default=True, help="How many.")
+@click.option(
+    "--baud",
+    type=WholeNumber(300, 4_000_000),
+    default=9600,
+    show_default=True,
+    help="Bits a second of --scale.",
+)
+@click.option(
+    "--unit", type=click.Choice(list(UNITS)), default="g", show_default=True, help="Unit of the scale."
+)
+@click.option(
+    "--loads",
+    "most",
+    type=WholeNumber(1, 1000),
+    default=12,
+    show_default=True,
+    help="How many loads are asked for.",
+)
 @click.option("--frames", "frames_n", type=WholeNumber(1, 100), default=10, show_default=True, help="A load.")
 @click.option("--depth", is_flag=True, help="Type the depth too, in mm: by a ruler, or a stack of paper.")
 def scale_command(

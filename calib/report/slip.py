@@ -18,7 +18,7 @@ from calib.rig.simulated import Simulation
 from calib.sim import Tool, ToolPose
 from calib.simulated_calibration import TARE_FRAMES, mm_per_px
 from edge.frame import Pipeline
-from edge.rest.tare import tare
+from edge.pins import take_rest
 from edge.types import Array, Feature, Mask
 
 __all__ = ["DRAGS", "Drag", "Outcome", "Slipped", "drag", "join", "outcome"]
@@ -85,7 +85,7 @@ def drag(simulation: Simulation, one: Drag) -> Slipped:
     simulation = replace(simulation, tip=replace(simulation.tip, friction=one.friction))
     simulator = simulation.simulator()
     scale = mm_per_px(simulator) * simulation.rate_hz
-    rest = tare([simulator.frame().image for _ in range(TARE_FRAMES)], np.inf)
+    rest = take_rest([simulator.frame().image for _ in range(TARE_FRAMES)])
     pipeline = Pipeline(rest, demand=frozenset({Feature.SLIP}))
     rows, before = [], np.zeros(2)
     for k, contact in enumerate(poses(one)):

@@ -38,9 +38,8 @@ def open_rig(
     kind, _, rest = spec.partition(":")
     if kind == "sim":
         from calib.rig.simulated import SimulatedRig, load_simulation, simulation_of
-        from edge.sensors import sensor_names
 
-        if rest in sensor_names():
+        if rest and not rest.endswith(".toml"):
             return SimulatedRig(simulation_of(rest), first_sequence)
         return SimulatedRig(load_simulation(Path(rest) if rest else None), first_sequence)
     if kind == "gcode" and rest:

@@ -18,7 +18,7 @@ from edge.types import Frame
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Of the tool against the tip; fields as in `calib.sim.ToolPose`."""
+    """Pose of the tool against the tip; fields as in `calib.sim.ToolPose`."""
 
     x_mm: float = 0.0
     y_mm: float = 0.0

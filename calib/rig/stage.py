@@ -104,7 +104,7 @@ class StageFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
 
 
 def load_stage(spec: str) -> StageFile:
-    """From a TOML file, or defaults for a port. Raises RigError: one line, file and key."""
+    """The settings from a TOML file, or defaults for a port. Raises RigError: one line, file and key."""
     if not spec.endswith(".toml"):
         return StageFile(stage=StageTable(port=spec))
     path = Path(spec)

@@ -48,7 +48,7 @@ class Camera:
 
     @property
     def radius_px(self) -> float:
-        """Of the circle of the outermost pins."""
+        """Radius of the circle of the outermost pins."""
         return self.pins_radius_px or 0.38 * min(self.size_px)
 
     @property

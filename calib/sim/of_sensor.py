@@ -73,7 +73,7 @@ def _dome(sensor: KnownSensor) -> Tip:
     r, d = tip.dome_radius_mm - tip.pin_length_mm, tip.camera_distance_mm
 
     def pitch_mm(pins_deg: float) -> float:
-        """In the plane of the topmost cap."""
+        """Scale in the plane of the topmost cap."""
         a = radians(pins_deg)
         return r * sin(a) / (d + r * cos(a)) / rings * (d + r)
 

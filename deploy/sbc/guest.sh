@@ -268,6 +268,21 @@ check "by its socket, the second one runs" "$python" -m edge run --source "$(of_
 check "stop" systemctl stop $unit
 check "ended cleanly" sh -c "[ \$(systemctl show -p Result --value $unit) = success ]"
 show "systemctl status after the end" systemctl status --no-pager -n 3 $unit
+# ---- the app of an OAK4 on its M8 box: a container with the module's can0, and its devices as oakapp.toml mounts them ----
+if [ $# -ge 2 ]; then
+    root=/run/container
+    mkdir -p /app $root
+    sed "s|^spec = .*|spec = \"$(of_port 1)\"|; s|^directory = .*|directory = \"\"|; s|^sinks = .*|sinks = [\"can:$1?fd=0\"]|" \
+        /etc/voronoi-touch/index.toml >/app/edge.toml
+    mount --bind / $root
+    mount --bind /dev $root/dev
+    start=$("$python" -c 'import sys, tomllib; print(tomllib.load(sys.stdin.buffer)["entrypoint"][2])' </shared/deploy/oakapp.toml)
+    PATH=$(dirname $python):$PATH unshare --mount --pid --fork --kill-child=TERM --mount-proc=$root/proc chroot $root bash -c "$start" &
+    check "an app in a container: classic frames on its $1" frames "$2" 8
+    kill -KILL $!
+    umount $root/dev $root
+fi
+
 sum=$(cat /etc/voronoi-touch/index.toml /var/lib/voronoi-touch/index/* | md5sum)
 check "uninstall" sh /shared/deploy/install.sh --uninstall
 check "configuration and settings are as before" [ "$(cat /etc/voronoi-touch/index.toml /var/lib/voronoi-touch/index/* | md5sum)" = "$sum" ]

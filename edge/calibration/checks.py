@@ -20,7 +20,7 @@ from edge.calibration.file import (
     Process,
     Sensor,
 )
-from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS
+from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, OF_PLACE
 from edge.geometry.neighbours import nearest_of
 from edge.limits import IMAGE_PIXELS, BadContent, quote
 from edge.types import Array
@@ -43,15 +43,27 @@ _POSITIVE = {"displacement_mm", "force_n", "contact_area_mm2", "contact_depth_mm
 def check(content: CalibrationFile) -> None:
     """Raises  BadContent: place in the file, what is wrong, what would be right"""
     _check_sensor(content.sensor)
+    _check_models(content.models, "models")
+    known = [outputs_of(model) for model in content.models]
+    for i, model in enumerate(content.without_contact or ()):
+        if outputs_of(model) not in known or is_of_contact(model) or is_of_place(model):
+            raise BadContent(
+                f"without_contact[{i}]: give a model without p, peak and size, of values of a frame that "
+                "'models' has together too"
+            )
+    _check_models(content.without_contact or (), "without_contact")
+
+
+def _check_models(models: Sequence[Model], where: str) -> None:
     seen: set[str] = set()
-    for i, model in enumerate(content.models):
-        _check_outputs(model, f"models[{i}]", seen)
+    for i, model in enumerate(models):
+        _check_outputs(model, f"{where}[{i}]", seen)
         if isinstance(model, Curve):
-            _check_curve(model, f"models[{i}]")
+            _check_curve(model, f"{where}[{i}]")
         elif isinstance(model, Polynomial):
-            _check_polynomial(model, f"models[{i}]")
+            _check_polynomial(model, f"{where}[{i}]")
         else:
-            _check_process(model, f"models[{i}]")
+            _check_process(model, f"{where}[{i}]")
 
 
 def outputs_of(model: Model) -> list[str]:
@@ -62,6 +74,14 @@ def outputs_of(model: Model) -> list[str]:
 def is_of_contact(model: Model) -> bool:
     """Whether a model is evaluated once a contact; else once a frame."""
     return all(name in CONTACT_OUTPUTS or name in JOINT_OUTPUTS for name in outputs_of(model))
+
+
+def is_of_place(model: Model) -> bool:
+    """Whether a frame's model depends on its strongest contact, which a light touch has not."""
+    terms = [[model.input]] if isinstance(model, Curve) else model.terms
+    if isinstance(model, Process):
+        terms = [*terms, *model.noise_terms, *(model.lost.terms if model.lost else ())]
+    return any(name.rstrip("*") in OF_PLACE for term in terms for name in term)
 
 
 def _check_outputs(model: Model, where: str, seen: set[str]) -> None:

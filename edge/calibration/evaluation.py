@@ -35,19 +35,15 @@ from collections.abc import Sequence
 import cython
 import msgspec
 import numpy as np
+from cython.cimports.libc.math import exp, isnan, log, sqrt
 
 from edge.calibration.file import Curve, Lost, Model, Process
-from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, MODES
+from edge.calibration.inputs import MODES
 from edge.types import Array, Complex, ContactRegion, Features, Index, PinPattern
 
-if cython.compiled:
-    from cython.cimports.libc.math import HUGE_VAL, M_PI, NAN, exp, isnan, log, sqrt
-else:
-    from math import exp, isnan, log, sqrt
-    from math import inf as HUGE_VAL  # noqa: N812
-    from math import nan as NAN  # noqa: N812
-    from math import pi as M_PI  # noqa: N812
-
+HUGE_VAL = cython.declare(cython.double, float("inf"))
+M_PI = cython.declare(cython.double, math.pi)
+NAN = cython.declare(cython.double, float("nan"))
 #: Rows of L that are summed together, for vector instructions.
 ROWS = 16
 LOST_MAX = cython.declare(cython.double, 100.0)  # of the logarithm: more is no number any more
@@ -138,7 +134,7 @@ class InputRow:
             self._set_vector(11, fitted.dipole, 1.0)
 
     @cython.cfunc
-    def _must_have(self, n: cython.Py_ssize_t, pattern: PinPattern) -> cython.bint:
+    def _must_have(self, n: cython.Py_ssize_t, pattern: PinPattern) -> cython.void:
         """Raises ValueError: this row has another size; the tip has no radius."""
         if self._n != n:
             raise ValueError(f"{n} inputs are wanted, not {self._n}")
@@ -148,7 +144,6 @@ class InputRow:
                 raise ValueError(f"tip_radius_px: above 0 is wanted, not {r}")
             self.x0, self.y0 = pattern.centre_img.tolist()
             self._radius, self._pattern = r, pattern
-        return True
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -160,7 +155,7 @@ class InputRow:
     def _set_vector(
         self, i: cython.Py_ssize_t, xy: Array | None, scale: cython.double, x0: cython.double = 0.0,
         y0: cython.double = 0.0,
-    ) -> cython.bint:  # fmt: skip
+    ) -> cython.void:  # fmt: skip
         """(2,) from a place, divided by a scale; None: not computed."""
         if xy is None:
             self._set(i, NAN, 0.0)
@@ -169,12 +164,11 @@ class InputRow:
             x: cython.double = pair[0]
             y: cython.double = pair[1]
             self._set(i, (x - x0) / scale, (y - y0) / scale)
-        return True
 
     @cython.cfunc
-    def _set_place(self, i: cython.Py_ssize_t, xy_img: Array) -> cython.bint:
+    def _set_place(self, i: cython.Py_ssize_t, xy_img: Array) -> cython.void:
         """A place on the tip's unit disc."""
-        return self._set_vector(i, xy_img, self._radius, self.x0, self.y0)
+        self._set_vector(i, xy_img, self._radius, self.x0, self.y0)
 
     @cython.cfunc
     def _set_place_peak_size(
@@ -183,28 +177,11 @@ class InputRow:
         place: cython.Py_ssize_t,
         peak: cython.Py_ssize_t,
         size: cython.Py_ssize_t,
-    ) -> cython.bint:
+    ) -> cython.void:
         self._set_place(place, contact.xy_img)
         self._set(peak, contact.peak, 0.0)
         area_px2: cython.double = contact.area_px2
         self._set(size, sqrt(area_px2) / self._radius, 0.0)
-        return True
-
-
-def frame_inputs(features: Features, pattern: PinPattern) -> Complex:
-    """The inputs `FRAME_INPUTS` of one frame, as of `InputRow`; a new array."""
-    row = InputRow(FRAME_INPUTS)
-    row.write_frame(features, pattern)
-    values: Complex = row.values
-    return values
-
-
-def contact_inputs(contact: ContactRegion, features: Features, pattern: PinPattern) -> Complex:
-    """The inputs `CONTACT_INPUTS` of one contact of a frame, as of `InputRow`; a new array."""
-    row = InputRow(CONTACT_INPUTS)
-    row.write_contact(contact, features, pattern)
-    values: Complex = row.values
-    return values
 
 
 @cython.final
@@ -321,7 +298,7 @@ class ModelKernel:
         return np.array(self._outputs)
 
     @cython.cfunc
-    def _run(self) -> cython.bint:
+    def _run(self) -> cython.void:
         z: cython.double[::1] = self._inputs.numbers
         parts: cython.double[::1] = self._parts
         parts[0] = 1.0
@@ -340,7 +317,6 @@ class ModelKernel:
                 for k in range(self._first[i, 2], self._first[i + 1, 2]):
                     self._outputs[k, 0] = self._outputs[k, 1] = NAN
                     self._outputs[k, 2] = 0.0
-        return True
 
     @cython.cfunc
     def _evaluate(self, m: cython.Py_ssize_t) -> cython.void:
@@ -430,7 +406,6 @@ class ModelKernel:
         return exp(min(h, LOST_MAX))
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _write(
         self, o: cython.Py_ssize_t, value: cython.double, variance: cython.double, known: cython.bint
     ) -> cython.void:
@@ -540,16 +515,16 @@ def _blocks_of(factor: Array) -> Array:
     return np.ascontiguousarray(rows.reshape(-1, ROWS, n).transpose(0, 2, 1)).reshape(-1, ROWS)
 
 
-def _lost_of(model: Process) -> Lost:
-    """Its own, or one that adds nothing."""
-    return model.lost or Lost(-math.inf, 0.0, 0.0, math.inf)
-
-
 def _limits(model: Process, lost: Lost) -> tuple[float, ...]:
     """One row of `_limits`."""
     across = model.across_range if model.across_weights else model.noise_range
     of_lost = (lost.scale, lost.gap_power, lost.volume_power, lost.gap_max)
     return (model.far, *model.noise_range, *across, *of_lost)
+
+
+def _lost_of(model: Process) -> Lost:
+    """Its own, or one that adds nothing."""
+    return model.lost or Lost(-math.inf, 0.0, 0.0, math.inf)
 
 
 def _check_sizes(model: Process) -> None:

@@ -26,7 +26,6 @@ from edge.calibration.inputs import FRAME_INPUTS
 from edge.errors import CalibrationError
 from edge.limits import BadContent, ImageSide, Name, Number, Pixels
 from edge.types import Lens, PinPattern, Pins, Rest
-from hostlink.output_file import writing
 
 FORMAT = "voronoi-touch-calibration"
 VERSION = 1
@@ -38,7 +37,7 @@ TERMS_MAX = math.isqrt(limits.FILE_BYTES // len("[1,0.5],"))
 FACTORS_MAX = len(FRAME_INPUTS)  # inputs in a product
 REST_SIGMA_PX = 0.05  # noise of a rest pin: the file does not keep each pin's own
 
-#: In the output's unit: mm, mm2, N, Nmm, deg.
+#: The unit is the output's: mm, mm2, N, Nmm, deg.
 Output = Annotated[float, msgspec.Meta(ge=-1e6, le=1e6)]
 Sigma = Annotated[float, msgspec.Meta(ge=1e-9, le=1e6)]
 #: Logarithm, or power of one.
@@ -183,8 +182,13 @@ class Data(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     created: Name
 
 
-class CalibrationFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The file's top level."""
+class CalibrationFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """The file's top level.
+
+    without_contact  models of touched frames in which no contact was found, instead of those of the same
+                     outputs that depend on a contact's place, which give nothing there; None: such frames
+                     were fitted with a place of 0, and the same models hold for them
+    """
 
     format: Name
     version: int
@@ -192,6 +196,7 @@ class CalibrationFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     mm_per_px: Scale | None
     models: Annotated[list[Model], msgspec.Meta(max_length=MODELS_MAX)]
     data: Data
+    without_contact: Annotated[list[Model], msgspec.Meta(max_length=MODELS_MAX)] | None = None
 
 
 class _Header(msgspec.Struct, frozen=True):
@@ -241,35 +246,6 @@ def decode(raw: bytes, where: str) -> CalibrationFile:
 def encode(content: CalibrationFile) -> bytes:
     """The file's bytes."""
     return msgspec.json.encode(content) + b"\n"
-
-
-def save(path: Path, encoded: bytes, through_link: bool = True) -> None:
-    """Replace the file so that a reader, or a loss of power, finds either the old file or the new one,
-    complete.
-
-    through_link  as of `hostlink.output_file.writing`
-    Raises  hostlink.output_file.OutputError: cannot be written
-    """
-    with writing(path, overwrite=True, through_link=through_link) as unfinished:
-        unfinished.write_bytes(encoded)
-
-
-def sensor_of(rest: Rest, serial: str) -> Sensor:
-    """The file's description of a tip, from its rest frame."""
-    p = rest.pattern
-    return Sensor(
-        serial=serial,
-        size_px=p.size_px,
-        pin_radius_px=p.pin_radius_px,
-        pitch_px=p.pitch_px,
-        centre_px=(float(p.centre_img[0]), float(p.centre_img[1])),
-        tip_radius_px=p.tip_radius_px,
-        background=p.background,
-        brightness=p.brightness,
-        noise=p.noise,
-        rest_xy_px=[(round(float(x), 3), round(float(y), 3)) for x, y in rest.xy_img],
-        lens=p.lens,
-    )
 
 
 def rest_of(sensor: Sensor) -> Rest:

@@ -9,11 +9,13 @@ Rules
 
 MODES = tuple(f"c{a}{d - a}" for d in range(6) for a in range(d, -1, -1))  # as `edge.features.modes` has them
 
-#: Inputs made of a frame's features; the order is that of `frame_inputs`. `volume` is real, `shear` the
+#: Inputs made of a frame's features; the order is that of `InputRow`. `volume` is real, `shear` the
 #: plain mean of the pins' motion, `c_ab` the modes of motion; `p`, `peak`, `size` are of the strongest
 #: contact, as below, all 0 if a touch is too weak for one; `gap` is real, the uncertainty due to lost pins,
 #: `gap_place` their mean place on the tip's unit disc, weighted by it, 0 if none is lost.
 FRAME_INPUTS: tuple[str, ...] = ("volume", "shear", *MODES, "p", "peak", "size", "gap", "gap_place")
+#: Those of them that are the strongest contact's.
+OF_PLACE = ("p", "peak", "size")
 #: First moments about a contact's middle: computed only for models that depend on them.
 MOMENTS = ("divergence_moment", "curl_moment")
 #: Inputs of a contact fitted to the pins' motion (`edge.types.FittedContact`), computed of several contacts:

@@ -14,6 +14,7 @@ Rules
 - The number of contacts has no unit: it is sent without a calibration too.
 - Every value has a standard deviation: the residual of the fit on held-out frames, widened where a frame
   lies far from the data (leverage), as in Bayesian linear regression; that of a process is each frame's own.
+- A touched frame in which no contact is found has models of its own, without the place: a light touch's.
 - Only the models in demand are evaluated. Processes may need more of a frame than the demand itself
   does (`Calibration.needed`).
 """
@@ -22,12 +23,12 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
-from edge.calibration.checks import check, is_of_contact, outputs_of
+from edge.calibration.checks import check, is_of_contact, is_of_place, outputs_of
 from edge.calibration.evaluation import ModelKernel
 from edge.calibration.file import (
     CONTACT_OUTPUTS,
@@ -41,12 +42,12 @@ from edge.calibration.file import (
     encode,
     read_file,
     rest_of,
-    save,
 )
 from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, MOMENTS
 from edge.errors import CalibrationError
 from edge.limits import BadContent
-from edge.types import Array, Complex, ContactRegion, Feature, Features, PinPattern, Reading
+from edge.types import Array, ContactRegion, Feature, Features, PinPattern, Reading
+from hostlink.output_file import writing
 
 #: Forces along the surface. The torque that a contact can carry depends on its area.
 OF_FRICTION = frozenset({"force_x_n", "force_y_n", "torque_z_nmm"})
@@ -66,6 +67,8 @@ class Calibration:
     rest       the tip it belongs to, in the file's order of pins
     mm_per_px  scale at the tip's centre; None: not known, places of contact are NaN
     content_id 32 bits of the content's hash; goes over the wire as the calibration's identity
+    frame_models, contact_models  of a frame, and of one contact
+    light_models  of a touched frame without a contact
     of_moments whether a model depends on a contact's moments
     of_volume  whether a model depends on the volume
     of_fits    whether there are models of contacts fitted together
@@ -78,23 +81,29 @@ class Calibration:
         self.mm_per_px = content.mm_per_px
         self.rest = rest_of(content.sensor)
         of_frame = [m for m in content.models if not is_of_contact(m)]
-        self._frame = ModelKernel(FRAME_INPUTS, of_frame)
+        self.frame_models = self.light_models = ModelKernel(FRAME_INPUTS, of_frame)
+        if content.without_contact is not None:
+            others = [*content.without_contact, *(m for m in of_frame if not is_of_place(m))]
+            known = {tuple(outputs_of(m)): m for m in reversed(others)}
+            self.light_models = ModelKernel(FRAME_INPUTS, list(known.values()))
         of_contact = [m for m in content.models if is_of_contact(m)]
         joint = [m for m in of_contact if not set(JOINT_OUTPUTS).isdisjoint(outputs_of(m))]
-        self._contact = ModelKernel(CONTACT_INPUTS, [m for m in of_contact if m not in joint])
+        self.contact_models = ModelKernel(CONTACT_INPUTS, [m for m in of_contact if m not in joint])
         self._joint = ModelKernel(CONTACT_INPUTS, joint)
         self._processes = [model for model in of_frame if isinstance(model, Process)]
         self.of_fits = bool(joint)
-        self.outputs = frozenset((*self._frame.names, *self._contact.names, *self._joint.names))
-        read = frozenset().union(*map(_inputs_of, content.models))
+        self.outputs = frozenset((*self.frame_models.names, *self.contact_models.names, *self._joint.names))
+        models = *content.models, *(content.without_contact or ())
+        read = frozenset().union(*map(_inputs_of, models))
         self.of_moments = not read.isdisjoint(MOMENTS)
         self.of_volume = "volume" in read
-        self._of_place = [CONTACT_OUTPUTS.index(name) for name in self._contact.names]
+        self._of_place = [CONTACT_OUTPUTS.index(name) for name in self.contact_models.names]
         self._of_joint = [JOINT_OUTPUTS.index(name) for name in self._joint.names]
         # A place that no model gives is computed with this.
         self._scale: float | None = None if self.outputs >= set(CONTACT_OUTPUTS[:2]) else content.mm_per_px
-        self._untouched = {name: UNTOUCHED[name] for name in self._frame.names}
-        self._untouched_sigmas = dict(zip(self._frame.names, self._frame.sigmas, strict=True))
+        self._unknown = dict.fromkeys(self.frame_models.names, math.nan)
+        self._untouched = {name: UNTOUCHED[name] for name in self.frame_models.names}
+        self._untouched_sigmas = dict(zip(self.frame_models.names, self.frame_models.sigmas, strict=True))
         self._demand: frozenset[Feature] | None = None
         self._gives_contacts = True  # the demand includes them
 
@@ -127,7 +136,8 @@ class Calibration:
         through_link  as of `hostlink.output_file.writing`
         Raises  hostlink.output_file.OutputError: cannot be written
         """
-        save(Path(path), self.encoded, through_link)
+        with writing(path, overwrite=True, through_link=through_link) as unfinished:
+            unfinished.write_bytes(self.encoded)
 
     def needed(self, demand: frozenset[Feature]) -> frozenset[Feature]:
         """The demand, and the other features that its models take their inputs from."""
@@ -154,23 +164,23 @@ class Calibration:
         """
         if demand is not self._demand:
             self._demand = demand
-            self._frame.want(None if demand is None else _outputs_in(demand))
+            for kernel in (self.frame_models, self.light_models):
+                kernel.want(None if demand is None else _outputs_in(demand))
             self._gives_contacts = demand is None or not demand.isdisjoint(OF_CONTACTS)
         saturated: frozenset[str] = frozenset()
         if features.in_contact:
-            values, sigmas, saturated = self._frame.of_frame(features, pattern)
+            # None: not looked for, as nothing in demand depends on them.
+            is_light = features.contacts == () and self.light_models is not self.frame_models
+            kernel = self.light_models if is_light else self.frame_models
+            values, sigmas, saturated = kernel.of_frame(features, pattern)
+            if is_light:
+                values, sigmas = self._unknown | values, self._unknown | sigmas
         else:
             values, sigmas = self._untouched.copy(), self._untouched_sigmas.copy()
         found = features.contacts if self._gives_contacts else None
         self._derive(features, found, values, sigmas, interval_s)
         contacts = self._places(features, found, pattern, values.get("displacement_mm"))
         return Reading(values, sigmas, contacts, saturated, True)
-
-    def frame_values(self, z: Complex) -> Iterator[tuple[str, float, float, bool]]:
-        """Name, value, sigma and whether out of range, of every output, from `frame_inputs`."""
-        rows = self._frame.of_inputs(z).tolist()
-        for name, (y, sigma, outside) in zip(self._frame.names, rows, strict=True):
-            yield name, y, sigma, bool(outside)
 
     def area_mm2(self, found: Contacts | None, values: Mapping[str, float]) -> float | None:
         """Area of all contacts: a model's, else that of the contacts in the image; None: not known."""
@@ -229,7 +239,7 @@ class Calibration:
                 (x, y), (x0, y0) = contact.xy_img.tolist(), pattern.centre_img.tolist()
                 place[:2] = (x - x0) * self._scale, (y - y0) * self._scale
             if self._of_place:
-                values = self._contact.of_contact(contact, features, pattern)
+                values = self.contact_models.of_contact(contact, features, pattern)
                 for i, value in zip(self._of_place, values, strict=True):
                     place[i] = value
             if self._of_joint and len(found) > 1 and contact.fitted is not None:
@@ -240,12 +250,6 @@ class Calibration:
         if len(found) == 1 and depth_mm is not None:
             places[0][2] = depth_mm
         return np.array(places, np.float64)
-
-    def contact_values(self, z: Complex) -> Iterator[tuple[str, float, float]]:
-        """Name, value and sigma of every output of one contact, from `contact_inputs`."""
-        rows = self._contact.of_inputs(z).tolist()
-        for name, (y, sigma, _) in zip(self._contact.names, rows, strict=True):
-            yield name, y, sigma
 
 
 def _inputs_of(model: Model) -> frozenset[str]:

@@ -19,18 +19,30 @@ Rules
   motion of the rim smoothly.
 """
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from edge.cells.params import PARAMS, CellsParams
 from edge.geometry.layout import affine_terms
+from edge.geometry.neighbours import pairs_within
 from edge.types import Array, Index
 
 # Weights below this share of the largest vanish in the rounding of single precision.
 NEGLIGIBLE = 1e-8
 # Arcs of the ball's path shorter than this (rad) come from rounding: the ball touches three pins at once.
 ARC_MIN = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class CellsParams:
+    """Parameters by name, pitches of the pins; the evidence for each is in docs/tuning.md, "Cells"."""
+
+    ball_pitches: float = 3.0  # radius of the ball that rolls round the pins
+    step_pitches: float = 0.7  # largest distance of boundary points along an arc
+
+
+PARAMS = CellsParams()
 
 
 def make_boundary(xy: Array, pitch_px: float, params: CellsParams = PARAMS) -> tuple[Array, Index]:
@@ -73,20 +85,33 @@ def make_boundary(xy: Array, pitch_px: float, params: CellsParams = PARAMS) -> t
 
 
 def _ways_of_the_ball(xy: Array, ball: float) -> tuple[Index, Array, Array]:
-    """Arcs of the ball's centre while it touches one pin: (a,) pin, start rad, length rad."""
-    pin: list[int] = []
-    arcs: list[tuple[float, float]] = []
+    """Arcs of the ball's centre while it touches one pin: (a,) pin, start rad, length rad.
+
+    They are what no interval middle +- half covers, in which the ball would touch another pin.
+    """
+    pairs = pairs_within(xy, 2 * ball)
+    pin, other = np.concatenate([pairs, pairs[:, ::-1]]).T
+    to_other = xy[other] - xy[pin]
+    distance = np.hypot(to_other[:, 0], to_other[:, 1])
     _, first = np.unique(xy, axis=0, return_index=True)
-    for i in np.sort(first):
-        to_other = xy - xy[i]
-        distance = np.hypot(to_other[:, 0], to_other[:, 1])
-        near = (distance > 0) & (distance < 2 * ball)
-        middle = np.arctan2(to_other[near, 1], to_other[near, 0])
-        found = _exposed(middle, np.arccos(distance[near] / (2 * ball)))
-        arcs.extend(found)
-        pin.extend([int(i)] * len(found))
-    start, length = np.array(arcs).T
-    return np.array(pin, dtype=np.int32), start, length
+    used = (distance > 0) & (distance < 2 * ball) & np.isin(pin, first)
+    pin, to_other, distance = pin[used], to_other[used], distance[used]
+    half = np.arccos(distance / (2 * ball))
+    start = np.mod(np.arctan2(to_other[:, 1], to_other[:, 0]) - half, 2 * np.pi)
+    order = np.lexsort((start, pin))
+    pin, start, end = pin[order], start[order], start[order] + 2 * half[order]
+    # A row a pin, behind its intervals empty ones.
+    count = np.bincount(pin, minlength=len(xy))
+    column = np.arange(len(pin)) - (np.cumsum(count) - count)[pin]
+    starts = np.full((len(xy), max(1, count.max())), np.inf)
+    ends = np.full_like(starts, -np.inf)
+    starts[pin, column], ends[pin, column] = start, end
+    wrapped = ends.max(axis=1) - 2 * np.pi  # the part covered by intervals that begin before 0
+    reach = np.maximum.accumulate(np.column_stack([wrapped, ends[:, :-1]]), axis=1)
+    alone = first[count[first] == 0]
+    reach[alone, 0], starts[alone, 0] = 0.0, 2 * np.pi
+    which, at = np.nonzero((starts - reach > ARC_MIN) & np.isfinite(starts))
+    return which.astype(np.int32), reach[which, at], (starts - reach)[which, at]
 
 
 def _direction(angle: Array) -> Array:
@@ -99,18 +124,6 @@ def _arc(centre: Array, radius: float, start: float, turn: float, step: float) -
     angle = start + turn * (np.arange(k) + 0.5) / k
     points: Array = centre + radius * _direction(angle)
     return points
-
-
-def _exposed(middle: Array, half: Array) -> list[tuple[float, float]]:
-    """Arcs of a circle that no interval middle +- half covers: (start, length), rad."""
-    if len(middle) == 0:
-        return [(0.0, 2 * np.pi)]
-    start = np.mod(middle - half, 2 * np.pi)
-    order = np.argsort(start)
-    start, end = start[order], start[order] + 2 * half[order]
-    wrapped = end.max() - 2 * np.pi  # the part covered by intervals that begin before 0
-    reach = np.maximum.accumulate(np.concatenate([[wrapped], end[:-1]]))
-    return [(float(r), float(s - r)) for r, s in zip(reach, start, strict=True) if s - r > ARC_MIN]
 
 
 def make_fence(boundary: Array) -> Array:

@@ -5,7 +5,7 @@ Idea
   The triangulation of one frame is nearly always that of the next, so it is kept: every frame each
   triangle is measured once, each edge checked once, and only edges that are no longer Delaunay are
   flipped (Lawson). It is built from scratch (incremental insertion) at the start and when points
-  moved so far that triangles turned over and single flips cannot repair them.
+  moved so far that triangles turned over.
 
   Everything follows from one number an edge. With alpha, beta the angles that face the edge in its two
   triangles,
@@ -44,6 +44,7 @@ in the coordinates' own sense (x right, y up).
 
 import cython
 import numpy as np
+from cython.cimports.libc.math import fabs
 
 from edge.cells.boundary import RimMotion
 from edge.errors import DegenerateLayout
@@ -53,10 +54,7 @@ from edge.types import Array, Index
 
 if cython.compiled:
     from cython.cimports.edge.cells.triangle_parts import measure
-    from cython.cimports.libc.math import fabs
 else:
-    from math import fabs
-
     from edge.cells.triangle_parts import measure
 
 INFINITY = cython.declare(cython.double, float("inf"))
@@ -265,23 +263,22 @@ class Mesh:
         self.n_triangles = 0
 
     def triangles(self) -> Index:
-        """(k, 3) int32, read-only: the triangles that touch a pin and not the fence, counter-clockwise."""
-        corners = np.empty((self.n_triangles, 3), np.int32)
-        chosen: Index = corners[: self._choose(corners)]
-        chosen.flags.writeable = False
-        return chosen
+        """(k, 3) int32, read-only: the triangles that touch a pin and not the fence, counter-clockwise.
 
-    @cython.cfunc
-    def _choose(self, corners: cython.int[:, ::1]) -> cython.Py_ssize_t:
-        """Each triangle is written, over the last one if that was not chosen: half of them are, at random."""
+        Each triangle is written, over the last one if that was not chosen: half of them are, at random.
+        """
+        table: Index = np.empty((self.n_triangles, 3), np.int32)
+        corners: cython.int[:, ::1] = table
         tail: cython.int[::1] = self.tail
         n = cython.cast(cython.int, self.n_pins)
         bounded = cython.cast(cython.int, self.n_bounded)
-        chosen: cython.Py_ssize_t = 0
+        k: cython.Py_ssize_t = 0
         for t in range(self.n_triangles):
             a, b, c = tail[3 * t], tail[3 * t + 1], tail[3 * t + 2]
-            corners[chosen, 0], corners[chosen, 1], corners[chosen, 2] = a, b, c
-            chosen += ((a < n) | (b < n) | (c < n)) & (a < bounded) & (b < bounded) & (c < bounded)
+            corners[k, 0], corners[k, 1], corners[k, 2] = a, b, c
+            k += ((a < n) | (b < n) | (c < n)) & (a < bounded) & (b < bounded) & (c < bounded)
+        chosen: Index = table[:k]
+        chosen.flags.writeable = False
         return chosen
 
     def counts(self) -> tuple[int, int, int]:
@@ -306,14 +303,12 @@ class Mesh:
                     continue
             elif built:  # no triangle of a new one is turned over
                 return False
-            elif self._repair():
-                continue
             built = True
             if not self._build():
                 return False
 
     @cython.cfunc
-    def _take(self, points: cython.const[cython.double][:, ::1]) -> cython.bint:
+    def _take(self, points: cython.const[cython.double][:, ::1]) -> cython.void:
         """Take the coordinates, and place the guards round them."""
         n = self.n_points
         x_of: cython.double[::1] = self.x
@@ -348,7 +343,6 @@ class Mesh:
         self.x[n + 1] = self.x[n + 2] = x_mid + half
         self.y[n] = self.y[n + 1] = y_mid - half
         self.y[n + 2] = self.y[n + 3] = y_mid + half
-        return True
 
     @cython.cfunc
     def _parted(self) -> cython.bint:
@@ -358,33 +352,6 @@ class Mesh:
                 if self.x[i] != self.x[self.same_as[i]] or self.y[i] != self.y[self.same_as[i]]:
                     return True
         return False
-
-    @cython.cfunc
-    def _repair(self) -> cython.bint:
-        """Flip the edge that a point crossed, where that makes both triangles valid; true if all are then.
-
-        Again and again, while fewer and fewer are turned over.
-        """
-        flips, before = self.flips, self.n_triangles + 1
-        while True:
-            turned = 0
-            for t in range(self.n_triangles):
-                if not self._is_turned(t):
-                    continue
-                turned += 1
-                for h in range(3 * t, 3 * t + 3):
-                    g = self.twin[h]
-                    if g < 0:
-                        continue
-                    p, q = self.tail[h], self.tail[g]
-                    r, s = self.tail[_before(h)], self.tail[_before(g)]
-                    if self._orient(p, s, r) > 0.0 and self._orient(q, r, s) > 0.0:
-                        self._flip(h)
-                        break
-            if turned == 0 or turned >= before:
-                self.changes += self.flips != flips
-                return turned == 0
-            before = turned
 
     # ---- triangles and areas
 
@@ -603,7 +570,7 @@ class Mesh:
     def _orient_exact(
         self, a: cython.Py_ssize_t, b: cython.Py_ssize_t, c: cython.Py_ssize_t
     ) -> cython.double:
-        """As `_orient`, rounded once."""
+        """The value of `_orient`, rounded once."""
         (bx, by), (cx, cy) = self._from(a, b), self._from(a, c)
         return (bx * cy - by * cx) / WHOLE**2
 
@@ -611,7 +578,7 @@ class Mesh:
     def _incircle_exact(
         self, a: cython.Py_ssize_t, b: cython.Py_ssize_t, c: cython.Py_ssize_t, d: cython.Py_ssize_t
     ) -> cython.double:
-        """As `_incircle`, of corners a, b, c and d; rounded once."""
+        """The value of `_incircle`, of corners a, b, c and d; rounded once."""
         (ax, ay), (bx, by), (cx, cy) = self._from(d, a), self._from(d, b), self._from(d, c)
         det = (
             (ax * ax + ay * ay) * (bx * cy - by * cx)

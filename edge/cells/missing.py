@@ -37,7 +37,7 @@ class LostPins:
 
     @cached_property
     def precision(self) -> Array:
-        """Of the motion of all pins; made when it is first needed."""
+        """The precision of the motion of all pins; made when it is first needed."""
         return precision(self._rest_img, self._pitch_px, PREDICTING)
 
     def update(self, seen: Mask) -> None:

@@ -2,12 +2,10 @@
 
 import numpy as np
 
-from edge.cells.boundary import make_boundary, make_fence, rim_motion
+from edge.cells.boundary import PARAMS, CellsParams, make_boundary, make_fence, rim_motion
 from edge.cells.mesh import Mesh
 from edge.cells.missing import LostPins
-from edge.cells.params import PARAMS, CellsParams
 from edge.errors import DegenerateLayout
-from edge.geometry.lattice import side_length_of
 from edge.geometry.layout import circumcentres, must_span, spans
 from edge.types import Array, Cells, Rest, Tracks
 
@@ -15,8 +13,10 @@ from edge.types import Array, Cells, Rest, Tracks
 class Tessellator:
     """Cells of the pins of one tip; keeps the triangulation of the last frame.
 
-    rest.xy_img  (n, 2) px, n >= 3, finite, not all on a line
-    Raises       DegenerateLayout
+    rest_area_px2  (n,) px2, area of each pin's cell on the rest frame
+
+    rest.xy_img    (n, 2) px, n >= 3, finite, not all on a line
+    Raises         DegenerateLayout
     """
 
     def __init__(self, rest: Rest, params: CellsParams = PARAMS) -> None:
@@ -35,19 +35,14 @@ class Tessellator:
         self._mesh.attach(rest_img, rim, motion, self._points, self._area)
         self._changes = self._mesh.update(self._points, self._area)
         self._triangles = self._mesh.triangles()
-        self._rest_area_px2 = self._area.copy()
-        self._rest_area_px2.flags.writeable = False
-        self._collapsed_px2 = np.finfo(float).eps ** 0.5 * float(self._rest_area_px2.sum())
+        self.rest_area_px2 = self._area.copy()
+        self.rest_area_px2.flags.writeable = False
+        self._collapsed_px2 = np.finfo(float).eps ** 0.5 * float(self.rest_area_px2.sum())
         self._last_counts = False  # whether those are of the frame before
 
     def prepare(self) -> None:
         """Make now what otherwise the first lost pin would wait for (20 ms)."""
         self._lost.precision  # noqa: B018
-
-    @property
-    def rest_area_px2(self) -> Array:
-        """(n,) px2, area of each pin's cell on the rest frame."""
-        return self._rest_area_px2
 
     def cells(self, tracks: Tracks) -> Cells:
         """Area of each pin's bounded cell in this frame.
@@ -75,12 +70,12 @@ class Tessellator:
             self._triangles, self._changes = self._mesh.triangles(), changes
         area, around, whole = self._area.copy(), self._around.copy(), None
         if not are_lost:
-            return Cells(area, self._rest_area_px2, xy, self._triangles, around)
+            return Cells(area, self.rest_area_px2, xy, self._triangles, around)
         whole = area.copy()
         area[self._lost.lost] = np.nan
         gap, gap_img = self._lost.gap, self._lost.gap_img
-        # By place: names cost 3,600 instructions a frame.
-        return Cells(area, self._rest_area_px2, xy, self._triangles, around, whole, gap, gap_img)
+        # The fields are given by place: names cost 3,600 instructions a frame.
+        return Cells(area, self.rest_area_px2, xy, self._triangles, around, whole, gap, gap_img)
 
     def keep(self, tracks: Tracks) -> None:
         """Make a frame whose cells nobody needs the last one; all of its pins are seen."""
@@ -102,10 +97,15 @@ class Tessellator:
 
 
 def _side_length(xy: Array) -> float:
-    """Median length of the sides of the pins' triangles, px."""
+    """Median length of the sides of the pins' triangles, px.
+
+    It is longer than `pitch_of` by the sides that cross from ring to ring: by 2 % where pins are in rings.
+    """
     mesh = Mesh(len(xy), 0)
     mesh.update(xy, np.empty(len(xy)))
-    return side_length_of(xy, mesh.triangles())
+    corners = mesh.triangles()
+    sides = xy[corners] - xy[np.roll(corners, -1, axis=1)]
+    return float(np.median(np.hypot(sides[..., 0], sides[..., 1])))
 
 
 def cell_polygons(cells: Cells) -> list[Array]:

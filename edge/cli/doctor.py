@@ -40,8 +40,8 @@ def doctor(
 ) -> None:
     """Check camera, pins, calibration, link, processor, clock and disk.
 
-    Prints ok, warn or fail for each, and advice. Leave the tip untouched, and stop the service: the
-    camera is needed. Exit code 1 if something fails, 0 otherwise.
+    Prints ok, warn or fail for each, and advice. Leave the tip untouched, and stop the service, which
+    holds the camera. Exit code 1 if something fails, 0 otherwise.
     """
     from edge.runtime.calibration_store import CalibrationStore
 

@@ -56,12 +56,12 @@ def inspect(
     calibration_path: Path | None,
     overwrite: bool,
 ) -> None:
-    """Find the pins in each IMAGE, and say what is good and what is to be done.
+    """Find the pins in each IMAGE, and say what is good and what to improve.
 
     An IMAGE is a picture, a recording (MCAP, video, GIF, folder) or a camera (v4l2:0), with options as for
-    --source. Every pin should be found, and nothing else. Of an untouched tip it also says which known
-    sensor it looks like, and the scale where its pitch is known. Of a recording the pins are those of its
-    rest frame: the least deformed image, or as --rest says.
+    --source. Every pin should be found, and nothing else. If the tip is untouched, it also says which known
+    sensor this looks like, and the scale if the sensor's pitch is known. From a recording it takes the rest
+    frame: the least deformed image, or what --rest says.
     """
     if calibration_path is not None and rest is None:
         raise InputError("--calibration: is for the rest frame of a recording; give --rest too")

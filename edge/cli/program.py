@@ -13,11 +13,11 @@ from hostlink.command_group import CommandGroup, CommandRow
 
 _SUMMARIES = {
     "run": "Run the finger: camera in, bus out, until stopped.",
+    "hand": "Run the fingers of a hand whose cameras are on one OAK module, until stopped.",
     "replay": "Send RECORDING (MCAP, video, folder of images, example:press) as if it were live.",
     "render": "Make a video of RECORDING: cells, contacts and shear beside the camera's image.",
     "inspect": "Find the pins in each IMAGE, and say what is good and what is to be done.",
     "sensor": "Describe a sensor by one IMAGE of its untouched skin, for --sensor and [sensor] model.",
-    "lens": "Measure a lens by IMAGEs of a checkerboard, for ?lens=FILE in a source's address.",
     "doctor": "Check camera, pins, calibration, link, processor, clock and disk.",
 }
 COMMANDS = {name: CommandRow(f"edge.cli.{name}:{name}", text) for name, text in _SUMMARIES.items()}

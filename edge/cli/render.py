@@ -23,7 +23,9 @@ from edge.cli.progress import counting
 from edge.cli.summary import damage_of, json_line
 from edge.errors import NoPins, SourceError
 from edge.examples import example_calibration
-from edge.rest.tare import TareParams, tare
+from edge.pins import take_rest
+from edge.rest.tare import TareParams
+from edge.rest.tip_match import in_order_of
 from edge.runtime.loop import Loop
 from edge.runtime.measurement import LoopConfig
 from edge.sources import open_source
@@ -109,8 +111,8 @@ def render_recording(
     progress  show a bar on stderr
     rest      "auto", "none" or the number of an image; None: the rest frame is made of the first images,
               if they do not show a touch
-    Returns   frames_n in the video; unidentified_n of them whose pins could not be identified; pins_n of the
-              rest frame; rate_hz of the pictures; without_values, frames by the fault that explains it
+    Returns   frames_n in the video; pins_n of the rest frame; rate_hz of the pictures; without_values, frames
+              by the fault that explains it
     Raises    SourceError: no such recording, or no pins in its first frames; SinkError: cannot be written;
               OSError: the disk is full; CalibrationError: of another tip
     """
@@ -141,10 +143,9 @@ def render_recording(
             frames_n = write_video(pictures(), out, rate_hz)
     if damage := damage_of(source):
         log.warning("%s: %s", recording, damage)
-    counts = loop.statistics()
     return {
-        "frames_n": frames_n, "unidentified_n": counts.unidentified_n, "pins_n": n_pins, "rate_hz": rate_hz,
-        "without_values": counts.without_values,
+        "frames_n": frames_n, "pins_n": n_pins, "rate_hz": rate_hz,
+        "without_values": loop.statistics().without_values,
     }  # fmt: skip
 
 
@@ -160,10 +161,10 @@ def _rest_frame(source: FrameSource, how: str | None, calibration: Calibration |
     if not frames:
         raise SourceError(f"{source.name}: no images")
     try:
-        images = [frame.image for frame in frames]
-        return tare(images, np.inf, calibration, source.polarity, source.lens), frames[-1]
+        rest = take_rest([frame.image for frame in frames], source.polarity, source.lens)
     except NoPins as error:
         raise SourceError(f"{source.name}: {error}") from None
+    return rest if calibration is None else in_order_of(calibration, rest), frames[-1]
 
 
 def caption(result: Result) -> str:

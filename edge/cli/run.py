@@ -45,5 +45,7 @@ def run(
         if not loop.sinks and listen is None and options.record_path is None:
             log.warning("no sink: samples are not sent; give --sink can:can0, or the key sinks in [link]")
         statistics = loop.run(frames_max)
+        if loop.frames_n and loop.measurement.last is None and not quiet:
+            log.warning("%s ended while the rest frame was being taken, no values", source.name)
         if not quiet or as_json:
             print_summary(statistics, loop.sinks, as_json)

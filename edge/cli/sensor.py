@@ -31,8 +31,8 @@ from hostlink.output_file import check_output, writing
 def sensor(image: Path, output: Path, across_mm: float | None, title: str | None, overwrite: bool) -> None:
     """Describe a sensor by one IMAGE of its untouched skin, for --sensor and [sensor] model.
 
-    Written are the pins' number, layout and polarity, and with --across-mm their pitch. Without it nothing
-    in mm is known.
+    The file has number, layout and polarity of the pins and, with --across-mm, their pitch. Without it
+    nothing is known in mm.
     """
     check_output(output, (".toml",), (image,), overwrite)
     title = title or output.stem

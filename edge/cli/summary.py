@@ -6,10 +6,10 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
-from statistics import median
 from typing import Any, get_type_hints
 
 import click
+import numpy as np
 
 from edge.link.sinks import Sink
 from edge.runtime.statistics import LoopStatistics
@@ -89,9 +89,9 @@ class Summary:
             return {"pins_held_median": 0}
         table: dict[str, Any] = {
             "pins_held_min": min(self._held),
-            "pins_held_median": int(median(self._held.elements())),
+            "pins_held_median": int(np.median([*self._held.elements()])),
             "confidence_min": min(self._confidence),
-            "confidence_median": round(median(self._confidence.elements()), 3),
+            "confidence_median": round(float(np.median([*self._confidence.elements()])), 3),
             "contacts_max": self._contacts_max,
         }
         if self._shear_n:

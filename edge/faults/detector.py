@@ -19,13 +19,13 @@ from edge.params import PARAMS as RUNTIME
 from edge.pins.params import PARAMS as PINS
 from edge.sources.live import ThreadedSource, stalled_after_s
 from edge.types import Array, Clock, Features, Frame, FrameSource, Reading, Rest, Result
-from hostlink.clock import DRIFT_MAX
+from hostlink.order_and_time import DRIFT_MAX
 from hostlink.wire import FaultCode as F
 from hostlink.wire import Status
 
 STEP_S = 0.5  # by which an image comes too early where its clock was set, and not late before
 _NOWHERE = np.empty((0, 3))
-NO_CALIBRATION = "no calibration file was given"
+NO_CALIBRATION = "values are in px; to get mm and N, calibrate (docs/from-camera-to-newtons.md)"
 
 
 _MOVED = "the pins stand {off_px:.1f} px off the rest frame, all alike; tare"

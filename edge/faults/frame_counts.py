@@ -1,33 +1,29 @@
+# cython: infer_types=True
 """What is counted of a frame's pins and image for its faults: each one pass over some hundred numbers.
 
 A kernel (`CONTRIBUTING.md`, "Kernels"). Meaning and limits are explained by the callers. NaN marks a lost
 pin; it does not count as far, and has no length.
 """
 
-# mypy: disable-error-code="untyped-decorator,valid-type,no-any-return"
-
-from __future__ import annotations
-
 import cython
 import numpy as np
+from cython.cimports.libc.math import isnan, sqrt
 
 from edge.limits import IMAGE_SIDE_PX
 from edge.types import Array, Image, Index
 
 if cython.compiled:
     from cython.cimports.edge.geometry.select import select_kth
-    from cython.cimports.libc.math import NAN, isnan, sqrt
 else:
-    from math import isnan, sqrt
-    from math import nan as NAN  # noqa: N812
-
     from edge.geometry.select import select_kth
+
+NAN = cython.declare(cython.double, float("nan"))
 
 _LEVELS = np.dtype(np.uint8), np.dtype(np.uint16)
 
 
 def sample_levels(image: Image, step: int, top: int) -> tuple[int, int, int]:
-    """Of every step-th pixel of every step-th row: the sum, how many reach `top`, how many were sampled.
+    """Sum of every step-th pixel of every step-th row, how many reach `top`, how many were sampled.
 
     image   (h, w) uint8 or uint16
     Raises  ValueError: no such image, a step below 1
@@ -48,8 +44,6 @@ def _sum_bytes(
     level: cython.long
     total: cython.longlong = 0
     full: cython.Py_ssize_t = 0
-    x: cython.Py_ssize_t
-    y: cython.Py_ssize_t
     rows: cython.Py_ssize_t = (image.shape[0] + step - 1) // step
     columns: cython.Py_ssize_t = (image.shape[1] + step - 1) // step
     for y in range(rows):
@@ -70,12 +64,10 @@ class PinCounts:
     Raises    ValueError: shapes do not fit, an index out of range
     """
 
-    bad = cython.declare(object, visibility="readonly")
-    new = cython.declare(object, visibility="readonly")
+    bad = cython.declare(cython.uchar[::1], visibility="readonly")
+    new = cython.declare(cython.uchar[::1], visibility="readonly")
     rest_img: cython.const[cython.double][:, ::1]
     near: cython.const[cython.int][:, ::1]
-    is_bad: cython.uchar[::1]
-    is_new: cython.uchar[::1]
     length2: cython.double[::1]
     last_px: cython.double[:, ::1]
 
@@ -88,7 +80,6 @@ class PinCounts:
         self.rest_img = np.array(rest_img, np.float64, order="C")
         self.near = np.array(near, np.int32, order="C")
         self.bad, self.new = np.zeros(n, np.uint8), np.zeros(n, np.uint8)
-        self.is_bad, self.is_new = self.bad, self.new
         self.length2, self.last_px = np.empty(n), np.zeros((n, 2))
 
     def seen(
@@ -117,8 +108,8 @@ class PinCounts:
         noise = 0.0
         # With local names the loop need not load them again after each number that it writes.
         rest_img: cython.const[cython.double][:, ::1] = self.rest_img
-        is_bad: cython.uchar[::1] = self.is_bad
-        is_new: cython.uchar[::1] = self.is_new
+        is_bad: cython.uchar[::1] = self.bad
+        is_new: cython.uchar[::1] = self.new
         for i in range(xy_img.shape[0]):
             dx = xy_img[i, 0] - rest_img[i, 0]
             dy = xy_img[i, 1] - rest_img[i, 1]
@@ -135,14 +126,13 @@ class PinCounts:
         return seen_n, bad_n, new_n, self._holes() if bad_n else 0, far_n, mean_px
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _holes(self) -> cython.Py_ssize_t:
         many: cython.Py_ssize_t = 0
         alone: cython.bint
         for i in range(self.near.shape[0]):
             alone = True
             for k in range(self.near.shape[1]):
-                alone = alone and self.is_bad[self.near[i, k]] != 0
+                alone = alone and self.bad[self.near[i, k]] != 0
             many += alone
         return many
 
@@ -242,14 +232,9 @@ class FocusWindows:
         return self._measure(out, wide)
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _measure(self, out: cython.double[:, ::1], wide: cython.bint) -> cython.double:
         n: cython.Py_ssize_t = self.side * self.side
-        x: cython.Py_ssize_t
-        y: cython.Py_ssize_t
         k: cython.Py_ssize_t
-        column: cython.Py_ssize_t
-        row: cython.Py_ssize_t
         total = 0.0
         for w in range(self.corners.shape[0]):
             sum_ = 0.0
@@ -270,13 +255,11 @@ class FocusWindows:
         return total / self.corners.shape[0]
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _span_wide(self, n: cython.Py_ssize_t) -> cython.double:
         low = select_kth(self.levels, n, n // self.tail)
         return select_kth(self.levels, n, n - 1 - n // self.tail) - low
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _span(self, n: cython.Py_ssize_t) -> cython.double:
         """The same by counting: levels of 8 bits."""
         below: cython.Py_ssize_t

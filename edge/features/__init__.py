@@ -6,9 +6,8 @@
     slip_and_vibration    slip and vibration of the pins in the contact, from frame to frame
     modes                 the motion as polynomial coefficients that turn with the tip
     surface               the grid over the tip, and the constant matrices onto it (`contact_field`)
-    contact_field         a frame's fields on that grid
-    regions               a field's peaks; which of them make one contact; its area and axes
-    contacts              a contact's place, by the pins round it; moments
+    contact_field         a frame's fields on that grid, and their peaks
+    contacts              which peaks make one contact; its axes; its place, by the pins round it; moments
       several             what fits of a few contacts decide; can be left out
     params                every chosen number
 

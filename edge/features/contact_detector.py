@@ -23,12 +23,11 @@ Rules
   it does, if it is above what begins one: no areas are needed for that.
 - Hysteresis: a contact that is there ends below `contact_sigma`, the level of one place. To begin it must be
   the highest of n rings, and that may be noise as rarely: a higher level (6.0 of 331 pins, 5.9 of 127).
-
-A kernel: compiled by Cython (see setup.py), and the same when it is not.
 """
 
 import cython
 import numpy as np
+from cython.cimports.libc.math import fabs, hypot, isfinite, isnan, sqrt
 
 from edge.features.params import CELL_NOISE, MEDIAN_NOISE, PARAMS, RING_NOISE, FeatureParams, largest_noise
 from edge.geometry.lattice import slope_stencil
@@ -37,16 +36,14 @@ from edge.types import Array, Rest
 
 if cython.compiled:
     from cython.cimports.edge.geometry.select import median, sigma_of
-    from cython.cimports.libc.math import NAN, fabs, hypot, isfinite, isnan, sqrt
 else:
-    from math import fabs, hypot, isfinite, isnan, sqrt
-    from math import nan as NAN  # noqa: N812
-
     from edge.geometry.select import median, sigma_of
+
+NAN = cython.declare(cython.double, float("nan"))
 
 
 class ContactDetector:
-    """In contact or not, frame by frame, for the n pins of one tip."""
+    """Decides frame by frame whether the n pins of one tip are in contact."""
 
     def __init__(self, rest: Rest, params: FeatureParams = PARAMS) -> None:
         ring, slope = slope_stencil(rest.xy_img, rest.pattern.pitch_px)
@@ -224,7 +221,7 @@ class ContactDetector:
         return known
 
     def _median_motion(self, xy: Array, component: cython.Py_ssize_t) -> float:
-        """Of the known pins; NaN where fewer than `min_ring_known` are."""
+        """Median over the known pins; NaN where fewer than `min_ring_known` are."""
         known = 0
         for i in range(self._n):
             if isfinite(xy[i, component]):
@@ -238,8 +235,8 @@ class ContactDetector:
         """
         known: cython.Py_ssize_t = 0
         known_rings: cython.Py_ssize_t = 0
-        # In each frame as many rings as hold each cell about once, in turn. About zero rather than about the
-        # median: drift is noise too.
+        # Each frame takes as many rings as hold each cell about once, in turn. Their spread is about zero
+        # rather than about the median: drift is noise too.
         self._turn = (self._turn + 1) % self._width
         for i in range(self._turn, self._n, self._width):
             total: cython.double = 0.0

@@ -8,9 +8,7 @@ cdef class QuantizedOperator:
     cdef int[::1] _start, _begin, _ahead
     cdef float[::1] _row_step
     cdef short[::1] _vector  # (w,), the values in whole steps
-    cdef int[::1] _all  # (k,), every row
 
-    cpdef void apply(self) noexcept
     cpdef void apply_rows(self, const int[::1] which, Py_ssize_t n) noexcept
     cdef int _product(self, Py_ssize_t row) noexcept
     cdef float _quantize(self) noexcept
@@ -45,3 +43,21 @@ cdef class ContactField:
     cpdef object whole_surface(self)
     cdef void _find_active(self) noexcept
     cdef void _detrend(self, const double[:, ::1] xy) noexcept
+
+
+@cython.final
+cdef class PeakFinder:
+    cdef readonly Py_ssize_t width, n_active, n_peaks
+    cdef readonly int[::1] place, active, mark, at, point
+    cdef readonly float[::1] grid, height
+    cdef int[::1] _around  # (8,) from a place to its neighbours
+    cdef int[::1] _stack
+
+    cpdef void set_field(self, const float[::1] field, const int[::1] active, Py_ssize_t n_active) noexcept
+    cpdef Py_ssize_t find(self, const float[::1] noise, float noise_factor, float least) noexcept
+    cpdef void forget_searches(self) noexcept
+    cpdef Py_ssize_t first_connected(self, Py_ssize_t j, float given, bint any_will_do) noexcept
+    cdef bint _is_peak(self, int place, Py_ssize_t n) noexcept
+    cdef void _insert(self, Py_ssize_t p, float h) noexcept
+    cdef bint _is_maximum(self, Py_ssize_t here) noexcept
+    cdef void _mark_plateau(self, Py_ssize_t start) noexcept

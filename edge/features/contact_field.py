@@ -1,9 +1,9 @@
 # cython: infer_types=True
 """One frame's contact field, where it may hold a contact: heights through the area changes, divergence of
-the motion, and their blend.
+the motion, and their blend; and its peaks.
 
     area change --> heights -----.
-                                  >-- contact field, in which contacts are looked for
+                                  >-- contact field --> peaks
     motion ------> divergence ---'
 
 Rules
@@ -12,8 +12,9 @@ Rules
 - Most of the skin does nothing in most frames. The fields are computed at the active points alone, those near
   a pin whose cell has grown by more than drift; everywhere else they are zero. A share of the most grown cell
   would leave out a shallow contact beside a deep one.
-
-A kernel: compiled by Cython (see setup.py), and the same when it is not.
+- Peaks are regional maxima with plateaus, as MATLAB's `imregionalmax` and `skimage.morphology.local_maxima`
+  have them: connected grid points (8 neighbours) of one height, all of whose other neighbours are lower.
+- The grid of the peaks has a border of -inf: every point has eight neighbours, and no search leaves it.
 """
 
 import cython
@@ -21,9 +22,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edge.features.params import PARAMS, FeatureParams
-from edge.types import Array, Heights, Index
+from edge.types import Array, Heights, Index, Mask
 
 _NOTHING = cython.declare(cython.float, -np.inf)
+_LOWEST = cython.declare(cython.float, float(np.finfo(np.float32).min))
+# Marks of a point.
+_UNKNOWN = cython.declare(cython.int, 0)
+_SLOPE = cython.declare(cython.int, 1)
+_TOP = cython.declare(cython.int, 2)
+_PLATEAU = cython.declare(cython.int, 3)  # visited, not decided yet
+_REACHED = cython.declare(cython.int, 4)  # and upwards: reached from peak 0, 1, ...
 #: Largest weight, and largest value of a vector, in steps.
 _WEIGHT_MAX = 32767.0
 _VALUE_MAX = cython.declare(cython.float, 32767.0)
@@ -46,8 +54,8 @@ class QuantizedOperator:
     where columns of pins that lie together follow each other, each row leaves out the smallest blocks of
     them, as many as add no more to its error than rounding does.
 
-    values   (m,) float32, finite; to be written before `apply` or `apply_rows`
-    result   (k,) float32; of `apply` or `apply_rows`
+    values   (m,) float32, finite; to be written before `apply_rows`
+    result   (k,) float32
     """
 
     def __init__(self, matrix: Array) -> None:
@@ -61,13 +69,8 @@ class QuantizedOperator:
         self._weights, self._start, self._begin, self._ahead = _in_runs(matrix, step)
         self._row_step = step.astype(np.float32)
         self._vector = np.zeros(-(-m // BLOCK) * BLOCK, np.int16)
-        self._all = np.arange(k, dtype=np.int32)
         self.values = np.zeros(m, np.float32)
         self.result = np.empty(k, np.float32)
-
-    def apply(self) -> None:
-        """`result`: the matrix times `values`."""
-        self.apply_rows(self._all, self._all.shape[0])
 
     def apply_rows(self, which: Index, n: cython.Py_ssize_t) -> None:
         """The first n of `result`: the first n of these rows, (at least n,) int32, times `values`."""
@@ -215,7 +218,7 @@ class ContactField:
 
     def whole_surface(self) -> Heights:
         """The surface through the frame's area changes at all points, (k,) float32; good until the next."""
-        self._interpolator.apply()
+        self._interpolator.apply_rows(np.arange(len(self.points), dtype=np.int32), len(self.points))
         return np.asarray(self._height_row)
 
     def _find_active(self) -> None:
@@ -285,6 +288,160 @@ class ContactField:
             detrended[column[i] + 1] = dy - y0 - yx * x - yy * y
         self.plane_divergence = xx + yy
         self.plane_curl = yx - xy_
+
+
+class PeakFinder:
+    """Peaks on the points of a grid; k points. All arrays are good until the next field.
+
+    width    points of a padded row: point p lies in column place[p] % width, row place[p] // width
+    place    (k,) int32, where in the padded grid each point lies
+    grid     (h * width,) float32, the field, -inf outside
+    active   (k,) int32, the first n_active: points at which the field may be other than zero, ascending
+    mark     (h * width,) int32, scratch
+    n_peaks  of the last field; at (k,) int32, place of each, highest first;
+             point (k,) int32, which of the k points it is; height (k,) float32
+
+    inside   (rows, columns) bool: the k points, row by row
+    """
+
+    def __init__(self, inside: Mask) -> None:
+        padded = np.pad(inside, 1)
+        self.width = padded.shape[1]
+        self.place = np.flatnonzero(padded).astype(np.int32)
+        self.grid = np.full(padded.size, -np.inf, np.float32)
+        self.mark, self._stack = np.zeros(padded.size, np.int32), np.empty(padded.size, np.int32)
+        self.active = np.arange(len(self.place), dtype=np.int32)
+        self.n_active = len(self.place)  # of no field yet: its first one is written everywhere
+        self.at, self.point = np.zeros_like(self.place), np.zeros_like(self.place)
+        self.height = np.zeros(len(self.place), np.float32)
+        self.n_peaks = 0
+        w = self.width
+        self._around = np.array([-w - 1, -w, -w + 1, -1, 1, w - 1, w, w + 1], np.int32)
+
+    def set_field(self, field: Heights, active: Index, n_active: cython.Py_ssize_t) -> None:
+        """The field (k,) float32 at the points, row by row.
+
+        active   (n_active or more,) int32, points, ascending; elsewhere the field is zero
+        """
+        place: cython.int[::1] = self.place
+        grid: cython.float[::1] = self.grid
+        mine: cython.int[::1] = self.active
+        for i in range(self.n_active):
+            grid[place[mine[i]]] = 0.0
+        for i in range(n_active):
+            mine[i] = active[i]
+            grid[place[active[i]]] = field[active[i]]
+        self.n_active = n_active
+
+    def find(self, noise: Heights, noise_factor: cython.float, least: cython.float) -> cython.Py_ssize_t:
+        """Find the peaks, of the active points, above noise_factor times the noise there, and above `least`.
+
+        noise    (k,) float32
+        Returns  number of peaks
+        """
+        place: cython.int[::1] = self.place
+        grid: cython.float[::1] = self.grid
+        self.mark[:] = _UNKNOWN
+        self.n_peaks = 0
+        for i in range(self.n_active):
+            p = self.active[i]
+            h = grid[place[p]]
+            # The height first: most points lie below the noise, and their neighbours need not be read.
+            if h > least and h > noise[p] * noise_factor and self._is_maximum(place[p]):
+                self._insert(p, h)
+        return self.n_peaks
+
+    def forget_searches(self) -> cython.void:
+        """What is asked next does not depend on what was asked before. Each peak is asked about once."""
+        self.mark[:] = _UNKNOWN
+
+    def first_connected(
+        self, j: cython.Py_ssize_t, given: cython.float, any_will_do: cython.bint
+    ) -> cython.Py_ssize_t:
+        """The first, and so highest, of the peaks before j that is connected with it at or above a level; j:
+        none.
+
+        any_will_do  return 0 as soon as any of them is met
+        """
+        i = 0
+        n = 1
+        reached: cython.int = _REACHED + cython.cast(cython.int, j)
+        # The border is -inf: no search reaches it.
+        level: cython.float = _LOWEST if given < _LOWEST else given
+        self._stack[0] = self.at[j]
+        self.mark[self.at[j]] = reached
+        while i < n:
+            for d in range(8):
+                to = self._stack[i] + self._around[d]
+                if self.grid[to] >= level and self.mark[to] != reached:
+                    if any_will_do and self._is_peak(to, j):
+                        return 0
+                    self.mark[to] = reached
+                    self._stack[n] = to
+                    n += 1
+            i += 1
+        for i in range(j):
+            if self.mark[self.at[i]] == reached:
+                return i
+        return j
+
+    def _is_peak(self, place: cython.int, n: cython.Py_ssize_t) -> cython.bint:
+        """Whether one of the first n peaks lies there."""
+        for i in range(n):  # noqa: SIM110
+            if self.at[i] == place:
+                return True
+        return False
+
+    def _insert(self, p: cython.Py_ssize_t, h: cython.float) -> cython.void:
+        """Insert point p into the list of peaks; of equal heights the first comes first."""
+        i = self.n_peaks
+        self.n_peaks += 1
+        while i > 0 and self.height[i - 1] < h:
+            self.height[i] = self.height[i - 1]
+            self.at[i] = self.at[i - 1]
+            self.point[i] = self.point[i - 1]
+            i -= 1
+        self.height[i] = h
+        self.at[i] = self.place[p]
+        self.point[i] = p
+
+    def _is_maximum(self, here: cython.Py_ssize_t) -> cython.bint:
+        """Whether a place is a regional maximum; it, or the plateau it is on, is marked _TOP or _SLOPE."""
+        h: cython.float = self.grid[here]
+        equal: cython.bint = False
+        if self.mark[here] != _UNKNOWN:
+            return self.mark[here] == _TOP
+        self.mark[here] = _TOP
+        for d in range(8):
+            other = self.grid[here + self._around[d]]
+            if other > h or h == _NOTHING:
+                self.mark[here] = _SLOPE
+                return False
+            equal = equal or other == h
+        if equal:
+            self._mark_plateau(here)
+        return self.mark[here] == _TOP
+
+    def _mark_plateau(self, start: cython.Py_ssize_t) -> cython.void:
+        """All connected points of one height are _TOP if nothing round them is higher, else _SLOPE."""
+        h: cython.float = self.grid[start]
+        i = 0
+        n = 1
+        verdict: cython.int = _TOP
+        self._stack[0] = cython.cast(cython.int, start)
+        self.mark[start] = _PLATEAU
+        while i < n:
+            for d in range(8):
+                to = self._stack[i] + self._around[d]
+                if self.grid[to] > h:
+                    verdict = _SLOPE
+                elif self.grid[to] == h and self.mark[to] != _PLATEAU:
+                    self.mark[to] = _PLATEAU
+                    self._stack[n] = to
+                    n += 1
+            i += 1
+        for i in range(n):
+            self.mark[self._stack[i]] = verdict
 
 
 def _in_patches(xy: Array, n: int) -> Index:

@@ -1,7 +1,42 @@
 cimport cython
-from edge.features.contact_field cimport ContactField
+from edge.features.contact_field cimport ContactField, PeakFinder
 from edge.features.pin_motion cimport PinNoise
-from edge.features.regions cimport PeakFinder, Regions
+
+
+@cython.final
+cdef class Regions:
+    cdef readonly Py_ssize_t n_contacts
+    cdef readonly double[:, ::1] middle
+    cdef readonly double[::1] semi_axis, elongation, direction
+    cdef readonly double x0, y0, step_px
+    cdef Py_ssize_t[::1] _n_points  # of each region
+    cdef float[::1] _level  # a region's edge
+    cdef double[:, ::1] _sums  # of each region: weight, first and second moments
+    cdef Py_ssize_t _n_peaks
+    cdef int[::1] _at  # of each peak: its place in the padded grid
+    cdef float[::1] _height, _grid
+    # the contact it belongs to, -1: one too many; a contact's first peak is its highest
+    cdef int[::1] _contact
+    cdef double[:, ::1] _ridge  # places of one contact's peaks
+    cdef object _ridge_array  # the same memory
+    cdef PeakFinder _peaks
+    cdef int[::1] _place, _active
+    cdef short[::1] _column  # of each place in the padded grid
+    cdef short[::1] _row
+    cdef double _shallow_rel, _min_prominence_sigma
+
+    cpdef Py_ssize_t merge(self, const float[::1] noise, double noise_px) noexcept
+    cpdef void keep(self, const unsigned char[::1] kept) noexcept
+    cpdef double area_px2(self, Py_ssize_t i) noexcept
+    cpdef double peak_height(self, Py_ssize_t i) noexcept
+    cpdef object ridge(self, Py_ssize_t i)
+    cdef Py_ssize_t _nearest_point(self, double x, double y) noexcept
+    cdef Py_ssize_t _highest(self, Py_ssize_t i) noexcept
+    cdef void _drop_peaks(self, int dropped) noexcept
+    cdef void _measure(self) noexcept
+    cdef void _collect(self) noexcept
+    cdef Py_ssize_t _nearest(self, Py_ssize_t at) noexcept
+    cdef void _find_shape(self, Py_ssize_t i) noexcept
 
 
 @cython.final
@@ -30,12 +65,9 @@ cdef class ContactFinder:
     cdef object _describe(self, Py_ssize_t i, double direction, bint moments, list fitted)
     cpdef void drop_guesses(self, const unsigned char[::1] seen) noexcept
     cpdef double visible_share(self, const unsigned char[::1] seen, double x, double y) noexcept
-    cpdef void find_places(self) noexcept
     cpdef void find_moments(self) noexcept
     cdef Py_ssize_t _find_near(self, Py_ssize_t i) noexcept
     cdef void _find_moments(self, Py_ssize_t i, Py_ssize_t n) noexcept
     cdef double _radius_px(self, Py_ssize_t i) noexcept
-    cdef void _find_place(self, Py_ssize_t i, Py_ssize_t n_contacts) noexcept
-    cdef bint _is_nearer_to_another(
-        self, double x, double y, double d2, Py_ssize_t i, Py_ssize_t n_contacts
-    ) noexcept
+    cdef void _find_place(self, Py_ssize_t i) noexcept
+    cdef bint _is_nearer_to_another(self, double x, double y, double d2, Py_ssize_t i) noexcept

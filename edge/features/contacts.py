@@ -1,40 +1,289 @@
 # cython: infer_types=True
-"""Contacts of a frame, from the contact field to their places.
+"""Contacts of a frame, from the peaks of the contact field to their places.
 
-    contact field --peaks, prominence--> regions, each a contact
+    peaks --prominence--> regions, each a contact
     --seen pins--> no guesses --fits--> close pairs separated, bars joined --pins round it--> place
 
+A probe makes one peak, a long edge a chain of them, a flat surface a ring or a rough plateau. Peaks with no
+real valley between them are one contact.
+
 Rules
+- Two peaks are one contact unless every path between them descends far enough: by a share of the
+  lower one and by a multiple of the pins' noise there (topographic prominence). A second peak lower than that
+  noise is none, however far away.
+- The region of a contact is what lies above a share of its peak and is nearest to one of its peaks. A share
+  rather than a fixed height, so that the region does not grow with the depth alone.
+- Contacts are in the order of their highest peaks, CONTACTS_MAX at most.
 - A contact's place is the mean of its pins' present positions, weighted by area change. A shear shifts both
   the pattern of area changes and the pins; in this mean the two errors nearly cancel.
 - What a shear adds shows in first moments about the middle: of the divergence, which a press makes
   symmetrical, and of the curl, which a press does not make at all. A shear makes both, as large (of an even
   spread: exactly), so that a calibration can take the one off the other.
 - Cells of lost pins are interpolated from others: where most pins are lost, a contact is only a guess.
-
-A kernel: compiled by Cython (see setup.py), and the same when it is not.
 """
 
 import cython
 import numpy as np
+from cython.cimports.libc.math import atan2, hypot, isfinite, isnan, sqrt
+from numpy.typing import NDArray
 
+from edge.features.contact_field import PeakFinder
 from edge.features.params import CONTACTS_MAX, PARAMS, FeatureParams
+from edge.features.pin_motion import PinNoise
 from edge.features.several import Fits, FittedContacts
 from edge.features.surface import Surface
-from edge.types import Array, ContactRegion, FittedContact, Mask
+from edge.types import Array, ContactRegion, FittedContact, Heights, Mask
 
-if cython.compiled:
-    from cython.cimports.edge.features.pin_motion import PinNoise
-    from cython.cimports.edge.features.regions import PeakFinder, Regions
-    from cython.cimports.libc.math import NAN, hypot, isnan
-else:
-    from math import hypot, isnan
-    from math import nan as NAN  # noqa: N812
-
-    from edge.features.pin_motion import PinNoise
-    from edge.features.regions import PeakFinder, Regions
-
+NAN = cython.declare(cython.double, float("nan"))
+_CONTACTS_MAX = cython.declare(cython.Py_ssize_t, CONTACTS_MAX)
+# A peak that belongs to no contact is marked with one of these.
+_NONE = cython.declare(cython.int, -1)
+_NOISE = cython.declare(cython.int, -2)
+#: Smallest variance across a region, in squared steps: below it the ratio of the axes is rounding.
+_VARIANCE_MIN = cython.declare(cython.double, 1e-9)
 _UNKNOWN = np.full(2, np.nan)
+
+
+class Regions:
+    """Contacts of one frame: their peaks, and the moments of their regions. Good until the next frame.
+
+    n_contacts   of the frame
+    middle       (CONTACTS_MAX, 2) float64 px, centre of gravity of each region
+    semi_axis    (CONTACTS_MAX,) float64 px, the long one
+    elongation   (CONTACTS_MAX,) float64, long over short axis
+    direction    (CONTACTS_MAX,) float64 rad, of the long axis, from x towards y
+    x0, y0, step_px  place of the padded grid's first column and row, and the distance of its points;
+                 given are those of the field's
+
+    peaks        of the field
+    """
+
+    def __init__(
+        self, peaks: PeakFinder, x0: float, y0: float, step_px: float, params: FeatureParams = PARAMS
+    ) -> None:
+        table = len(peaks.place) + 1  # the only peak of all may become two
+        self.n_contacts, self._n_peaks = 0, 0
+        self.middle = np.zeros((CONTACTS_MAX, 2))
+        self.semi_axis, self.elongation = np.zeros(CONTACTS_MAX), np.zeros(CONTACTS_MAX)
+        self.direction = np.zeros(CONTACTS_MAX)
+        self._n_points, self._level = np.zeros(CONTACTS_MAX, np.intp), np.zeros(CONTACTS_MAX, np.float32)
+        self._sums = np.zeros((CONTACTS_MAX, 6))
+        self._at, self._contact = np.zeros(table, np.int32), np.zeros(table, np.int32)
+        self._height = np.zeros(table, np.float32)
+        self._ridge_array = self._ridge = np.empty((table, 2))
+        self._peaks = peaks
+        self._grid, self._place, self._active = peaks.grid, peaks.place, peaks.active
+        row, column = np.divmod(np.arange(len(peaks.grid), dtype=np.int32), peaks.width)
+        self._row, self._column = row.astype(np.int16), column.astype(np.int16)
+        self.x0, self.y0, self.step_px = x0 - step_px, y0 - step_px, step_px
+        self._shallow_rel = params.shallow_rel
+        self._min_prominence_sigma = 2.0 * params.contact_sigma
+
+    def merge(self, noise: Heights, noise_px: float) -> int:
+        """Group the peaks into contacts by prominence, and measure their regions.
+
+        noise     (k,) float32, noise of the field at each point per px of a pin's
+        noise_px  of a pin; not used for a single peak
+        Returns   number of contacts
+        """
+        depth: cython.float
+        pins: cython.float = self._min_prominence_sigma * noise_px
+        self._n_peaks = self._peaks.n_peaks
+        if self._n_peaks > 1:
+            self._peaks.forget_searches()
+        self.n_contacts = 0
+        for j in range(self._n_peaks):
+            self._at[j] = self._peaks.at[j]
+            self._height[j] = self._peaks.height[j]
+            first = j
+            depth = 0.0
+            if j > 0:
+                valley = pins * noise[self._peaks.point[j]]
+                depth = max(self._shallow_rel * self._height[j], valley)
+                first = self._peaks.first_connected(j, self._height[j] - depth, self.n_contacts == 1)
+            if depth > self._height[j]:
+                self._contact[j] = _NOISE
+            elif first < j:
+                self._contact[j] = self._contact[first]
+            elif self.n_contacts < _CONTACTS_MAX:
+                self._contact[j] = cython.cast(cython.int, self.n_contacts)
+                self.n_contacts += 1
+            else:
+                self._contact[j] = _NONE
+        self._drop_peaks(_NOISE)
+        self._measure()
+        return self.n_contacts
+
+    def keep(self, kept: NDArray[np.uint8]) -> None:
+        """Drop the contacts that are not kept, (n_contacts or more,) uint8; the others take over their
+        points.
+        """
+        n: cython.int = 0
+        for i in range(self.n_contacts):
+            for j in range(self._n_peaks):
+                if self._contact[j] == i:
+                    self._contact[j] = n if kept[i] else _NONE
+            n += 1 if kept[i] else 0
+        self.n_contacts = n
+        self._drop_peaks(_NONE)
+        self._measure()
+
+    def split(self, x0: cython.double, y0: cython.double, x1: cython.double, y1: cython.double) -> bool:
+        """Make two contacts of the only one, with their peaks at the grid's points nearest to two places, px;
+        False: that is one point.
+        """
+        first = self._nearest_point(x0, y0)
+        second = self._nearest_point(x1, y1)
+        if first == second:
+            return False
+        self._at[0], self._at[1] = cython.cast(cython.int, first), cython.cast(cython.int, second)
+        self._height[0], self._height[1] = self._grid[first], self._grid[second]
+        self._contact[0] = 1 if self._height[1] > self._height[0] else 0
+        self._contact[1] = 1 - self._contact[0]
+        self._n_peaks = self.n_contacts = 2
+        self._measure()
+        return True
+
+    def join(self) -> None:
+        """Make one contact of the only two."""
+        for j in range(self._n_peaks):
+            self._contact[j] = 0
+        self.n_contacts = 1
+        self._measure()
+
+    def _nearest_point(self, x: cython.double, y: cython.double) -> int:
+        """Place in the padded grid of the point nearest to a place, px."""
+        nearest = self._place[0]
+        least: cython.double = np.inf
+        for p in range(self._place.shape[0]):
+            at = self._place[p]
+            dx = self.x0 + self.step_px * self._column[at] - x
+            dy = self.y0 + self.step_px * self._row[at] - y
+            if dx * dx + dy * dy < least:
+                least = dx * dx + dy * dy
+                nearest = at
+        return nearest
+
+    def area_px2(self, i: cython.Py_ssize_t) -> float:
+        """Area of contact i's region, px2."""
+        return self._n_points[i] * self.step_px * self.step_px
+
+    def peak_height(self, i: cython.Py_ssize_t) -> float:
+        """Height of contact i's highest peak, interpolated between the grid's points by a parabola along each
+        axis.
+        """
+        at = self._at[self._highest(i)]
+        top = cython.cast(cython.double, self._grid[at])
+        height = top
+        for k in range(2):
+            step = self._peaks.width if k == 0 else 1
+            low = cython.cast(cython.double, self._grid[at - step])
+            high = cython.cast(cython.double, self._grid[at + step])
+            curvature = 2.0 * top - low - high
+            if low > top or high > top:
+                continue  # no maximum of this field: one of the two of a split contact
+            if curvature > 0.0 and isfinite(curvature):
+                height += (high - low) * (high - low) / (8.0 * curvature)
+        return height
+
+    def ridge(self, i: cython.Py_ssize_t) -> Array:
+        """(m, 2) float64 px, all peaks of contact i."""
+        n = 0
+        for j in range(self._n_peaks):
+            if self._contact[j] == i:
+                self._ridge[n, 0] = self.x0 + self.step_px * self._column[self._at[j]]
+                self._ridge[n, 1] = self.y0 + self.step_px * self._row[self._at[j]]
+                n += 1
+        found: Array = self._ridge_array[:n].copy()
+        return found
+
+    def _highest(self, i: cython.Py_ssize_t) -> int:
+        """Which peak is the highest of contact i."""
+        j = 0
+        while self._contact[j] != i:
+            j += 1
+        return j
+
+    def _drop_peaks(self, dropped: cython.int) -> None:
+        """Remove the peaks that are marked so instead of with a contact."""
+        left = 0
+        for j in range(self._n_peaks):
+            if self._contact[j] != dropped:
+                self._at[left] = self._at[j]
+                self._height[left] = self._height[j]
+                self._contact[left] = self._contact[j]
+                left += 1
+        self._n_peaks = left
+
+    def _measure(self) -> None:
+        """Collect each contact's region, and find its shape."""
+        self._collect()
+        for i in range(self.n_contacts):
+            self._find_shape(i)
+
+    def _collect(self) -> None:
+        """Sums over each region's active points, weighted by the height above its edge."""
+        lowest: cython.float = (
+            np.inf if self.n_contacts == 0 else self._shallow_rel * self._height[self._highest(0)]
+        )
+        for i in range(self.n_contacts):
+            self._level[i] = self._shallow_rel * self._height[self._highest(i)]
+            lowest = min(lowest, self._level[i])
+            self._n_points[i] = 0
+            for p in range(6):
+                self._sums[i, p] = 0.0
+        for k in range(self._peaks.n_active):
+            at = self._place[self._active[k]]
+            h = self._grid[at]
+            if not h > lowest:
+                continue
+            i = self._contact[self._nearest(at)]
+            if i < 0 or not h > self._level[i]:
+                continue
+            w = cython.cast(cython.double, h - self._level[i])
+            x = self._column[at]
+            y = self._row[at]
+            self._n_points[i] += 1
+            self._sums[i, 0] += w
+            self._sums[i, 1] += w * x
+            self._sums[i, 2] += w * y
+            self._sums[i, 3] += w * x * x
+            self._sums[i, 4] += w * x * y
+            self._sums[i, 5] += w * y * y
+
+    def _nearest(self, at: cython.Py_ssize_t) -> int:
+        """Which peak is nearest to a place; of equals the first, and the first where there is one contact."""
+        nearest = 0
+        least: cython.int = 2147483647
+        dx: cython.int
+        dy: cython.int
+        if self.n_contacts == 1:
+            return 0
+        for j in range(self._n_peaks):
+            dx = self._column[at] - self._column[self._at[j]]
+            dy = self._row[at] - self._row[self._at[j]]
+            if dx * dx + dy * dy < least:
+                least = dx * dx + dy * dy
+                nearest = j
+        return nearest
+
+    def _find_shape(self, i: cython.Py_ssize_t) -> None:
+        """Middle and axes of a region from its sums."""
+        w = self._sums[i, 0]
+        x = self._sums[i, 1] / w
+        y = self._sums[i, 2] / w
+        # 1/12: a grid point represents a square of one step.
+        xx = self._sums[i, 3] / w - x * x + 1.0 / 12.0
+        xy = self._sums[i, 4] / w - x * y
+        yy = self._sums[i, 5] / w - y * y + 1.0 / 12.0
+        mean = 0.5 * (xx + yy)
+        half = hypot(0.5 * (xx - yy), xy)
+        self.middle[i, 0] = self.x0 + self.step_px * x
+        self.middle[i, 1] = self.y0 + self.step_px * y
+        # A uniform ellipse's semi-axis is two standard deviations.
+        self.semi_axis[i] = 2.0 * sqrt(mean + half) * self.step_px
+        self.direction[i] = 0.5 * atan2(2.0 * xy, xx - yy)
+        self.elongation[i] = sqrt((mean + half) / max(mean - half, _VARIANCE_MIN))
 
 
 class ContactFinder:
@@ -111,7 +360,8 @@ class ContactFinder:
             direction = self.fitted.split(self._xy_array, seen)
         elif n == 1 and self.peaks.n_peaks > 1:
             self.fitted.split_round(self._xy_array, seen, regions.ridge(0))
-        self.find_places()
+        for i in range(regions.n_contacts):
+            self._find_place(i)
         if moments:
             self.find_moments()
         fitted = self.fitted.fit(self._xy_array, seen) if regions.n_contacts >= fits else []
@@ -175,12 +425,6 @@ class ContactFinder:
                 n_seen += 1 if seen[i] else 0
         return cython.cast(cython.double, n_seen) / n if n else 0.0
 
-    def find_places(self) -> None:
-        """`place` of each contact: the mean of the pins nearest to its middle, weighted by area change."""
-        n_contacts = self.regions.n_contacts
-        for i in range(n_contacts):
-            self._find_place(i, n_contacts)
-
     def find_moments(self) -> None:
         """`divergence_moment` and `curl_moment` of each contact, over the points nearest to its middle."""
         for i in range(self.regions.n_contacts):
@@ -189,7 +433,6 @@ class ContactFinder:
     def _find_near(self, i: cython.Py_ssize_t) -> int:
         """The active points round contact i and their weights; how many."""
         n = 0
-        n_contacts = self.regions.n_contacts
         radius = self._radius_px(i)
         points: cython.double[:, ::1] = self.field.points
         for k in range(self.field.n_active):
@@ -199,7 +442,7 @@ class ContactFinder:
             d2 = dx * dx + dy * dy
             if d2 >= radius * radius:
                 continue
-            if self._is_nearer_to_another(points[p, 0], points[p, 1], d2, i, n_contacts):
+            if self._is_nearer_to_another(points[p, 0], points[p, 1], d2, i):
                 continue
             self._near[n] = p
             self._weight[n] = 1.0 - d2 / (radius * radius)
@@ -234,7 +477,7 @@ class ContactFinder:
         """Round the middle of contact i, of what belongs to it."""
         return max(self._place_radius_axis * self.regions.semi_axis[i], self._place_radius_px)
 
-    def _find_place(self, i: cython.Py_ssize_t, n_contacts: cython.Py_ssize_t) -> None:
+    def _find_place(self, i: cython.Py_ssize_t) -> None:
         xy: cython.const[cython.double][:, ::1] = self._xy
         area_change: cython.float[::1] = self.field.area_change
         total: cython.double = 0.0
@@ -248,7 +491,7 @@ class ContactFinder:
             d2 = dx * dx + dy * dy
             if not (area_change[p] > 0.0 and d2 < limit):
                 continue
-            if self._is_nearer_to_another(xy[p, 0], xy[p, 1], d2, i, n_contacts):
+            if self._is_nearer_to_another(xy[p, 0], xy[p, 1], d2, i):
                 continue
             w = cython.cast(cython.double, area_change[p]) * (1.0 - d2 / limit)
             total += w
@@ -257,11 +500,9 @@ class ContactFinder:
         self.place[i, 0] = x / total if total > 0.0 else self.regions.middle[i, 0]
         self.place[i, 1] = y / total if total > 0.0 else self.regions.middle[i, 1]
 
-    def _is_nearer_to_another(
-        self, x: float, y: float, d2: float, i: cython.Py_ssize_t, n_contacts: cython.Py_ssize_t
-    ) -> bool:
+    def _is_nearer_to_another(self, x: float, y: float, d2: float, i: cython.Py_ssize_t) -> bool:
         """Whether a place is nearer to another contact's middle than to that of i (squared: d2)."""
-        for j in range(n_contacts):
+        for j in range(self.regions.n_contacts):
             dx = x - self.regions.middle[j, 0]
             dy = y - self.regions.middle[j, 1]
             if j != i and dx * dx + dy * dy < d2:

@@ -20,12 +20,12 @@ Rules
   the difference is 0.25 mm of depth (331 simulated pins, 30 % dark; 0.06 mm with predicted pins).
 - Lengths in px of the image, areas as a share of the cell at rest: `calibration` knows millimetres.
 
-A kernel: compiled by Cython (see setup.py), and the same when it is not. A frame is one call of it: what it
-is made of meets at C level.
+A frame is one call of this kernel: what it is made of meets at C level.
 """
 
 import cython
 import numpy as np
+from cython.cimports.libc.math import sqrt
 
 from edge.features.modes import Modes
 from edge.features.params import PARAMS, FeatureParams, largest_noise
@@ -38,16 +38,13 @@ if cython.compiled:
     from cython.cimports.edge.features.contacts import ContactFinder
     from cython.cimports.edge.features.pin_motion import AreaChange, ModeProduct, PinMotion
     from cython.cimports.edge.features.slip_and_vibration import Slip, Vibration
-    from cython.cimports.libc.math import NAN, sqrt
 else:
-    from math import nan as NAN  # noqa: N812
-    from math import sqrt
-
     from edge.features.contact_detector import ContactDetector
     from edge.features.contacts import ContactFinder
     from edge.features.pin_motion import AreaChange, ModeProduct, PinMotion
     from edge.features.slip_and_vibration import Slip, Vibration
 
+NAN = cython.declare(cython.double, float("nan"))
 #: Fields of `Features` that follow from areas: volume, surface, grid, contacts; and from the pins in the
 #: contact: torsion, slip and its probability, vibration and the end of its band.
 _OfAreas = tuple[float | None, Array | None, tuple[Array, Array] | None, tuple[ContactRegion, ...] | None]
@@ -199,8 +196,10 @@ class FeatureExtractor:
         is_filled: cython.bint = n_seen < self._n and cells is not None and self._fill(cells.xy_img, n_seen)
         change: cython.double[::1] = self._change_since_rest(cells, is_filled)
         in_contact: cython.bint = contact_holds
-        if not contact_holds:
-            in_contact = self._detects(cells is not None, change, sigma_px)
+        if not contact_holds and cells is not None:
+            in_contact = self._detector.by_area(change, self._motion.xy, sigma_px)
+        elif not contact_holds:
+            in_contact = self._detector.by_motion(self._motion.xy, sigma_px)
         modes_px = None
         if plan.modes and (in_contact or plan.modes_at_rest):
             modes_px = self._modes_of(None if n_seen == self._n else tracks.seen, is_filled)
@@ -219,10 +218,7 @@ class FeatureExtractor:
                 of_areas = 0.0 if plan.volume else None, None, None, () if plan.contacts else None
             slip, vibration = 0.0 if plan.slip else None, 0.0 if plan.vibration else None
             of_pins = 0.0 if plan.torsion else None, slip, slip, vibration, None
-        gap, gap_img = 0.0 if n_seen == self._n else NAN, None
-        if cells is not None:
-            gap, gap_img = cells.gap, cells.gap_img
-        # By place: names cost 3,000 instructions.
+        # The fields are given by place: names cost 3,000 instructions.
         return Features(
             self._change_array.copy(),
             self._motion_array.copy(),
@@ -231,22 +227,13 @@ class FeatureExtractor:
             modes_px,
             *of_areas,
             *of_pins,
-            gap,
-            gap_img,
+            (0.0 if n_seen == self._n else NAN) if cells is None else cells.gap,
+            None if cells is None else cells.gap_img,
         )
 
     @cython.cfunc
-    def _detects(
-        self, by_area: cython.bint, change: cython.double[::1], sigma_px: cython.double
-    ) -> cython.bint:
-        """Whether the tip is in contact."""
-        if by_area:
-            return self._detector.by_area(change, self._motion.xy, sigma_px)
-        return self._detector.by_motion(self._motion.xy, sigma_px)
-
-    @cython.cfunc
     def _modes_of(self, seen: Mask | None, is_filled: cython.bint) -> Complex:
-        """Of all pins, if lost ones are predicted or none is lost (None); else of the seen ones."""
+        """Modes of all pins, if lost ones are predicted or none is lost (None); else of the seen ones."""
         if is_filled:
             return self._mode_product.fit(self._filled_px)
         if seen is None:
@@ -292,7 +279,7 @@ class FeatureExtractor:
     def _of_areas(
         self, change: cython.double[::1], seen: Mask, sigma_px: cython.double, noise: cython.double
     ) -> _OfAreas:
-        """Those of a frame in contact; noise: one sigma of a cell's area change."""
+        """The fields of a frame in contact; noise: one sigma of a cell's area change."""
         volume = picture = grid = contacts = None
         self._area_change.fill(change, self._motion.xy)
         if self._plan.volume:
@@ -314,7 +301,7 @@ class FeatureExtractor:
         noise: cython.double,
         capture_ns: cython.longlong,
     ) -> _OfPins:
-        """Those of a frame in contact."""
+        """The fields of a frame in contact."""
         torsion = slip = probability = rms = to_hz = None
         motion: PinMotion = self._motion
         least = max(self._contact_sigma * noise, self._min_area_change)

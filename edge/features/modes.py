@@ -27,7 +27,7 @@ from edge.types import Array, Complex, Mask, Rest
 DEGREE = 5
 #: Powers (a, b) of z and conj(z).
 MODE_POWERS = tuple((a, degree - a) for degree in range(DEGREE + 1) for a in range(degree, -1, -1))
-#: Where (b, a) stands.
+#: Places where (b, a) stands.
 MODE_MIRROR = tuple(MODE_POWERS.index((b, a)) for a, b in MODE_POWERS)
 MODE_NAMES = tuple(f"c{a}{b}" for a, b in MODE_POWERS)
 #: A term of which less than this share is independent of the lower ones cannot be resolved: by the layout, it

@@ -21,12 +21,11 @@ boundary the areas sum to a constant and so does the plain integral. The volume 
 compressed (positive) part. Rectified noise has a positive mean: changes below the noise's threshold count as
 zero, those above twice the threshold in full (firm shrinkage; Gao and Bruce, WaveShrink with firm shrinkage,
 Statistica Sinica 7, 1997), so that an untouched tip has volume zero and a pressed one no bias.
-
-A kernel: compiled by Cython (see setup.py), and the same when it is not.
 """
 
 import cython
 import numpy as np
+from cython.cimports.libc.math import atan2, fabs, isnan
 
 from edge.features.modes import MODE_MIRROR
 from edge.geometry.lattice import residual_stencil, slope_stencil
@@ -36,14 +35,11 @@ from edge.types import Array, Complex, Mask, Rest
 if cython.compiled:
     from cython.cimports.edge.geometry.neighbours import weighted_sums
     from cython.cimports.edge.geometry.select import sigma_of
-    from cython.cimports.libc.math import NAN, atan2, fabs, isnan
 else:
-    from math import atan2, fabs, isnan
-    from math import nan as NAN  # noqa: N812
-
     from edge.geometry.neighbours import weighted_sums
     from edge.geometry.select import sigma_of
 
+NAN = cython.declare(cython.double, float("nan"))
 #: Ridge on a plane's equations, for pins on one line: 1e-9 of a pin's weight changes no other fit.
 _RIDGE = cython.declare(cython.double, 1e-9)
 #: Determinant of the compressed pins' covariance on the unit disc below which they are one pin, or on a line.

@@ -42,29 +42,24 @@ Rules of vibration
 
 Source  Mindlin, "Compliance of elastic bodies in contact", J. Appl. Mech. 16, 259 (1949); Oppenheim, Schafer,
         "Discrete-Time Signal Processing", section 7.1.2: the bilinear transform
-
-A kernel: compiled by Cython (see setup.py), and the same when it is not.
 """
 
 import cython
 import numpy as np
+from cython.cimports.libc.math import exp, hypot, isnan, sqrt, tan
 
 from edge.features.params import PARAMS, FeatureParams
+from edge.features.pin_motion import PinMotion
 from edge.types import Array, Index, Rest
 
 if cython.compiled:
-    from cython.cimports.edge.features.pin_motion import PinMotion
     from cython.cimports.edge.geometry.select import select_kth
-    from cython.cimports.libc.math import HUGE_VAL, M_PI, NAN, exp, hypot, isnan, sqrt, tan
 else:
-    from math import exp, hypot, isnan, sqrt, tan
-    from math import inf as HUGE_VAL  # noqa: N812
-    from math import nan as NAN  # noqa: N812
-    from math import pi as M_PI  # noqa: N812
-
-    from edge.features.pin_motion import PinMotion
     from edge.geometry.select import select_kth
 
+HUGE_VAL = cython.declare(cython.double, float("inf"))
+M_PI = cython.declare(cython.double, np.pi)
+NAN = cython.declare(cython.double, float("nan"))
 #: Shares of the area that slides, in the middle of equal intervals; a path has as many points.
 _SHARES = cython.declare(cython.Py_ssize_t, 24)
 
@@ -121,7 +116,7 @@ class Slip:
         self._n_kept += 1
 
     def _compare(self, area_change: Array, sigma_px: float, span: cython.Py_ssize_t) -> None:
-        """With the frame of so many before."""
+        """Compare with the frame of so many before."""
         oldest = (self._n_kept - span) % self._span
         if self._motion.is_pressing(area_change, self._past_change[oldest], self._pressing_rel):
             self._forget_path()

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from edge.errors import DegenerateLayout
 from edge.geometry.layout import spans
@@ -39,16 +38,6 @@ def pitch_of(xy: Array) -> float:
     """Median over the pins of the mean distance to the three nearest; xy (n, 2) any unit, same unit out."""
     distance, _ = nearest_of(xy, xy, 4)
     return float(np.median(distance[:, 1:].mean(axis=1)))
-
-
-def side_length_of(xy: Array, corners: NDArray[np.integer]) -> float:
-    """Median length of the sides of triangles; xy (n, 2) any unit, corners (t, 3) rows of xy; same unit out.
-
-    Of Delaunay triangles it is longer than `pitch_of` by the sides that cross from ring to ring: by 2 % on a
-    tip with pins in rings.
-    """
-    sides = xy[corners] - xy[np.roll(corners, -1, axis=1)]
-    return float(np.median(np.hypot(sides[..., 0], sides[..., 1])))
 
 
 def nearest(xy: Array, k: int) -> Index:

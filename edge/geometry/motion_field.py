@@ -39,9 +39,9 @@ class MotionPrior:
     noise: float
 
 
-#: For a contact that is fitted to the motion round it: sharp. The fit takes noise and curl.
+#: A contact that is fitted to the motion round it is sharp. The fit takes noise and curl.
 SHARP = MotionPrior(((1.0, 0.1), (2.0, 0.3), (4.0, 1.0)), curl=0.02, noise=0.01)
-#: For the places of missing pins.
+#: The places of missing pins follow the smooth part too.
 PREDICTING = MotionPrior(((0.7, 0.05), (1.4, 0.2), (2.8, 0.5), (5.6, 1.0)), curl=0.2, noise=0.05)
 
 
@@ -55,7 +55,7 @@ def precision(knots: Array, pitch: float, prior: MotionPrior) -> Array:
     """
     x = (knots - knots.mean(axis=0)) / pitch
     inverse = np.linalg.inv(_covariance(x, prior))
-    affine = _affine_basis(x)
+    affine = np.kron(affine_terms(x, np.zeros(2), 1.0), np.eye(2))  # (2 n, 6) the affine motions of the knots
     weighted = inverse @ affine
     return np.asarray(inverse - weighted @ np.linalg.solve(affine.T @ weighted, weighted.T), np.float64)
 
@@ -73,11 +73,6 @@ def component_covariance(x: Array, prior: MotionPrior) -> Array:
         total += variance * (2.0 - s) * np.exp(-0.5 * s)
     total[np.diag_indices(len(x))] += prior.noise**2
     return total
-
-
-def _affine_basis(x: Array) -> Array:
-    """(2 n, 6) the affine motions of knots at x (n, 2)."""
-    return np.asarray(np.kron(affine_terms(x, np.zeros(2), 1.0), np.eye(2)), np.float64)
 
 
 def _covariance(x: Array, prior: MotionPrior) -> Array:

@@ -8,16 +8,13 @@ All distances are taken: for the points of one tip that is as fast as a search t
 
 import cython
 import numpy as np
+from cython.cimports.libc.math import sqrt
 from numpy.typing import NDArray
 
 from edge.limits import POINTS_MAX
 from edge.types import Array, Index
 
-if cython.compiled:
-    from cython.cimports.libc.math import HUGE_VAL, sqrt
-else:
-    from math import inf as HUGE_VAL  # noqa: N812
-    from math import sqrt
+HUGE_VAL = cython.declare(cython.double, float("inf"))
 
 
 def nearest_of(points: Array, xy: Array, k: int = 1) -> tuple[Array, Index]:

@@ -3,11 +3,8 @@
 
 import cython
 
-if cython.compiled:
-    from cython.cimports.libc.math import INFINITY, NAN
-else:
-    from math import inf as INFINITY  # noqa: N812
-    from math import nan as NAN  # noqa: N812
+INFINITY = cython.declare(cython.double, float("inf"))
+NAN = cython.declare(cython.double, float("nan"))
 
 
 #: The median absolute deviation of normal noise, times this, is its standard deviation.

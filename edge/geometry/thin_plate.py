@@ -1,4 +1,4 @@
-"""The thin-plate spline: the smoothest surface through values at knots, or near them."""
+"""The thin-plate spline: the smoothest surface through values at knots."""
 
 from __future__ import annotations
 
@@ -17,12 +17,14 @@ def thin_plate_operators(knots: Array, points: Array) -> tuple[Array, Array, Arr
     Source   Duchon 1977; Wahba, Spline Models for Observational Data, 1990, section 2.4
     """
     n = len(knots)
-    centre, scale = _frame(knots)
+    # In this frame the system is well conditioned; the spline does not depend on it.
+    centre = knots.mean(axis=0)
+    scale = float(np.sqrt(((knots - centre) ** 2).sum(axis=1).mean()))
     spread = np.linalg.svd(knots - centre, compute_uv=False) if n >= 3 else np.zeros(2)
     if not spread[-1] > 1e-9 * spread[0]:
         raise DegenerateLayout(f"a surface needs three pins that are not on one line; {n} given")
     x, p = (knots - centre) / scale, (points - centre) / scale
-    system = _system(x, 0.0)
+    system = _system(x)
     one, zero = np.ones((len(p), 1)), np.zeros((len(p), 1))
     value, along_x, along_y = _kernel(p, x)
     right = np.vstack(
@@ -38,32 +40,11 @@ def thin_plate_operators(knots: Array, points: Array) -> tuple[Array, Array, Arr
     return value, along_x, along_y
 
 
-def thin_plate_at(knots: Array, values: Array, points: Array, ridge: float) -> Array:
-    """(m, k) float64, at the points (m, 2) the spline near the values (n, k) at the knots (n, 2).
-
-    ridge   weight of smoothness against the values, in the square of the knots' unit; 0: through the values
-    Raises  numpy.linalg.LinAlgError: all knots on a line
-    """
-    n = len(knots)
-    centre, scale = _frame(knots)
-    x, p = (knots - centre) / scale, (points - centre) / scale
-    right = np.vstack([values, np.zeros((3, values.shape[1]))])
-    terms = np.linalg.solve(_system(x, ridge / scale**2), right)
-    value, _, _ = _kernel(p, x)
-    return np.asarray(value @ terms[:n] + np.column_stack([np.ones(len(p)), p]) @ terms[n:], np.float64)
-
-
-def _frame(knots: Array) -> tuple[Array, float]:
-    """Centre and scale in which the system is well conditioned; the spline does not depend on them."""
-    centre = knots.mean(axis=0)
-    return centre, float(np.sqrt(((knots - centre) ** 2).sum(axis=1).mean()))
-
-
-def _system(x: Array, ridge: float) -> Array:
+def _system(x: Array) -> Array:
     """(n + 3, n + 3): its solution are the weights of the kernels and the plane of a spline with knots x."""
     n = len(x)
     system = np.zeros((n + 3, n + 3))
-    system[:n, :n] = _kernel(x, x)[0] + ridge * np.eye(n)
+    system[:n, :n] = _kernel(x, x)[0]
     system[:n, n:] = np.column_stack([np.ones(n), x])
     system[n:, :n] = system[:n, n:].T
     return system

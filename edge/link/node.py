@@ -17,9 +17,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from edge.link.commands import CanCommands, SerialCommands
+from edge.link.commands import LEADS_TO, CanCommands, NmtCommand, NmtState, SerialCommands
 from edge.link.link_sink import LinkSink, SinkCounters
-from edge.link.nmt import LEADS_TO, NmtCommand, NmtState
 from edge.link.object_server import Device, ObjectServer
 from edge.link.params import PARAMS
 from edge.link.settings import SettingsFile
@@ -42,7 +41,7 @@ class Node:
         self, sink: CanSink | SerialSink, device: Device, settings: SettingsFile | None = None
     ) -> None:
         self.sink: LinkSink = sink
-        self.name = sink.name
+        self.name, self.drain, self.close = sink.name, sink.drain, sink.close
         self._device = device
         self._settings = settings or SettingsFile()
         self._sending, self._watching = threading.Lock(), threading.Lock()
@@ -77,12 +76,6 @@ class Node:
                 self._latched = (state, time.monotonic())
             return False
         return self._send(state)
-
-    def drain(self, timeout_s: float) -> bool:
-        return self.sink.drain(timeout_s)
-
-    def close(self) -> None:
-        self.sink.close()
 
     @property
     def detail_divider(self) -> int:

@@ -77,20 +77,17 @@ class SettingsFile:
         return message if message and time.monotonic() - at_s < PARAMS.patience_s else ""
 
     def _use(self, values: NodeSettings) -> None:
-        if self._path is not None:
-            self._store(self._path, values)
-        self.values = values
-
-    def _store(self, path: Path, values: NodeSettings) -> None:
+        path = self._path
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with writing(path, overwrite=True, through_link=False) as unfinished:
-                unfinished.write_bytes(msgspec.json.format(msgspec.json.encode(asdict(values))) + b"\n")
+            if path is not None:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                with writing(path, overwrite=True, through_link=False) as unfinished:
+                    unfinished.write_bytes(msgspec.json.format(msgspec.json.encode(asdict(values))) + b"\n")
         except (OutputError, OSError) as error:
             why = f"{path}: cannot be written: {error.strerror}" if isinstance(error, OSError) else str(error)
             self._failed = (why, time.monotonic())
             raise OutputError(why) from None
-        self._failed = None
+        self._failed, self.values = None, values
 
 
 def _changed(values: NodeSettings, changes: dict[str, int | float]) -> NodeSettings:

@@ -148,10 +148,6 @@ class SerialSink(LinkSink):
         """The bytes of an answer, an emergency or a heartbeat."""
         return encode_frame(kind, pack_message(kind, body, counter))
 
-    def post_frame(self, kind: Message, body: bytes, counter: int) -> None:
-        """Post an answer, an emergency or a heartbeat."""
-        self.post(self.frame(kind, body, counter))
-
     def _split(self, chunk: bytes) -> None:
         self._buffer += chunk
         *blocks, rest = self._buffer.split(b"\0")

@@ -4,10 +4,6 @@ A kernel (`CONTRIBUTING.md`, "Kernels"). It packs the numbers that `hostlink.wir
 the same table of fields; that function explains the rules.
 """
 
-# mypy: disable-error-code="untyped-decorator,valid-type,no-any-return"
-
-from __future__ import annotations
-
 from typing import Any
 
 import cython
@@ -86,7 +82,6 @@ class StatePacker:
         return bytes(self.memory)
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _quantise(self, i: cython.Py_ssize_t) -> cython.longlong:
         value: cython.double = self.values[i]
         if isnan(value):

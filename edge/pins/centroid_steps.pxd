@@ -1,4 +1,3 @@
-from edge.pins.window_sums cimport Windows
 from libc.math cimport sqrt
 
 cdef enum:  # columns of `NORM` that a pin at the image's border needs
@@ -9,6 +8,23 @@ cdef enum:  # columns of `NORM` that a pin at the image's border needs
     UNIT_T
 
 cdef extern from "centroid_steps.c":
+    ctypedef struct Kind "vt_kind":
+        Py_ssize_t half, first_span, end_span, first_step, end_step, row_bytes, first, first_uv, plane, pixels
+    ctypedef struct Fetch "vt_fetch":
+        Py_ssize_t row, end, stride, first, beyond, rows, ahead
+
+    ctypedef struct Windows "vt_windows":
+        const unsigned char *image
+        Fetch *fetch
+        const Kind *kinds
+        const Py_ssize_t *steps
+        const short *values
+        const signed char *uv
+        const double *norms
+        unsigned char *pixels
+        double *sums
+        bint dark
+
     ctypedef struct Steps "vt_steps":
         const double *norms
         const double *predicted
@@ -22,10 +38,24 @@ cdef extern from "centroid_steps.c":
         double *amplitude
         double *fit
 
+    void vt_sum_window(const Windows *, Py_ssize_t, Py_ssize_t, Py_ssize_t) noexcept nogil
     bint vt_step(
         const Steps *, const double *, Py_ssize_t, Py_ssize_t, double, double, double, double, bint
     ) noexcept nogil
     Py_ssize_t vt_take_steps(const Windows *, const Steps *, int *, Py_ssize_t, double, double, bint) noexcept nogil
+
+
+cdef inline Windows windows_of(
+    const unsigned char[:, :] image, Fetch[::1] fetch, Kind[::1] kinds, Py_ssize_t[:, ::1] steps, short[::1] values,
+    signed char[::1] uv, double[:, ::1] norms, unsigned char[::1] pixels, double[::1] sums, bint dark
+) noexcept nogil:
+    return Windows(
+        &image[0, 0], &fetch[0], &kinds[0], &steps[0, 0], &values[0], &uv[0], &norms[0, 0], &pixels[0], &sums[0], dark
+    )
+
+
+cdef inline void sum_window(Windows windows, Py_ssize_t begin, Py_ssize_t kind, Py_ssize_t norm) noexcept nogil:
+    vt_sum_window(&windows, begin, kind, norm)
 
 
 cdef inline Steps steps_of(

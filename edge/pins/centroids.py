@@ -14,7 +14,7 @@ Rules
 - Templates (`templates.py`) are in 16-bit integers for PHASES x PHASES subpixel offsets, zero outside of the
   support circle. d is orthogonal to 1; tx and ty to 1 and d.
 - One pass over the pixels of the support, which are copied from the image without the gaps between its rows
-  (`window_sums`); then the step (`centroid_steps`). Nine pins in ten need one.
+  (`centroid_steps`); then the step. Nine pins in ten need one.
 - All sums are exact integers. What depends on the template alone is precomputed in `norms`.
 - Dark pins are bright ones in the inverted image, whose sums follow from the image's own: the result is the
   same to the last bit.
@@ -23,16 +23,13 @@ Rules
   one blob, `edge.tracking.follow` decides, which knows the neighbours; among new spots, `edge.pins.detect`.
 """
 
-# mypy: disable-error-code="untyped-decorator,valid-type,index,attr-defined,assignment"
-
-from __future__ import annotations
-
 import cython
 import numpy as np
+from cython.cimports.libc.math import sqrt
 from numpy.typing import NDArray
 
+from edge.pins.centroid_steps import FETCH, KIND
 from edge.pins.templates import BLOCK, FAR_PX, HALF_MAX, LANES, NORM, PHASES, STEP_MAX, TemplateSet
-from edge.pins.window_sums import FETCH, KIND
 from edge.types import Array, Image, Index
 
 if cython.compiled:
@@ -43,19 +40,18 @@ if cython.compiled:
         RADIUS,
         UNIT_D,
         UNIT_T,
+        Fetch,
+        Kind,
         Steps,
+        Windows,
         sigma_of,
         steps_of,
+        sum_window,
         take_step,
         take_steps,
-    )
-    from cython.cimports.edge.pins.window_sums import Fetch, Kind, Windows, sum_window, windows_of
-    from cython.cimports.libc.math import HUGE_VAL, NAN, sqrt
+        windows_of,
+    )  # fmt: skip
 else:
-    from math import inf as HUGE_VAL  # noqa: N812
-    from math import nan as NAN  # noqa: N812
-    from math import sqrt
-
     from edge.geometry.select import select_kth
     from edge.pins.centroid_steps import (
         D2,
@@ -65,10 +61,14 @@ else:
         UNIT_T,
         sigma_of,
         steps_of,
+        sum_window,
         take_step,
         take_steps,
-    )
-    from edge.pins.window_sums import sum_window, windows_of
+        windows_of,
+    )  # fmt: skip
+
+HUGE_VAL = cython.declare(cython.double, float("inf"))
+NAN = cython.declare(cython.double, float("nan"))
 
 INT_MAX = cython.declare(cython.Py_ssize_t, np.iinfo(np.int32).max)
 N_PHASES = cython.declare(cython.int, PHASES)
@@ -85,17 +85,12 @@ class CentroidKernel:
     amplitude, fit  (n,) levels, and the share of the window's variation that the disc explained
     """
 
-    predicted = cython.declare(object, visibility="readonly")
-    xy = cython.declare(object, visibility="readonly")
-    sigma = cython.declare(object, visibility="readonly")
-    amplitude = cython.declare(object, visibility="readonly")
-    fit = cython.declare(object, visibility="readonly")
+    predicted = cython.declare(cython.double[:, ::1], visibility="readonly")
+    xy = cython.declare(cython.double[:, ::1], visibility="readonly")
+    sigma = cython.declare(cython.double[::1], visibility="readonly")
+    amplitude = cython.declare(cython.double[::1], visibility="readonly")
+    fit = cython.declare(cython.double[::1], visibility="readonly")
     n: cython.Py_ssize_t
-    _predicted: cython.double[:, ::1]  # the same memory
-    _xy: cython.double[:, ::1]
-    _sigma: cython.double[::1]
-    _amplitude: cython.double[::1]
-    _fit: cython.double[::1]
     _reach2: cython.double
     _noise2: cython.double
     _steps_max: cython.int
@@ -178,11 +173,11 @@ class CentroidKernel:
         self._near2, self._far2 = (limits["near_phases"] / PHASES) ** 2, FAR_PX**2
         self._share_min = limits["share_min"]
         self._rest_amplitude, self._ratio = np.array(rest_amplitude, np.float64), np.empty(self.n)
-        self.predicted = self._predicted = np.full((self.n, 2), np.nan)
-        self.xy = self._xy = np.full((self.n, 2), np.nan)
-        self.sigma = self._sigma = np.full(self.n, np.nan)
-        self.amplitude = self._amplitude = np.full(self.n, np.nan)
-        self.fit = self._fit = np.full(self.n, np.nan)
+        self.predicted = np.full((self.n, 2), np.nan)
+        self.xy = np.full((self.n, 2), np.nan)
+        self.sigma = np.full(self.n, np.nan)
+        self.amplitude = np.full(self.n, np.nan)
+        self.fit = np.full(self.n, np.nan)
         plane_max = int(np.max(templates.plane))
         self._pixels = np.zeros(plane_max + 2 * HALF_MAX + LANES, np.uint8)
         self._window = np.zeros(plane_max, np.int16)
@@ -212,22 +207,21 @@ class CentroidKernel:
     @cython.inline
     def _set_shape(
         self, rows: cython.Py_ssize_t, columns: cython.Py_ssize_t, stride: cython.Py_ssize_t
-    ) -> cython.bint:
+    ) -> cython.void:
         """The image has this shape now; raises ValueError: nothing or too much for indices of 32 bits.
 
         stride  of an 8-bit image, bytes from row to row; else 0
         """
         if rows == self._rows and columns == self._columns and stride == self._stride:
-            return False
+            return
         if not 0 < rows * columns <= INT_MAX or rows * stride > INT_MAX:
             raise ValueError(f"an image of {rows} x {columns} pixels, {stride} bytes a row")
         self._rows, self._columns, self._stride = rows, columns, stride
         if stride:
             self._make_steps()
-        return True
 
     @cython.cfunc
-    def _make_steps(self) -> cython.bint:
+    def _make_steps(self) -> cython.void:
         """Make the steps of 8-bit images of this shape, and say where the largest window is within them: its
         last copy must not end beyond the image.
         """
@@ -244,7 +238,6 @@ class CentroidKernel:
         for k in kinds:
             n, spans = k["end_span"] - k["first_span"], slice(k["first_span"], k["end_span"])
             steps[k["first_step"] :][:n] = np.stack([np.diff(begin[spans], prepend=0), length[spans]], axis=1)
-        return True
 
     @cython.cfunc
     def _read(self) -> cython.void:
@@ -254,8 +247,8 @@ class CentroidKernel:
         if n == 0:
             return
         self._steps_of = steps_of(
-            self._norms, self._predicted, self._inner, self._kind_of, self._norm_of, self._stride,
-            self._reach2, self._noise2, self._gain, self._xy, self._sigma, self._amplitude, self._fit,
+            self._norms, self.predicted, self._inner, self._kind_of, self._norm_of, self._stride,
+            self._reach2, self._noise2, self._gain, self.xy, self.sigma, self.amplitude, self.fit,
         )  # fmt: skip
         if self._wide:
             for i in range(n):
@@ -289,11 +282,11 @@ class CentroidKernel:
         beside the pin at rest. Illumination may have changed for all pins at once: brightness is compared
         after the gain that they share, their median.
         """
-        xy: cython.double[:, ::1] = self._xy
-        sigma: cython.double[::1] = self._sigma
-        amplitude: cython.double[::1] = self._amplitude
+        xy: cython.double[:, ::1] = self.xy
+        sigma: cython.double[::1] = self.sigma
+        amplitude: cython.double[::1] = self.amplitude
         at_rest: cython.double[::1] = self._rest_amplitude
-        fit: cython.double[::1] = self._fit
+        fit: cython.double[::1] = self.fit
         ratio: cython.double[::1] = self._ratio
         m: cython.Py_ssize_t = 0
         low = HUGE_VAL
@@ -331,9 +324,9 @@ class CentroidKernel:
     def _find(self, i: cython.Py_ssize_t, iteration: cython.int) -> cython.void:
         """Steps of pin i, which has taken `iteration` of them."""
         while iteration < self._steps_max:
-            x, y = self._predicted[i, 0], self._predicted[i, 1]
+            x, y = self.predicted[i, 0], self.predicted[i, 1]
             if iteration:
-                x, y = self._xy[i, 0], self._xy[i, 1]
+                x, y = self.xy[i, 0], self.xy[i, 1]
             if not self._step(i, x, y, self._near2_of(iteration), self._far2_of(iteration), iteration == 0):
                 return
             iteration += 1
@@ -346,7 +339,7 @@ class CentroidKernel:
         top: cython.double = self._rows
         bottom: cython.double = 0.0
         for i in range(self.n):
-            x, y = self._predicted[i, 0], self._predicted[i, 1]
+            x, y = self.predicted[i, 0], self.predicted[i, 1]
             left, right = min(left, x), max(right, x)
             top, bottom = min(top, y), max(bottom, y)
         half: cython.Py_ssize_t = self._half
@@ -384,7 +377,7 @@ class CentroidKernel:
         x4: cython.double = N_PHASES * px + 2
         y4: cython.double = N_PHASES * py + 2
         kind: cython.Py_ssize_t = self._kind_of[i]
-        self._amplitude[i] = self._fit[i] = 0
+        self.amplitude[i] = self.fit[i] = 0
         if not (0 <= px <= self._columns - 1 and 0 <= py <= self._rows - 1):  # NaN is not
             return False
         x: cython.int = cython.cast(cython.int, x4)
@@ -482,19 +475,19 @@ class CentroidKernel:
         ey = self._solution[3] / amplitude
         far = sqrt(square(ex, ey))
         shorten = step_max / far if far > step_max else 1.0
-        self._xy[i, 0] = middle_x + shorten * ex
-        self._xy[i, 1] = middle_y + shorten * ey
-        went2 = square(self._xy[i, 0] - self._predicted[i, 0], self._xy[i, 1] - self._predicted[i, 1])
+        self.xy[i, 0] = middle_x + shorten * ex
+        self.xy[i, 1] = middle_y + shorten * ey
+        went2 = square(self.xy[i, 0] - self.predicted[i, 0], self.xy[i, 1] - self.predicted[i, 1])
         if went2 > self._reach2:
             return False
         if far * far >= near2:
             return True
-        self._amplitude[i] = amplitude * self._gain
-        self._sigma[i] = sigma_of(
+        self.amplitude[i] = amplitude * self._gain
+        self.sigma[i] = sigma_of(
             variance * 0.5 * (self._inverse[2, 2] + self._inverse[3, 3]) / (amplitude * amplitude),
             rest, freedom, energy, self._noise2, self._norms[n, RADIUS],
         )  # fmt: skip
-        self._fit[i] = explained / energy
+        self.fit[i] = explained / energy
         return False
 
     @cython.cfunc

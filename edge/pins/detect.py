@@ -77,8 +77,11 @@ def as_bright(grey: Image, dark: bool) -> Image:
 def noise_of(grey: Image) -> float:
     """Standard deviation of the grey level from pixel to pixel, gradients removed; robust to edges."""
     # weights 1 1 -4 1 1 give sqrt(20) times the noise
-    residual = cv2.Laplacian(grey.astype(np.float32), cv2.CV_32F)
-    return float(SIGMA_OF_MAD * np.median(np.abs(residual)) / np.sqrt(20.0))
+    residual = np.abs(cv2.Laplacian(grey.astype(np.float32), cv2.CV_32F)).astype(np.intp)
+    # The median of whole numbers by their counts takes an eighth of the time of a partition.
+    up_to = np.cumsum(np.bincount(residual.ravel()))
+    middle = np.searchsorted(up_to, [(residual.size - 1) // 2, residual.size // 2], side="right")
+    return float(SIGMA_OF_MAD * np.float32(middle.mean()) / np.sqrt(20.0))
 
 
 def learn(grey: Image, polarity: Polarity = Polarity.FOUND) -> tuple[PinPattern, Pins]:

@@ -36,10 +36,10 @@ class PinParams:
     steps_max: int = 8  # of the fit, from the prediction
     near_phases: float = 0.75  # a step shorter than this share of a subpixel phase is the last
     radius_kind_step: float = 1.05  # ratio of one template's radius to the next
-    # what a pin has at least: of its window's variation, explained by the disc; of the disc, at the image's
-    # border; of its brightness at rest, after the gain common to all pins; of the neighbours', where cut
+    # A pin has this share at least: of its window's variation, explained by the disc; of the disc, at the
+    # image's border; of its brightness at rest, after the common gain; of the neighbours', where cut
     pin_share_min: float = 0.25
-    # nearer than this is the same pin: to its prediction, to another arc; or the same arc of the housing
+    # What is nearer than this is the same: as the pin predicted; as another arc of a pin, or of the housing
     own_pitches: float = 0.6
 
 

@@ -4,9 +4,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from edge.geometry.lens import corrected, magnification, seen
 from edge.pins.centroids import CentroidKernel
-from edge.pins.lens import rest_as_seen
+from edge.pins.lens import corrected, magnification, rest_as_seen, seen
 from edge.pins.params import PARAMS, PinParams
 from edge.pins.templates import STEP_MAX, templates_of
 from edge.types import Array, Image, Pins, Rest
@@ -45,13 +44,15 @@ class CentroidRefiner:
             },
             pattern.dark,
         )
-        kernel = self._kernel
-        self.predicted: Array = kernel.predicted
-        self.found = Pins(kernel.xy, kernel.sigma, radius, kernel.amplitude)
-        self.read: Callable[[Image], None] = kernel.read
+        k = self._kernel
+        predicted, xy, sigma, amplitude = map(np.asarray, (k.predicted, k.xy, k.sigma, k.amplitude))
+        self.predicted: Array = predicted
+        self.found = Pins(xy, sigma, radius, amplitude)
+        self.read: Callable[[Image], None] = k.read
         if self._lens is not None:  # the kernel's are as the camera sees them
-            self.predicted = kernel.predicted.copy()
-            self.found = Pins(kernel.xy.copy(), kernel.sigma.copy(), radius, kernel.amplitude)
+            self._as_seen = predicted, xy, sigma
+            self.predicted = predicted.copy()
+            self.found = Pins(xy.copy(), sigma.copy(), radius, amplitude)
             self.read = self._read_through_lens
 
     def refine(self, image: Image, xy_img_predicted: Array) -> Pins:
@@ -69,15 +70,14 @@ class CentroidRefiner:
         return Pins(pins.xy_img.copy(), pins.sigma_px.copy(), pins.radius_px, pins.brightness.copy())
 
     def _read_through_lens(self, image: Image) -> None:
-        kernel, lens = self._kernel, self._lens
+        (predicted, xy, sigma), lens = self._as_seen, self._lens
         assert lens is not None
-        kernel.predicted[:] = seen(lens, self.predicted)
-        kernel.read(image)
-        self.found.xy_img[:] = corrected(lens, kernel.xy)
-        self.found.sigma_px[:] = kernel.sigma * self._magnification
+        predicted[:] = seen(lens, self.predicted)
+        self._kernel.read(image)
+        self.found.xy_img[:] = corrected(lens, xy)
+        self.found.sigma_px[:] = sigma * self._magnification
 
     @property
     def fit(self) -> Array:
         """(n,) share of the window's variation that the disc explained in the last image."""
-        fit: Array = self._kernel.fit.copy()
-        return fit
+        return np.array(self._kernel.fit)

@@ -91,11 +91,17 @@ def with_voted(greys: Sequence[Image], pattern: PinPattern, pins: Pins) -> tuple
         return pattern, pins
     reach_px = pattern.tip_radius_px + PARAMS.link_pitches_outside * pattern.pitch_px
     wider = replace(pattern, tip_radius_px=reach_px, count=0)
-    shown = [in_view(detect(grey, wider), pattern.size_px) for grey in greys]
+    near_px = 0.5 * pattern.pitch_px
+    shown: list[Pins] = []
+    with_more_n = 0
+    for grey in greys:
+        shown.append(in_view(detect(grey, wider), pattern.size_px))
+        with_more_n += bool(np.any(nearest_of(pins.xy_img, shown[-1].xy_img)[0][:, 0] > near_px))
+        if 2 * (with_more_n + len(greys) - len(shown)) < len(greys):  # no other pin can be in half of them
+            return pattern, pins
     together = join(shown)
     xy = together.xy_img
     which = np.repeat(np.arange(len(shown)), [len(one) for one in shown])
-    near_px = 0.5 * pattern.pitch_px
     free = nearest_of(pins.xy_img, xy)[0][:, 0] > near_px
     added = [pins]
     for i in np.flatnonzero(free):

@@ -79,7 +79,7 @@ TOPICS: dict[str, Topic] = {
 
 
 def sample_topic(finger: int) -> Topic:
-    """What was sent to the bus; `hostlink.topics`, as the next."""
+    """The topic of what was sent to the bus; `hostlink.topics` has it, and the next."""
     return Topic(f"/{finger_name(finger)}/sample", SAMPLE["title"], SAMPLE)
 
 

@@ -9,7 +9,6 @@
 
 import threading
 import time
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from functools import partial
@@ -59,7 +58,7 @@ class _LogClock:
         return self._wall_minus_monotonic_ns + time.monotonic_ns() if self._learns else self._last_ns
 
     def of(self, frame: Frame) -> int:
-        """Of a frame; it grows, though the camera's clock may begin anew."""
+        """Log time of a frame; it grows, though the camera's clock may begin anew."""
         if self._offset_ns is None or frame.capture_ns + self._offset_ns < self._last_ns:
             self._offset_ns = max(self.now_ns(), self._last_ns + 1) - frame.capture_ns
         self._last_ns = frame.capture_ns + self._offset_ns
@@ -85,6 +84,7 @@ class Recorder(AbstractContextManager["Recorder"]):
     offset_ns    log time minus capture time; None: from the wall clock at the first frame. A
                  simulator gives 0, so that the same frames make the same file.
     finger       its number, in the names of what `take` records
+    written_n    messages by topic, in chunks that are closed or open
     fault        why writing has stopped
     refused_n    messages that could not be encoded; the reasons are in /events
     Raises       SinkError: the file exists or cannot be created
@@ -105,6 +105,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         self.path = Path(path)
         about = {"format": "1", "rate_hz": repr(float(rate_hz)), "image": image, **dict(tip or {})}
         self._writer = McapWriter(self.path, compression, about, overwrite)
+        self.written_n = self._writer.written_n
         self._queue = MessageQueue(int(buffer_mb * 1e6))
         self._clock = _LogClock(offset_ns)
         self._png = image == "png"
@@ -115,11 +116,6 @@ class Recorder(AbstractContextManager["Recorder"]):
         self.fault: str | None = None
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()
-
-    @property
-    def written_n(self) -> Counter[str]:
-        """Messages by topic, in chunks that are closed or open."""
-        return self._writer.written_n
 
     @property
     def dropped_n(self) -> int:

@@ -17,13 +17,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from edge.errors import DegenerateLayout
 from edge.geometry.lattice import N_RING, inside_hull
 from edge.geometry.layout import LAYOUTS, pin_layout
 from edge.geometry.neighbours import nearest_of
-from edge.geometry.thin_plate import thin_plate_at
+from edge.geometry.thin_plate import thin_plate_operators
 from edge.rest.tip_match import SHARED_MIN
 from edge.sensors import KnownSensor
-from edge.types import Array, Complex, Mask, Rest
+from edge.types import Array, Complex, Rest
 
 _SYMMETRY = {"hex": 6, "rings": 6, "square": 4}
 #: Pitches. A prediction that says nothing is wrong by 0.5 / sqrt(2) in the median: uniform in half a pitch.
@@ -54,9 +55,10 @@ def match_layout(rest: Rest, layout: str, count: int = 0) -> LayoutMatch:
         on = site_of >= 0
         filled = np.zeros(len(sites), bool)
         filled[site_of[on]] = True
-        among = _among(sites, sites[filled]) if layout == "square" else np.ones(len(sites), bool)
+        # A grid's sites count inside the hull of those that have a pin, its border included.
+        own = inside_hull(_xy(sites[filled]), _xy(sites)) if layout == "square" else np.ones(len(sites), bool)
         match = LayoutMatch(
-            float(on.mean()), float(filled[among].mean()), float(np.quantile(error[on], 0.95)), pitch
+            float(on.mean()), float(filled[own].mean()), float(np.quantile(error[on], 0.95)), pitch
         )
         if (match.pins_on, -match.residual) > (best.pins_on, -best.residual):
             best = match
@@ -93,7 +95,7 @@ def _grow(z: Complex, sites: Complex, layout: str) -> tuple[NDArray[np.integer],
             break
         try:
             placed = _predicted(known, z[on], _xy(sites[near]))
-        except np.linalg.LinAlgError:  # too few, or on a line: no prediction
+        except DegenerateLayout:  # too few, or on a line: no prediction
             break
         taken = _assign(z, near, placed, site_of, error)
         if len(taken) == 0 or np.median(error[taken]) > CLEAR:
@@ -106,7 +108,7 @@ def _predicted(known: Array, at: Complex, sites: Array) -> Complex:
     rows = nearest_of(known, sites, 2 * N_RING)[1]
     return np.array(
         [
-            thin_plate_at(known[row], _xy(at[row]), site[None], 0.0)[0] @ (1, 1j)
+            (thin_plate_operators(known[row], site[None])[0] @ at[row])[0]
             for row, site in zip(rows, sites, strict=True)
         ]
     )
@@ -138,11 +140,6 @@ def _first_turn(first: Complex, middle: Complex, symmetry: int) -> complex:
     turns = np.exp(2j * np.pi / symmetry * np.arange(60) / 60)
     apart = np.abs((first / turns[:, None])[..., None] - middle).min(axis=2)
     return complex(turns[(apart**2).mean(axis=1).argmin()])
-
-
-def _among(sites: Complex, seen: Complex) -> Mask:
-    """Which sites are inside the hull of those that have a pin, its border included."""
-    return inside_hull(_xy(seen), _xy(sites))
 
 
 @dataclass(frozen=True, slots=True)

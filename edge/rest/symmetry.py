@@ -19,7 +19,7 @@ ASYMMETRY_MAX = 0.03  # rms relative area that lens and mount make
 
 @dataclass(frozen=True, slots=True)
 class RestSymmetry:
-    """Of the cells of a rest frame, as rms relative area."""
+    """How symmetric the cells of a rest frame are, as rms relative area."""
 
     asymmetry: float  # smooth, and neither alike in all directions nor even across
     irregularity: float  # from cell to cell

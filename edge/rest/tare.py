@@ -29,7 +29,7 @@ from edge.geometry.select import SIGMA_OF_MAD
 from edge.params import PARAMS as RUNTIME
 from edge.pins import CentroidRefiner, take_rest
 from edge.rest.symmetry import symmetry_of
-from edge.rest.tip_match import SHARED_MIN, in_order_of, match_rest
+from edge.rest.tip_match import SHARED_MIN, match_rest
 from edge.tracking import Tracker
 from edge.types import Image, Lens, Pins, Polarity, Rest, Tracks
 from hostlink.wire import RestFrameReason
@@ -100,7 +100,8 @@ def take_rest_frame(
                 raise problem
             problems.append(problem)
 
-    first, last = _ends(images, rest)
+    refiner = CentroidRefiner(rest)
+    first, last = (refiner.refine(images[k], rest.xy_img) for k in (0, -1))
     check(_unsteady(first, last, params.steady_px))
     if calibration is not None:
         try:
@@ -129,12 +130,6 @@ def _take(images: Sequence[Image], params: TareParams, calibration: Calibration 
         with suppress(NoPins):
             return take_rest(images, Polarity.DARK if dark else Polarity.BRIGHT, params.lens)
     return take_rest(images, params.polarity, params.lens)
-
-
-def _ends(images: Sequence[Image], rest: Rest) -> tuple[Pins, Pins]:
-    """The pins in the first image and in the last."""
-    refiner = CentroidRefiner(rest)
-    return refiner.refine(images[0], rest.xy_img), refiner.refine(images[-1], rest.xy_img)
 
 
 def _unsteady(first: Pins, last: Pins, steady_px: float) -> TareRefused | None:
@@ -231,23 +226,3 @@ def _touch_sigmas(reference: Rest, tracks: Tracks) -> float:
         FeatureExtractor(reference, rest_area).extract(noisy, cells, FeaturePlan(frozenset())).in_contact
     )
     return sigmas if in_contact else 0.0
-
-
-def tare(
-    images: Sequence[Image],
-    steady_px: float,
-    calibration: Calibration | None = None,
-    polarity: Polarity = Polarity.FOUND,
-    lens: Lens | None = None,
-) -> Rest:
-    """The rest frame from a few images of a recording's untouched tip.
-
-    With a calibration its pins' order is kept, and the tip must be the one that it belongs to.
-
-    steady_px  largest motion of 90 % of the pins from the first to the last image
-    Raises     NoPins: no pins in view, or they move; CalibrationError: another tip, another image size
-    """
-    rest = take_rest(images, polarity, lens)
-    if moved := _unsteady(*_ends(images, rest), steady_px):
-        raise NoPins(str(moved))
-    return rest if calibration is None else in_order_of(calibration, rest)

@@ -16,7 +16,7 @@ from edge.limits import FILE_BYTES
 from edge.params import PARAMS as RUNTIME
 from hostlink.wire import FaultCode
 
-#: At which a Raspberry Pi begins to throttle (maker's documentation, "frequency management").
+#: A Raspberry Pi begins to throttle at this (maker's documentation, "frequency management").
 HOT_DEGC = 80.0
 
 

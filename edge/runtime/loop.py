@@ -189,7 +189,7 @@ class Loop:
         frame, since_ns = self._detector.last or (None, now_ns)
         if now_ns - since_ns > RUNTIME.patience_s * 1e9:
             self.measurement.no_images()
-        # On the camera's clock, like all samples: its last time plus the time since.
+        # It is on the camera's clock, like all samples: its last time plus the time since.
         capture_ns = frame.capture_ns + now_ns - since_ns if frame else now_ns
         self._send(None, capture_ns, 0.0)
 

@@ -29,10 +29,6 @@ from hostlink.wire import FaultCode, RestFrameReason, RestFrameState
 log = logging.getLogger(__name__)
 
 
-class _SizeChanged(EdgeError):
-    """An image of another size than the rest frame."""
-
-
 @dataclass(frozen=True, slots=True)
 class LoopConfig:
     """What is computed, and limits; `edge.config` is the user's side of it."""
@@ -135,10 +131,10 @@ class Measurement:
             self.pipeline.forget()
 
     def _measure(self, frame: Frame) -> Result | None:
-        """Raises _SizeChanged: the camera changed its size, and the rest frame no longer applies."""
+        """Raises EdgeError: the camera changed its size, and the rest frame no longer applies."""
         if self.pipeline is not None and frame.image.shape != self._shape:
             now, rest = (f"{width}x{height}" for height, width in (frame.image.shape, self._shape))
-            raise _SizeChanged(f"it has {now} px, the rest frame {rest}; set the camera back, or restart")
+            raise EdgeError(f"it has {now} px, the rest frame {rest}; set the camera back, or restart")
         if self.tare.busy or self.tare.request is not None:
             self._tare(frame)
         if self.pipeline is None:
@@ -148,8 +144,6 @@ class Measurement:
             self.pipeline.forget()
         result = self.pipeline.step(frame, self._detector)
         self._counters.counts.full_searches_n += result.searched
-        lost = result.features is None and self._faults.holds(FaultCode.TRACKER_LOST)
-        self._counters.counts.unidentified_n += lost
         return result
 
     def use_rest(self, rest: Rest, frame: Frame) -> None:

@@ -23,7 +23,6 @@ class LoopStatistics:
     lost_by_camera_n: Annotated[int, "images lost before they reached this process"] = 0
     dropped_n: Annotated[int, "images replaced by a newer one"] = 0
     full_searches_n: Annotated[int, "searches of the whole image"] = 0
-    unidentified_n: Annotated[int, "images whose pins were not identified"] = 0
     failed_n: Annotated[int, "images that could not be processed"] = 0
     keepalives_n: Annotated[int, "samples sent while no image came"] = 0
     sent_n: Annotated[int, "samples sent, all sinks"] = 0

@@ -223,7 +223,7 @@ class VideoSource(FileSource):
 
     @property
     def frames_n(self) -> int:
-        """As the file states it, which is an estimate in some; 0: it does not."""
+        """The number that the file states, which is an estimate in some; 0: it states none."""
         return self._stated_n
 
     def _open(self) -> Any:
@@ -232,7 +232,7 @@ class VideoSource(FileSource):
             what = is_there if self.path.exists() else "no such file"
             raise SourceError(f"{self.name}: {what}; give a video file or a recording")
         with quiet_opencv():
-            # absolute: FFmpeg takes the start of a name with a colon for a protocol
+            # The path is absolute: FFmpeg takes the start of a name with a colon for a protocol
             capture = cv2.VideoCapture(str(self.path.absolute()), cv2.CAP_FFMPEG)
         if not capture.isOpened():
             raise SourceError(f"{self.name}: not a video; give avi, mp4, mkv, or an MCAP recording")

@@ -131,9 +131,8 @@ def is_cut_off(path: Path) -> bool:
     if head.startswith(b"RIFF"):
         end = 8 + int.from_bytes(head[4:8], "little")
     else:
-        at = (
-            head.find(b"\x18\x53\x80\x67") + 4
-        )  # Matroska's segment; in the length, leading zeros say how long it is
+        # Matroska's segment; in the length, leading zeros say how long it is.
+        at = head.find(b"\x18\x53\x80\x67") + 4
         bits = 7 * (9 - head[at].bit_length())
         length = int.from_bytes(head[at : at + bits // 7], "big") & (1 << bits) - 1
         known = at > 3 and length != (1 << bits) - 1

@@ -1,4 +1,4 @@
-"""A lens as a file: `edge lens` writes it, `?lens=FILE` in a source's address reads it."""
+"""A lens as a file: `calib lens` writes it, `?lens=FILE` in a source's address reads it."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ from edge import limits
 from edge.errors import SourceError
 from edge.types import FrameSource, Lens
 
-#: In a source's address: what the camera's maker measured.
+#: A source's address names so what the camera's maker measured.
 FACTORY = "factory"
 
 
@@ -15,14 +15,7 @@ def load_lens(path: str | Path) -> Lens:
     try:
         return limits.read_toml_as(Path(path), Lens)[1]
     except limits.BadContent as error:
-        raise SourceError(f"lens {path}: {error}; `edge lens` makes one") from None
-
-
-def text_of(lens: Lens, heading: str) -> str:
-    """The file's text. heading: a comment, one line."""
-    rows = [f"# {heading}", f'model = "{lens.model}"']
-    rows += [f"{name} = {list(getattr(lens, name))}" for name in lens.__struct_fields__[1:]]
-    return "\n".join(rows) + "\n"
+        raise SourceError(f"lens {path}: {error}; `python -m calib lens` makes one") from None
 
 
 def lens_for(source: FrameSource, text: str) -> Lens | None:

@@ -1,6 +1,6 @@
 """OAK modules, through depthai v3.
 
-Only `find_module` and `camera_output` need hardware; the rest takes any node's output.
+Only `find_module` and `OakCamera.output` need hardware; the rest takes any node's output.
 
 - depthai is loaded here and nowhere else (0.5 s, 85 MB), with its telemetry off.
 - Modules are listed first (0.5 s): opening one that does not exist takes 11.5 s.
@@ -10,6 +10,8 @@ Only `find_module` and `camera_output` need hardware; the rest takes any node's 
   `clock=device` the module's own (`Clock.DEVICE`). Its stamps are of the end of the exposure; we ask for the
   start.
 - `crop=x,y,width,height` is done by the module: only that part of the image goes over USB.
+- One process alone may open a module: `OakModule` has all cameras that are used, and `edge hand` hands their
+  frames on to other processes (`oak_hand`).
 - `sync=output` makes a camera's frame sync pin clock others, `sync=input` follows such a pin or any signal
   at the same rate. Of cameras of one module at one rate, frames with one sequence number belong together.
 
@@ -20,7 +22,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from datetime import timedelta
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
@@ -31,14 +33,12 @@ from edge.errors import SourceError
 from edge.params import PARAMS as RUNTIME
 from edge.sources.camera import CameraSource
 from edge.sources.live import PARAMS as LIVE
+from edge.sources.oak_hand import FedCamera, fed_camera
 from edge.sources.options import Options
 from edge.types import Clock, Frame, Lens
 
 if TYPE_CHECKING:
     import depthai as dai
-
-MakeOutput = Callable[["dai.Pipeline"], "dai.Node.Output"]
-
 
 RATE_HZ = 60.0  # that every camera of the maker's gives at this size; without a rate the modules give 30
 _READ = timedelta(seconds=RUNTIME.wait_s)
@@ -64,42 +64,9 @@ def find_module(where: str) -> dai.DeviceInfo:
     here = ", ".join(f"{info.deviceId} ({info.name})" for info in found) or "none"
     place = f"oak:{where}".rstrip(":")
     raise SourceError(
-        f"source {place}: no such OAK module; free modules here: {here}; plug it in, check its udev rule"
+        f"source {place}: no such OAK module; free modules here: {here}; plug it in, check its udev "
+        "rule; several cameras of one are for `edge hand`"
     )
-
-
-def _with_own(options: Options) -> Options:
-    return options.or_own(LIVE.size_px, RATE_HZ)
-
-
-def camera_output(
-    options: Options, socket: str = "CAM_B", crop: Crop | None = None, sync: str = ""
-) -> MakeOutput:
-    """Mono camera of a module: manual exposure and focus, no anti-banding, one chunk a frame.
-
-    Unasked it has the size that its maker's mono sensors give fastest, and a rate that each of them gives.
-    sync  what the camera's frame sync pin is: a key of `SYNC_MODES`; "": as depthai has it
-    """
-
-    options = _with_own(options)
-
-    def make(pipeline: dai.Pipeline) -> dai.Node.Output:
-        import depthai as dai
-
-        rate_hz = options.rate_hz
-        camera = pipeline.create(dai.node.Camera).build(_socket(socket), sensorFps=rate_hz)
-        control = camera.initialControl
-        control.setManualExposure(options.exposure_us or LIVE.exposure_us, options.gain or LIVE.gain_iso)
-        control.setAntiBandingMode(dai.CameraControl.AntiBandingMode.OFF)
-        if options.focus is not None:
-            control.setManualFocus(options.focus)
-        if sync:
-            control.setFrameSyncMode(getattr(dai.CameraControl.FrameSyncMode, SYNC_MODES[sync]))
-        pipeline.setXLinkChunkSize(0)
-        output = camera.requestOutput(options.size_px, type=dai.ImgFrame.Type.GRAY8, fps=rate_hz)
-        return output if crop is None else crop.of(pipeline, output)
-
-    return make
 
 
 #: A camera's frame sync pin does this, by the value of `sync=`; depthai's name for it.
@@ -185,112 +152,172 @@ def lens_of(
     )
 
 
-class OakSource(CameraSource):
-    """Frames of a depthai output.
-
-    make_output  builds the nodes; called again when a lost module is back
-    module       gives the module to open; None: host only, and the source ends with the stream
-    own_clock    the module's clock instead of the host's
-    Raises       SourceError: no module, no such camera, no frames, too slow
-    """
-
-    def __init__(
-        self,
-        make_output: MakeOutput,
-        options: Options,
-        *,
-        name: str = "camera oak",
-        module: Callable[[], dai.DeviceInfo] | None = None,
-        socket: str = "CAM_B",
-        own_clock: bool = False,
-        crop: Crop | None = None,
-    ) -> None:
-        super().__init__(name, _with_own(options), RUNTIME.announced_s)
-        self._dai = load_depthai()
-        self._make_output, self._module, self._socket_name = make_output, module, socket
-        self._own_clock, self._crop = own_clock, crop
-        self._base = 0  # added to the module's counter, which starts again with the module
-        self._next = 0
-        self.factory_lens: Lens | None = None
-        self._device = self._open()
-        if module is None:  # not for a replay, which would lose its first frames
-            self.size_px = self._options.size_px if crop is None else (crop.width, crop.height)
-            self.rate_hz = self._options.rate_hz
-        else:
-            self._check_rate(LIVE.first_s)
-
-    def _open(self) -> tuple[Any, Any]:
-        """Pipeline, running, and its queue. Raises SourceError; RuntimeError from depthai."""
-        dai = self._dai
-        if self._module is None:
-            pipeline = dai.Pipeline(createImplicitDevice=False)
-        else:
-            device = dai.Device(self._module())
-            check_socket(device, self._socket_name)
-            self.factory_lens = lens_of(
-                device.readCalibration(), self._socket_name, self._options.size_px, self._crop
-            )
-            pipeline = dai.Pipeline(device)
-        queue = self._make_output(pipeline).createOutputQueue()
-        pipeline.start()
-        self._base = self._next
-        return pipeline, queue
-
-    def _read_from(self, device: tuple[Any, Any]) -> bool:
-        try:
-            message = device[1].get(_READ)
-        except (self._dai.MessageQueue.QueueException, RuntimeError):
-            if self._module is None:  # the end of the stream
-                self._closing.set()
-            return False
-        if message is not None:
-            self._take(message)
-        return True
-
-    def _shut(self, device: tuple[Any, Any]) -> None:
-        pipeline = device[0]
-        if pipeline.isRunning():
-            pipeline.stop()
-            pipeline.wait()
-
-    def _take(self, message: dai.ImgFrame) -> None:
-        image = np.array(message.getFrame(), dtype=np.uint8)  # a copy: the message's memory is reused
-        if image.ndim != 2 or self.size_px not in ((0, 0), image.shape[::-1]):
-            self.faults["damaged frame"] += 1
-            return
-        self.size_px = (image.shape[1], image.shape[0])
-        sequence = self._base + message.getSequenceNum()
-        if sequence > self._next and self.received_n:
-            self.faults["missed frame"] += sequence - self._next
-        self._next = sequence + 1
-        end = message.getTimestampDevice() if self._own_clock else message.getTimestamp()
-        stamp = end - message.getExposureTime()
-        clock = Clock.DEVICE if self._own_clock else Clock.DRIVER
-        self._hand_over(Frame(image, stamp // timedelta(microseconds=1) * 1000, sequence, clock))
-
-
 class OakKeys(msgspec.Struct):
     """The scheme's own keys; `crop` is x,y,width,height."""
 
     socket: str = "CAM_B"
     clock: Literal["host", "device"] = "host"
-    crop: str | None = None
+    crop: str = ""
     sync: Literal["", "output", "input", "ptp"] = ""
+
+
+class OakCamera(NamedTuple):
+    """What is asked of a camera of a module."""
+
+    options: Options
+    keys: OakKeys
+    crop: Crop | None
+
+    def output(self, pipeline: dai.Pipeline) -> dai.Node.Output:
+        """A mono camera: manual exposure and focus, no anti-banding, one chunk a frame."""
+        import depthai as dai
+
+        options, sync = self.options, self.keys.sync
+        rate_hz = options.rate_hz
+        camera = pipeline.create(dai.node.Camera).build(_socket(self.keys.socket), sensorFps=rate_hz)
+        control = camera.initialControl
+        control.setManualExposure(options.exposure_us or LIVE.exposure_us, options.gain or LIVE.gain_iso)
+        control.setAntiBandingMode(dai.CameraControl.AntiBandingMode.OFF)
+        if options.focus is not None:
+            control.setManualFocus(options.focus)
+        if sync:
+            control.setFrameSyncMode(getattr(dai.CameraControl.FrameSyncMode, SYNC_MODES[sync]))
+        pipeline.setXLinkChunkSize(0)
+        output = camera.requestOutput(options.size_px, type=dai.ImgFrame.Type.GRAY8, fps=rate_hz)
+        return output if self.crop is None else self.crop.of(pipeline, output)
+
+
+def camera_at(where: str, options: Options) -> OakCamera:
+    """The camera that an address asks for. Raises SourceError.
+
+    Unasked it has the size that its maker's mono sensors give fastest, and a rate that each of them gives.
+    """
+    keys = options.own(f"oak:{where}", OakKeys)
+    options = options.or_own(LIVE.size_px, RATE_HZ)
+    return OakCamera(options, keys, Crop.parse(keys.crop, options.size_px) if keys.crop else None)
+
+
+Opened = tuple["dai.Pipeline", "dict[str, dai.MessageQueue]"]
+
+
+class OakModule:
+    """Cameras of one module, or host nodes, which are opened and lost together.
+
+    find    gives the module to open; None: host only
+    lenses  of each camera, by the module's own calibration
+    live    whether it comes back when it is lost; else its stream has an end
+
+    Frames of one exposure have one number in all cameras. It goes on where a lost module begins with 0 again.
+    """
+
+    def __init__(
+        self, cameras: Sequence[OakCamera], find: Callable[[], dai.DeviceInfo] | None = None
+    ) -> None:
+        self._dai = load_depthai()
+        self.cameras, self._find = cameras, find
+        self.lenses: list[Lens | None] = [None] * len(cameras)
+        self.live = find is not None
+        self._base = self._next = 0
+        for camera in cameras:
+            _socket(camera.keys.socket)
+
+    def open(self) -> Opened:
+        """Pipeline, running, and the queues of the cameras. Raises SourceError; RuntimeError from depthai."""
+        dai = self._dai
+        if self._find is None:
+            pipeline = dai.Pipeline(createImplicitDevice=False)
+        else:
+            device = dai.Device(self._find())
+            for camera in self.cameras:
+                check_socket(device, camera.keys.socket)
+            handler = device.readCalibration()
+            self.lenses = [lens_of(handler, c.keys.socket, c.options.size_px, c.crop) for c in self.cameras]
+            pipeline = dai.Pipeline(device)
+        outputs = [camera.output(pipeline) for camera in self.cameras]
+        queues = {str(place): output.createOutputQueue() for place, output in enumerate(outputs)}
+        pipeline.start()
+        self._base = self._next
+        return pipeline, queues
+
+    def read(self, opened: Opened) -> dict[int, Frame] | None:
+        """What came within a moment, by the camera's place; None: lost, or at the end of the stream."""
+        queues = opened[1]
+        try:
+            messages = self._dai.MessageQueue.getAny(queues, _READ)
+        except RuntimeError:
+            return None
+        if not messages and any(queue.isClosed() for queue in queues.values()):
+            return None
+        return {int(place): self._frame(int(place), message) for place, message in messages.items()}
+
+    def shut(self, opened: Opened) -> None:
+        """Close the module, which may be gone already."""
+        pipeline = opened[0]
+        if pipeline.isRunning():
+            pipeline.stop()
+            pipeline.wait()
+
+    def _frame(self, place: int, message: dai.ImgFrame) -> Frame:
+        image = np.array(message.getFrame(), dtype=np.uint8)  # a copy: the message's memory is reused
+        sequence = self._base + message.getSequenceNum()
+        self._next = max(self._next, sequence + 1)
+        own_clock = self.cameras[place].keys.clock == "device"
+        end = message.getTimestampDevice() if own_clock else message.getTimestamp()
+        stamp_ns = (end - message.getExposureTime()) // timedelta(microseconds=1) * 1000
+        return Frame(image, stamp_ns, sequence, Clock.DEVICE if own_clock else Clock.DRIVER)
+
+
+class OakSource(CameraSource):
+    """Frames of one camera: of a module of its own, or of one that another process has open.
+
+    Raises  SourceError: no module, no such camera, no frames, too slow
+    """
+
+    def __init__(self, module: OakModule | FedCamera, camera: OakCamera, name: str = "camera oak") -> None:
+        super().__init__(name, camera.options, RUNTIME.announced_s)
+        self._module = module
+        self._next = 0
+        self._device = self._open()
+        if module.live:
+            self._check_rate(LIVE.first_s)
+        else:  # a replay would lose its first frames
+            self.size_px = camera.crop[2:] if camera.crop else camera.options.size_px
+            self.rate_hz = camera.options.rate_hz
+
+    @property
+    def factory_lens(self) -> Lens | None:
+        """As the module has it."""
+        return self._module.lenses[0]
+
+    def _open(self) -> Any:
+        return self._module.open()
+
+    def _read_from(self, device: Any) -> bool:
+        frames = self._module.read(device)
+        if frames is None and not self._module.live:
+            self._closing.set()
+        for frame in (frames or {}).values():
+            self._take(frame)
+        return frames is not None
+
+    def _shut(self, device: Any) -> None:
+        self._module.shut(device)
+
+    def _take(self, frame: Frame) -> None:
+        image, sequence = frame.image, frame.sequence
+        if image.ndim != 2 or self.size_px not in ((0, 0), image.shape[::-1]):
+            self.faults["damaged frame"] += 1
+            return
+        self.size_px = (image.shape[1], image.shape[0])
+        if sequence > self._next and self.received_n:
+            self.faults["missed frame"] += sequence - self._next
+        self._next = sequence + 1
+        self._hand_over(frame)
 
 
 def open_oak(where: str, options: Options) -> OakSource:
     """The scheme `oak:`; its own keys: `OakKeys`."""
-    keys = options.own(f"oak:{where}", OakKeys)
-    options = _with_own(options)
-    crop = None if keys.crop is None else Crop.parse(keys.crop, options.size_px)
-    load_depthai()
-    _socket(keys.socket)
-    return OakSource(
-        camera_output(options, keys.socket, crop, keys.sync),
-        options,
-        name=f"camera oak:{where}".rstrip(":"),
-        module=lambda: find_module(where),
-        socket=keys.socket,
-        own_clock=keys.clock == "device",
-        crop=crop,
-    )
+    camera = camera_at(where, options)
+    fed = fed_camera()
+    module = fed or OakModule([camera], lambda: find_module(where))
+    return OakSource(module, camera, f"camera oak:{where} {camera.keys.socket}")

@@ -34,7 +34,7 @@ class Options(msgspec.Struct, frozen=True):
     """width, height  px; 0: the source's own
     gain           in the camera's own unit (V4L2 control, ISO for OAK, a factor for picamera2); 0: unchanged
     roi            "x,y,w,h", circle: "x,y,r", mask: a file: the part that shows the skin; "": all
-    lens           file of `edge lens`, or factory: distortion that is removed from the pins' places; "": none
+    lens           file of `calib lens`, or factory: distortion to remove from the pins' places; "": none
     extra          keys of the specification that are the source's own
     """
 

@@ -85,7 +85,7 @@ def _packed(bits: int, rows: Pixels) -> Pixels:
     return (units[:, :, :n] << (bits - 8) | lower).reshape(len(rows), -1)
 
 
-#: By the names of ROS and Foxglove, and of V4L2 in capitals.
+#: The layouts by the names of ROS and Foxglove, and of V4L2 in capitals.
 LAYOUTS: dict[str, Layout] = {}
 for _names, _layout in {
     "mono8 8UC1 GREY": Layout(8, 1, lambda rows: rows),

@@ -43,7 +43,8 @@ def region_of(source: FrameSource, roi: str, circle: str, mask: str) -> Region |
     )[1]
     place_of = np.zeros((int(labels.max()) + 1, 2), np.int16)
     place_of[labels[skin]] = np.argwhere(skin)[:, ::-1]
-    return Region(place_of[labels])
+    nearest: Region = place_of[labels]
+    return nearest
 
 
 def _numbers(name: str, key: str, text: str) -> list[float]:

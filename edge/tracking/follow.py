@@ -1,3 +1,4 @@
+# cython: infer_types=True
 """Which of the pins found at the predicted places are seen. A kernel: compiled by Cython, and the same
 when it is not.
 
@@ -15,12 +16,9 @@ Loops that store take their arrays as local names: the C compiler then knows tha
 are, and does not look their address up again after every store.
 """
 
-# mypy: disable-error-code="attr-defined,no-any-return,untyped-decorator,valid-type"
-
-from __future__ import annotations
-
 import cython
 import numpy as np
+from cython.cimports.libc.math import sqrt
 
 from edge.geometry.lattice import Lattice
 from edge.geometry.neighbours import weighted_rows
@@ -31,14 +29,12 @@ from edge.types import Array, Mask, Pins
 if cython.compiled:
     from cython.cimports.edge.geometry.neighbours import Separation, weighted_sums
     from cython.cimports.edge.tracking.outliers import PhotometricFilter
-    from cython.cimports.libc.math import HUGE_VAL, NAN, sqrt
 else:
-    from math import inf as HUGE_VAL  # noqa: N812
-    from math import nan as NAN  # noqa: N812
-    from math import sqrt
-
     from edge.geometry.neighbours import Separation, weighted_sums
     from edge.tracking.outliers import PhotometricFilter
+
+HUGE_VAL = cython.declare(cython.double, float("inf"))
+NAN = cython.declare(cython.double, float("nan"))
 
 
 @cython.final
@@ -170,24 +166,23 @@ class Follower:
         strayed: cython.bint
         goes_on: cython.bint
         is_held: cython.bint
-        with cython.nogil:
-            self._find_residuals(self.found)
-            self._keep_apart(self.found)
-            self._filter(self.found, self.sigma, self.brightness)
-            seen_n = self._place(self.found, self.sigma)
-            self.autocorrelation = 0.0
-            if seen_n < n:  # of no use to pins that are seen
-                self.autocorrelation = self._correlate(self.residual, self.seen)
-                self._place_lost()
-            self.share = cython.cast(cython.double, seen_n) / n
-            strayed = leapt = self._is_median_beyond(self.now, self.leap2)
-            if leapt:
-                strayed = self._is_median_beyond(self.now, self.gate2)
-            goes_on = 2.0 * self.share >= 1.0 and not strayed
-            is_held = goes_on and not self._is_too_few(leapt)
-            self.baseline_share += (self.share - self.baseline_share) / self.baseline_frames
-            if is_held:
-                self._accept()
+        self._find_residuals(self.found)
+        self._keep_apart(self.found)
+        self._filter(self.found, self.sigma, self.brightness)
+        seen_n = self._place(self.found, self.sigma)
+        self.autocorrelation = 0.0
+        if seen_n < n:  # of no use to pins that are seen
+            self.autocorrelation = self._correlate(self.residual, self.seen)
+            self._place_lost()
+        self.share = cython.cast(cython.double, seen_n) / n
+        strayed = leapt = self._is_median_beyond(self.now, self.leap2)
+        if leapt:
+            strayed = self._is_median_beyond(self.now, self.gate2)
+        goes_on = 2.0 * self.share >= 1.0 and not strayed
+        is_held = goes_on and not self._is_too_few(leapt)
+        self.baseline_share += (self.share - self.baseline_share) / self.baseline_frames
+        if is_held:
+            self._accept()
         if seen_n == n:
             return self.pins.xy_img.copy(), self.pins.sigma_px.copy(), self.all_seen, n, 0.0, goes_on, is_held
         xy, of_xy, seen = self.results
@@ -226,16 +221,11 @@ class Follower:
         return self._is_median_beyond(np.ascontiguousarray(xy, np.float64), self.gate2)
 
     @cython.cfunc
-    @cython.exceptval(check=False)
-    @cython.nogil
     def _find_residuals(self, found: cython.const[cython.double][:, ::1]) -> cython.void:
         """Residuals of all found pins, and which pins are seen: those whose residual is like that of the last
         frame.
         """
         seen: cython.uchar[::1] = self.seen
-        i: cython.Py_ssize_t
-        iteration: cython.int
-        step: cython.int
         for i in range(self.n):
             seen[i] = found[i, 0] == found[i, 0]
         for iteration in range(2):
@@ -246,29 +236,12 @@ class Follower:
                 break
 
     @cython.cfunc
-    @cython.exceptval(check=False)
-    @cython.nogil
-    def _change_of_lost(self, i: cython.Py_ssize_t) -> cython.double:
-        """How far the residual of a lost pin may change, in `change2`: its last one is a prediction as well,
-        which makes the variance twice as large. It returns where most of its nearest were seen.
-        """
-        c: cython.Py_ssize_t
-        seen_n: cython.int = 0
-        for c in range(self.closest.shape[1]):
-            seen_n += self.last_seen[self.closest[i, c]]
-        return 2.0 if 2 * seen_n >= self.closest.shape[1] else 0.0
-
-    @cython.cfunc
-    @cython.exceptval(check=False)
-    @cython.nogil
     def _predict_from_neighbours(
         self, found: cython.const[cython.double][:, ::1], first: cython.bint
     ) -> cython.void:
         """Motion of each pin as predicted by its neighbours. A neighbour that is not seen takes part with its
         own prediction; first: there is none yet in this frame.
         """
-        i: cython.Py_ssize_t
-        d: cython.int
         rest: cython.const[cython.double][:, ::1] = self.rest
         known: cython.float[::1] = self.known
         for i in range(self.n):
@@ -284,23 +257,22 @@ class Follower:
         weighted_sums(self.start, self.near, self.weight, known, self.predicted)
 
     @cython.cfunc
-    @cython.exceptval(check=False)
-    @cython.nogil
     def _reject_by_residual(self, found: cython.const[cython.double][:, ::1]) -> cython.bint:
         """Update which pins are seen, by the residual and its change; true if that altered any.
 
         A pitch off, a pin is in another's place; half a pitch off, a blob is nearer to that place. If the pin
-        was seen in the last frame, it is known whose the blob is.
+        was seen in the last frame, it is known whose the blob is. The last residual of a lost pin is a
+        prediction as well, which makes the variance of its change twice as large; the pin returns where most
+        of its nearest were seen.
         """
         most2: cython.const[cython.double][::1] = self.pitch2
         change2: cython.const[cython.double][::1] = self.pitch2
-        i: cython.Py_ssize_t
         if _any_missing(self.last_seen):
             for i in range(self.n):
                 self.limits[i] = self.some[i] = self.pitch2[i]
                 if not self.last_seen[i]:
                     self.limits[i] *= 0.5**2
-                    self.some[i] *= self._change_of_lost(i)
+                    self.some[i] *= 2.0 if 2 * self._seen_near(i) >= self.closest.shape[1] else 0.0
             most2, change2 = self.limits, self.some
         rest: cython.const[cython.double][:, ::1] = self.rest
         predicted: cython.float[::1] = self.predicted
@@ -325,15 +297,10 @@ class Follower:
         return changed != 0
 
     @cython.cfunc
-    @cython.exceptval(check=False)
-    @cython.nogil
     def _keep_apart(self, found: cython.const[cython.double][:, ::1]) -> cython.void:
-        """Of two pins that came too near to each other the one with the larger innovation is lost."""
+        """Lose the one with the larger innovation of two pins that came too near to each other."""
         if self.separation.holds(found):
             return
-        p: cython.Py_ssize_t
-        a: cython.Py_ssize_t
-        b: cython.Py_ssize_t
         least: cython.double = HUGE_VAL
         for p in range(self.pairs.shape[0]):
             a = self.pairs[p, 0]
@@ -348,8 +315,6 @@ class Follower:
 
     @cython.cfunc
     @cython.inline
-    @cython.exceptval(check=False)
-    @cython.nogil
     def _innovation2(self, i: cython.Py_ssize_t) -> cython.double:
         """Square of the change of a residual, px2."""
         dx: cython.double = self.residual[2 * i] - self.last_residual[2 * i]
@@ -357,8 +322,6 @@ class Follower:
         return dx * dx + dy * dy
 
     @cython.cfunc
-    @cython.exceptval(check=False)
-    @cython.nogil
     def _filter(
         self,
         found: cython.const[cython.double][:, ::1],
@@ -369,15 +332,12 @@ class Follower:
         if not self.photometric.find_suspects(self.residual, self.seen):
             return
         motion: cython.double[:, ::1] = self.now  # which is written after this
-        i: cython.Py_ssize_t
         for i in range(self.n):
             motion[i, 0] = found[i, 0] - self.rest[i, 0]
             motion[i, 1] = found[i, 1] - self.rest[i, 1]
         self.photometric.filter(brightness, sigma, motion, self.seen, False)
 
     @cython.cfunc
-    @cython.exceptval(check=False)
-    @cython.nogil
     def _correlate(
         self, residual: cython.const[cython.float][::1], seen: cython.const[cython.uchar][::1]
     ) -> cython.double:
@@ -385,7 +345,6 @@ class Follower:
         first order.
         """
         last: cython.float[::1] = self.last_residual
-        i: cython.Py_ssize_t
         both: cython.double = 0
         square: cython.double = 0
         for i in range(self.n):
@@ -398,8 +357,6 @@ class Follower:
         return min(max(both / square, 0.0), 1.0) if square > 0 else 0.0
 
     @cython.cfunc
-    @cython.exceptval(check=False)
-    @cython.nogil
     def _place(
         self,
         found: cython.const[cython.double][:, ::1],
@@ -412,7 +369,6 @@ class Follower:
         xy: cython.double[:, ::1] = self.result_xy
         sigma_out: cython.double[::1] = self.result_sigma
         is_seen: cython.uchar[::1] = self.result_seen
-        i: cython.Py_ssize_t
         seen_n: cython.Py_ssize_t = 0
         self.now[:, :] = found  # of those not seen `_place_lost` takes care
         for i in range(self.n):
@@ -427,12 +383,8 @@ class Follower:
         return seen_n
 
     @cython.cfunc
-    @cython.exceptval(check=False)
-    @cython.nogil
     def _place_lost(self) -> cython.void:
         """Place the pins that are not seen where their neighbours predict them."""
-        i: cython.Py_ssize_t
-        d: cython.int
         for i in range(self.n):
             if not self.seen[i]:
                 for d in range(2):
@@ -441,8 +393,6 @@ class Follower:
                     self.now[i, d] = self.rest[i, d] + self.predicted[2 * i + d] + left
 
     @cython.cfunc
-    @cython.exceptval(check=False)
-    @cython.nogil
     def _is_median_beyond(
         self, xy: cython.const[cython.double][:, ::1], limit2: cython.double
     ) -> cython.bint:
@@ -451,7 +401,6 @@ class Follower:
         """
         expected: cython.double[:, ::1] = self.expected
         pitch2: cython.const[cython.double][::1] = self.pitch2
-        i: cython.Py_ssize_t
         within: cython.Py_ssize_t = 0
         for i in range(self.n):
             x = xy[i, 0] - expected[i, 0]
@@ -460,8 +409,6 @@ class Follower:
         return within <= self.n // 2
 
     @cython.cfunc
-    @cython.exceptval(check=False)
-    @cython.nogil
     def _is_too_few(self, leapt: cython.bint) -> cython.bint:
         """Whether so few pins are seen, against the baseline, that the identities are given up.
 
@@ -478,29 +425,25 @@ class Follower:
         return vanished or is_back or swapped
 
     @cython.cfunc
-    @cython.exceptval(check=False)
-    @cython.nogil
+    def _seen_near(self, i: cython.Py_ssize_t) -> cython.int:
+        """How many of the nearest of pin i were seen in the last frame."""
+        near_n: cython.int = 0
+        for c in range(self.closest.shape[1]):
+            near_n += self.last_seen[self.closest[i, c]]
+        return near_n
+
+    @cython.cfunc
     def _count_refused(self) -> cython.Py_ssize_t:
         """How many pins are refused though a blob is there: none of their neighbours was seen."""
-        i: cython.Py_ssize_t
-        c: cython.Py_ssize_t
-        near_n: cython.int
         refused_n: cython.Py_ssize_t = 0
         for i in range(self.n):
             if self.found[i, 0] == self.found[i, 0] and not self.seen[i]:
-                near_n = 0
-                for c in range(self.closest.shape[1]):
-                    near_n += self.last_seen[self.closest[i, c]]
-                refused_n += near_n == 0
+                refused_n += self._seen_near(i) == 0
         return refused_n
 
     @cython.cfunc
-    @cython.exceptval(check=False)
-    @cython.nogil
     def _accept(self) -> cython.void:
         """Make the frame in hand the last one."""
-        i: cython.Py_ssize_t
-        d: cython.int
         now: cython.double[:, ::1] = self.now
         last: cython.double[:, ::1] = self.last
         expected: cython.double[:, ::1] = self.expected
@@ -515,10 +458,7 @@ class Follower:
 
 @cython.cfunc
 @cython.inline
-@cython.exceptval(check=False)
-@cython.nogil
 def _any_missing(seen: cython.const[cython.uchar][::1]) -> cython.bint:
-    i: cython.Py_ssize_t
     missing: cython.uchar = 0
     for i in range(seen.shape[0]):
         missing |= seen[i] ^ 1

@@ -79,10 +79,9 @@ class Hypothesis:
         )
 
     def _log_posterior_at_random(self) -> float:
-        """As if pins were missing at random. The shares of missing pins and of false blobs are unknown: all
-        numbers of them are alike. False blobs are anywhere on the tip. The likelihood of the places is that
-        of each pin by its neighbours (Besag, Statistical analysis of non-lattice data, The Statistician 24,
-        1975).
+        """Log posterior as if pins were missing at random. All numbers of missing pins and of false blobs,
+        which are anywhere on the tip, are alike. The likelihood of the places is that of each pin by its
+        neighbours (Besag, Statistical analysis of non-lattice data, The Statistician 24, 1975).
         """
         n, m, known_n = len(self.known), len(self.blob_xy), self.known_n
         if not known_n:
@@ -195,7 +194,7 @@ class Hypothesis:
 
     @property
     def _area(self) -> float:
-        """Of the tip, square pitches."""
+        """Area of the tip, square pitches."""
         return float(len(self.known) * np.sqrt(0.75))
 
     def _unassigned(self) -> Mask:

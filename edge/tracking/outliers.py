@@ -17,6 +17,7 @@ is no anomaly).
 
 import cython
 import numpy as np
+from cython.cimports.libc.math import fabs
 
 from edge.geometry.lattice import Lattice
 from edge.geometry.neighbours import short_rows
@@ -26,15 +27,13 @@ from edge.types import Array, Mask, Pins
 
 if cython.compiled:
     from cython.cimports.edge.geometry.select import select_kth
-    from cython.cimports.libc.math import HUGE_VAL, fabs
 else:
-    from math import fabs
-    from math import inf as HUGE_VAL  # noqa: N812
-
     from edge.geometry.select import select_kth
 
     #: The predicted motion, px, and the sum of the neighbours' weights.
     Fit = cython.struct(x=cython.double, y=cython.double, support=cython.double)
+
+HUGE_VAL = cython.declare(cython.double, float("inf"))
 
 #: The normal equations of one pin: sums over its known neighbours of weight, offset and motion.
 Sums = cython.struct(
@@ -91,15 +90,41 @@ class LocalAffine:
             raise ValueError(
                 f"motion ({n}, 2) and known ({n},) are wanted, not {motion.shape} and {known.shape}"
             )
-        value, support, gradient = np.empty((n, 2)), np.empty(n), np.empty((n, 2, 2))
-        _predict_all(self, moved, is_known, value, support, gradient)
-        return value, support, gradient
+        predicted = values, supports, gradients = np.empty((n, 2)), np.empty(n), np.empty((n, 2, 2))
+        value: cython.double[:, ::1] = values
+        support: cython.double[::1] = supports
+        gradient: cython.double[:, :, ::1] = gradients
+        for i in range(n):
+            s = _sums(self, moved, is_known, i)
+            one = _solve(s)
+            value[i, 0] = one.x
+            value[i, 1] = one.y
+            support[i] = one.support
+            b = s.xy * s.y - s.x * s.yy
+            c = s.x * s.xy - s.xx * s.y
+            det = s.w * (s.xx * s.yy - s.xy * s.xy) + s.x * b + s.y * c
+            e = s.x * s.y - s.w * s.xy
+            f = s.w * s.yy - s.y * s.y
+            g = s.w * s.xx - s.x * s.x
+            gradient[i, 0, 0] = (b * s.mx + f * s.xmx + e * s.ymx) / det
+            gradient[i, 0, 1] = (b * s.my + f * s.xmy + e * s.ymy) / det
+            gradient[i, 1, 0] = (c * s.mx + e * s.xmx + g * s.ymx) / det
+            gradient[i, 1, 1] = (c * s.my + e * s.xmy + g * s.ymy) / det
+        return predicted
 
     def matrix(self) -> Array:
         """(n, n) `predict` where all pins are known, as one product; most of it is zero."""
-        one, known = np.eye(self.n), np.ones(self.n, np.bool_)
-        columns = [self.predict(one[[k, k]].T, known)[0][:, 0] for k in range(self.n)]
-        return np.stack(columns, axis=1)
+        result = np.zeros((self.n, self.n))
+        rows: cython.double[:, ::1] = result
+        one: cython.double[:, ::1] = np.zeros((self.n, 2))
+        known: cython.uchar[::1] = np.ones(self.n, np.uint8)
+        for i in range(self.n):
+            for c in range(self.k):  # of the others nothing reaches this pin
+                at: cython.Py_ssize_t = self.near[i, c]
+                one[at, 0] = 1.0
+                rows[i, at] = self.fit(one, known, i).x
+                one[at, 0] = 0.0
+        return result
 
     def fit(
         self,
@@ -158,33 +183,6 @@ def _solve(s: Sums) -> Fit:
     c: cython.double = s.x * s.xy - s.xx * s.y
     det: cython.double = s.w * a + s.x * b + s.y * c
     return Fit((a * s.mx + b * s.xmx + c * s.ymx) / det, (a * s.my + b * s.xmy + c * s.ymy) / det, s.w)
-
-
-@cython.cfunc
-def _predict_all(
-    affine: LocalAffine,
-    motion: cython.const[cython.double][:, ::1],
-    known: cython.const[cython.uchar][::1],
-    value: cython.double[:, ::1],
-    support: cython.double[::1],
-    gradient: cython.double[:, :, ::1],
-) -> cython.void:
-    for i in range(affine.n):
-        s = _sums(affine, motion, known, i)
-        one = _solve(s)
-        value[i, 0] = one.x
-        value[i, 1] = one.y
-        support[i] = one.support
-        b = s.xy * s.y - s.x * s.yy
-        c = s.x * s.xy - s.xx * s.y
-        det = s.w * (s.xx * s.yy - s.xy * s.xy) + s.x * b + s.y * c
-        e = s.x * s.y - s.w * s.xy
-        f = s.w * s.yy - s.y * s.y
-        g = s.w * s.xx - s.x * s.x
-        gradient[i, 0, 0] = (b * s.mx + f * s.xmx + e * s.ymx) / det
-        gradient[i, 0, 1] = (b * s.my + f * s.xmy + e * s.ymy) / det
-        gradient[i, 1, 0] = (c * s.mx + e * s.xmx + g * s.ymx) / det
-        gradient[i, 1, 1] = (c * s.my + e * s.xmy + g * s.ymy) / det
 
 
 class PhotometricFilter:

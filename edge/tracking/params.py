@@ -40,18 +40,11 @@ class TrackingParams:
     # --- which blob each pin has for certain
     posterior_min: float = 0.98  # that a pin has its blob; that a match is right, which ends a search
     scale_freedom: float = 4.0  # pins that the roughness of the whole frame counts as, beside those near
-    # pitches; beyond this standard deviation a step of a pitch may go unnoticed, beyond twice as much where
+    # Pitches: beyond this standard deviation a step of a pitch may go unnoticed, beyond twice as much where
     # one of the two signs of a slip is not seen
     slip_spread: float = 0.03
 
     @property
-    def research_frames(self) -> int:
-        """Until an incomplete tip is searched again: two time constants leave a seventh of what the baseline
-        knew of the lost part.
-        """
-        return round(2.0 * self.baseline_frames)
-
-    @property
     def full_share_min(self) -> float:
-        """Of the baseline, or of the largest share that a search found: so many pins count as all of them."""
+        """Share of the baseline, or of the largest that a search found, that counts as all pins."""
         return 1.0 - ASTRAY_REL

@@ -1,9 +1,5 @@
 """The stage's model of a tip: made once from the rest frame, shared by all its parts."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-
 import numpy as np
 
 from edge.geometry.lattice import Lattice
@@ -12,7 +8,6 @@ from edge.tracking.params import TrackingParams
 from edge.types import Array, Rest
 
 
-@dataclass(frozen=True, slots=True)
 class TrackedTip:
     """One tip at rest.
 
@@ -24,25 +19,15 @@ class TrackedTip:
     tangential   (n, 2) unit vectors around it
     """
 
-    params: TrackingParams
-    rest: Rest
-    lattice: Lattice
-    affine: LocalAffine
-    photometric: PhotometricFilter
-    radial: Array
-    tangential: Array
-
-    @classmethod
-    def of(cls, rest: Rest, params: TrackingParams | None = None) -> TrackedTip:
+    def __init__(self, rest: Rest, params: TrackingParams | None = None) -> None:
         """Raises DegenerateLayout: fewer than 4 pins at rest, or all on a line."""
-        params = params or TrackingParams()
-        lattice = Lattice(rest.xy_img, rest.pattern.pitch_px)
-        affine = LocalAffine(lattice, params.gradient_ridge)
+        self.rest, self.params = rest, params or TrackingParams()
+        self.lattice = Lattice(rest.xy_img, rest.pattern.pitch_px)
+        self.affine = LocalAffine(self.lattice, self.params.gradient_ridge)
+        self.photometric = PhotometricFilter(self.affine, rest.pins, self.lattice.local_pitch_px, self.params)
         out = rest.xy_img - rest.pattern.centre_img
-        radial = out / np.maximum(np.hypot(*out.T), 1e-9)[:, None]
-        tangential = np.stack([-radial[:, 1], radial[:, 0]], axis=1)
-        photometric = PhotometricFilter(affine, rest.pins, lattice.local_pitch_px, params)
-        return cls(params, rest, lattice, affine, photometric, radial, tangential)
+        self.radial: Array = out / np.maximum(np.hypot(*out.T), 1e-9)[:, None]
+        self.tangential: Array = np.stack([-self.radial[:, 1], self.radial[:, 0]], axis=1)
 
     def __len__(self) -> int:
         return len(self.rest)

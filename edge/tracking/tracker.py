@@ -38,7 +38,7 @@ class Tracker:
         expected  (n, 2) px, the predicted places; written
         Raises    DegenerateLayout: fewer than 4 pins at rest, or all on a line
         """
-        self._tip = TrackedTip.of(rest, params)
+        self._tip = TrackedTip(rest, params)
         self._n = len(self._tip)
         tip, n = self._tip, self._n
         self._found = found or Pins(np.empty((n, 2)), np.empty(n), np.empty(n), np.empty(n))

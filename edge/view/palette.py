@@ -68,7 +68,7 @@ SAFE = replace(  # Okabe and Ito: orange, blue, bluish green, black
 
 
 def _share(area_change: Array) -> Array:
-    """Of the change that gets the full colour; beyond it the colour stays."""
+    """Share of the change that gets the full colour; beyond it the colour stays."""
     return np.clip(np.nan_to_num(area_change) / PARAMS.full_change, -1.0, 1.0)
 
 

@@ -79,7 +79,7 @@ def draw_touch(view: View, polygons: Sequence[Array], tracks: Tracks, features: 
     if features is not None:
         _global_shear(canvas, view, tracks, features)
         for contact in features.contacts or ():
-            _star(canvas, view, contact.xy_img)
+            _star(canvas, view.canvas(contact.xy_img), view.size[1] / 40, palette)
     return canvas
 
 
@@ -125,15 +125,14 @@ def _global_shear(canvas: Canvas, view: View, tracks: Tracks, features: Features
     _arrow(canvas, tail, head, view.size[1] / 100, view.palette)
 
 
-def _star(canvas: Canvas, view: View, xy_img: Array) -> None:
-    """The paper's asterisk."""
-    centre = view.canvas(xy_img)
+def _star(canvas: Canvas, centre: Array, arm_px: float, palette: Palette) -> None:
+    """The paper's asterisk, canvas px."""
     angles = np.arange(3) * np.pi / 3 + np.pi / 6
-    arm = view.size[1] / 40 * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    arm = arm_px * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     lines = [_fixed(np.stack([centre - a, centre + a])) for a in arm]
-    width = max(2, round(view.size[1] / 200))
-    cv2.polylines(canvas, lines, False, view.palette.halo, 2 * width + 1, cv2.LINE_AA, _SHIFT)
-    cv2.polylines(canvas, lines, False, view.palette.contact, width, cv2.LINE_AA, _SHIFT)
+    width = max(2, round(arm_px / 5))
+    cv2.polylines(canvas, lines, False, palette.halo, 2 * width + 1, cv2.LINE_AA, _SHIFT)
+    cv2.polylines(canvas, lines, False, palette.contact, width, cv2.LINE_AA, _SHIFT)
 
 
 def draw_camera(view: View, image: Image, bits: int = 8, tracks: Tracks | None = None) -> Canvas:
@@ -233,7 +232,7 @@ def _text(canvas: Canvas, at: tuple[float, float], text: str, size: float, colou
 
 
 def _legend(foot: Canvas, view: View) -> None:
-    """Colour bar of the area change, scale bar, and the factors of the vectors."""
+    """Colour bar of the area change, scale bar, the factors of the vectors, and the star."""
     h, w = foot.shape[:2]
     palette, size, full = view.palette, h * 0.17, PARAMS.full_change
     bar = cell_colours(np.linspace(-full, full, round(0.34 * w)), palette)
@@ -265,6 +264,8 @@ def _legend(foot: Canvas, view: View) -> None:
     _text(
         foot, (x1 + 1.3 * glyph, y2 + 0.4 * size), f"mean motion x{PARAMS.global_gain:g}", size, palette.ink
     )
+    _star(foot, np.array([x1 + 0.5 * glyph, h - 0.9 * size]), h / 12, palette)
+    _text(foot, (x1 + 1.3 * glyph, h - 0.4 * size), "contact", size, palette.ink)
 
 
 def _round_length(wanted_px: float, mm_per_px: float) -> tuple[str, float]:

@@ -26,8 +26,8 @@ from edge.errors import EdgeError, InputError  # noqa: E402  (after the number o
 from edge.recording.topics import TOPICS  # noqa: E402
 from edge.recording.writer import Recorder  # noqa: E402
 from edge.runtime.process import run_and_exit  # noqa: E402
+from edge.sources.shared_memory import Inbox  # noqa: E402
 from edge.worker.params import PARAMS, WorkerConfig  # noqa: E402
-from edge.worker.shared_memory import Inbox  # noqa: E402
 from hostlink.interrupt import ENDING  # noqa: E402
 from hostlink.web import CommandRefused, WebError  # noqa: E402
 

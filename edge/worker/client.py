@@ -19,10 +19,10 @@ from typing import Any
 
 from edge.errors import InputError, RequestRefused
 from edge.runtime.loop import Loop
+from edge.sources.shared_memory import Outbox
 from edge.types import Feature
 from edge.worker.feeds import ViewFeed
 from edge.worker.params import PARAMS, WorkerConfig
-from edge.worker.shared_memory import Outbox
 from hostlink.web import Listen
 from hostlink.wire import RestFrameState
 
@@ -56,11 +56,6 @@ class WorkerClient:
         """Address for a browser; the token is behind the #, which browsers do not send."""
         assert self._listen is not None
         return f"http://{self._listen}/" + (f"#token={self._listen.token}" if self._listen.token else "")
-
-    @property
-    def port(self) -> int:
-        assert self._listen is not None
-        return self._listen.port
 
     def start(self) -> None:
         """Start the process, and begin to send to it. Raises InputError."""
@@ -117,7 +112,7 @@ class WorkerClient:
         outbox = Outbox(PARAMS.memory_bytes)
         control, far_control = Pipe()
         fds = (outbox.far_end.fileno(), far_control.fileno(), outbox.fd)
-        # In its own session: Ctrl-C at the terminal goes to the loop alone, which ends the worker.
+        # It has its own session: Ctrl-C at the terminal goes to the loop alone, which ends the worker.
         self.process = subprocess.Popen(
             [sys.executable, "-m", "edge.worker", *map(str, fds)],
             pass_fds=fds,

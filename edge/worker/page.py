@@ -120,7 +120,7 @@ class LivePage:
 
 
 def _rate_hz(rows: list[tuple[float, ...]]) -> float:
-    """Of the samples in the charts' rows; NaN: there are no two."""
+    """Rate of the samples in the charts' rows; NaN: there are no two."""
     passed_s = rows[-1][0] - rows[0][0] if rows else 0.0
     return (len(rows) - 1) / passed_s if passed_s > 0 else nan
 

@@ -48,7 +48,7 @@ class CameraChannels:
         self._page.close()
 
     def _publish(self, picture: Picture) -> None:
-        """In the thread of the page's connection."""
+        """Called in the thread of the page's connection."""
         m, at_ns = self._messages, self.clock.at_ns(picture.capture_us)
         stamp = m.Timestamp(*divmod(at_ns, 1_000_000_000))
         if self._image.has_sinks():

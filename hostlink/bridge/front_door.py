@@ -212,7 +212,7 @@ async def _copy(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> N
 
 
 def _answer(refusal: Refusal) -> bytes:
-    """To the viewer. One that knows the older protocol shows the message, if it comes by a websocket."""
+    """Answer the viewer. One that knows the older protocol shows the message, if it comes by a websocket."""
     text = str(refusal).encode()
     if not refusal.key:
         head = f"HTTP/1.1 {refusal.status}\r\nContent-Type: text/plain\r\nContent-Length: {len(text)}\r\n"

@@ -98,7 +98,7 @@ class RosNode:
         return f"{self._domain}/{topic.strip('/')}/{endpoint_name(name)}/{self._types.hash_of(name)}"
 
     def publisher(self, name: str, topic: str) -> RosTopic:
-        """Of messages of this type; the topic is a full name."""
+        """Publisher of messages of this type; the topic is a full name."""
         sender = self._declare_token("MP", name, topic)
         return RosTopic(self._session.declare_publisher(self._key(name, topic)), sender)
 

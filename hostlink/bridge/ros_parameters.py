@@ -103,7 +103,7 @@ class RosParameters:
         return {"results": [self._result(self._write(parameter)) for parameter in request.parameters]}
 
     def _set_all(self, request: Any) -> dict[str, Any]:
-        """In order, up to the first that is refused: a finger has no transactions."""
+        """Set them in order, up to the first that is refused: a finger has no transactions."""
         refused = next(filter(None, map(self._write, request.parameters)), "")
         return {"result": self._result(refused)}
 

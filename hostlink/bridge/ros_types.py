@@ -64,7 +64,7 @@ class Types:
         self.store.register(self._library.get_types_from_msg(text, name))
 
     def _describe_services(self) -> None:
-        """As far as hashes need it."""
+        """The description, as far as hashes need it."""
         kinds, fields = self._kinds, self.store.fielddefs
         info = "service_msgs/msg/ServiceEventInfo"
 
@@ -112,7 +112,7 @@ class Types:
         return self.pack(self.make(message_of(service, "Response"), **values))
 
     def hash_of(self, name: str) -> str:
-        """As it stands in keys."""
+        """The hash as it stands in keys."""
         return str(self.store.hash_rihs01(name)) if self._hashed else _NO_HASH
 
 

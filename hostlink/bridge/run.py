@@ -110,7 +110,7 @@ class Bridge:
         finger = self._hand.fingers[node]
         for outlet in self._outlets:
             outlet.add_finger(finger)
-        # In another thread: a finger that does not answer must not delay samples.
+        # It runs in another thread: a finger that does not answer must not delay samples.
         threading.Thread(target=self._ask_identity, args=(finger,), daemon=True).start()
 
     def _ask_identity(self, finger: Finger) -> None:

@@ -50,7 +50,7 @@ LINE_S = 1.0
 @click.argument("address")
 @hand_option
 @seconds_option
-@click.option("--plain", is_flag=True, help="Lines, not a table; so it is where stdout is no terminal.")
+@click.option("--plain", is_flag=True, help="Print lines, not a table; the default if stdout is no terminal.")
 def monitor(address: str, hand: HandFile, seconds: float | None, plain: bool) -> None:
     """Show the samples of the fingers at ADDRESS, and the state of the link."""
     end_s = None if seconds is None else time.monotonic() + seconds
@@ -88,7 +88,7 @@ def _show_table(hand: Connection, board: Board, end_s: float | None) -> None:
         while (wait_s := _left(end_s, REFRESH_S)) > 0:
             time.sleep(wait_s)
             link = "" if hand.up else "  (link down)"
-            live.update(screen(board.rows(), f"{hand.address}{link}"), refresh=True)
+            live.update(screen(board.rows(), f"{hand.address}{link}", live.console), refresh=True)
 
 
 def _left(end_s: float | None, most_s: float) -> float:

@@ -1,7 +1,9 @@
 """The state of a connection for display: one row a finger, as a table or as plain lines.
 
 `Board` keeps the counts between two updates; `rows` gives plain values, `screen` and `line` show them.
-The table fits a terminal of 80 columns; the problems of a finger are on a line below the table.
+The table fits a terminal of 80 columns, beside long names without the contacts' places, and 20 fingers fit
+24 lines. The problems of a finger are on a line below the table; where that has no room, the title says how
+many have some.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ from hostlink.topics import status_text
 from hostlink.wire import State
 
 if TYPE_CHECKING:
-    from rich.console import Group
+    from rich.console import Console, Group
     from rich.table import Table
 
 __all__ = ["Board", "FingerRow", "arrow", "line", "screen"]
@@ -36,6 +38,8 @@ COLUMNS = (
     "bad",
     "contacts, place\nof the first, mm",
 )
+WITHOUT_NAME = 67  # columns of the table beside the names, with the longest values
+HEAD_N = 4  # lines of the table above the first finger
 NMT: dict[int | None, str] = {0: "starting", 4: "stopped", 127: "not started (pre-operational)"}
 
 
@@ -123,37 +127,41 @@ def line(row: FingerRow) -> str:
     ).rstrip()
 
 
-def screen(rows: Sequence[FingerRow], title: str) -> Group:
+def screen(rows: Sequence[FingerRow], title: str, console: Console) -> Group:
     """All that is shown on a terminal: the table, and the problems."""
     from rich.console import Group
     from rich.text import Text
 
     if not rows:
         return Group(Text(title), Text("nothing received yet"))
-    return Group(
-        _table(rows, title),
-        *(Text(f"finger {row.name or row.finger}: {row.problem}") for row in rows if row.problem),
-    )
+    problems = [Text(f"finger {row.name or row.finger}: {row.problem}") for row in rows if row.problem]
+    if len(problems) > console.height - HEAD_N - len(rows):
+        title += f"  ({len(problems)} with problems: --plain lists them)"
+        problems = []
+    heading = Text(title, no_wrap=True, overflow="ellipsis")
+    return Group(heading, _table(rows, console.width), *problems)
 
 
-def _table(rows: Sequence[FingerRow], title: str) -> Table:
+def _table(rows: Sequence[FingerRow], width: int) -> Table:
     from rich import box
     from rich.table import Table
 
-    t = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=0)
-    for name in COLUMNS:
-        t.add_column(name, justify="right", no_wrap=True)
-    for row in rows:
+    names = [row.name or str(row.finger) for row in rows]
+    with_places = max(map(len, names)) + WITHOUT_NAME <= width
+    t = Table(box=box.SIMPLE_HEAD, padding=0, show_edge=False)
+    for column in COLUMNS if with_places else (*COLUMNS[:-1], "contacts"):
+        t.add_column(column, justify="right", no_wrap=True)
+    for name, row in zip(names, rows, strict=True):
         s = row.state
         t.add_row(
-            row.name or str(row.finger),
+            name,
             *(["-"] * 3 if s is None else _cells(s)),
             f"{row.rate_hz:.0f}",
             _number(row.age_s * 1e3, 1),
             str(row.lost_n),
             str(row.late_n),
             str(row.corrupt_n),
-            "-" if s is None else _places(s),
+            "-" if s is None else _places(s) if with_places else str(s.contact_n),
         )
     return t
 

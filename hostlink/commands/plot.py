@@ -52,7 +52,7 @@ PANELS = (
     Chart(("contact_n",), "number", Shown("contacts")),
     Chart(("latency_us",), "ms", Shown("latency")),
 )
-#: Where an axis has another unit than the wire.
+#: Factors of the axes that have another unit than the wire.
 _SCALES = {"latency_us": 1e-3}
 _COLUMNS = tuple(dict.fromkeys(f for p in PANELS for f in (*p.fields, p.how.sigma) if f))
 
@@ -146,7 +146,7 @@ def _mcap_samples(path: Path) -> Iterator[tuple[int, float, int, dict[str, Any]]
     samples_n = 0
     try:
         with open_input(path) as file:
-            # In the file's order, without its index: a truncated file has none.
+            # Records come in the file's order, without its index: a truncated file has none.
             reader = StreamReader(file, emit_chunks=True, record_size_limit=UNPACKED_MAX)
             channels: dict[int, int] = {}
             for record in reader.records:
@@ -238,7 +238,7 @@ def _panel(axes: Any, panel: Chart, series: dict[int, Series]) -> None:
                 sigma = one.values[sigma_name]
                 low, high = ([v + sign * s for v, s in zip(values, sigma, strict=True)] for sign in (-1, 1))
                 axes.fill_between(one.time_s, low, high, color=colour, alpha=0.18, linewidth=0)
-    axes.set_ylabel(f"{panel.how.title}\n({panel.unit})", fontsize=8)
+    axes.set_ylabel(panel.how.title + (f"\n({panel.unit})" if panel.unit else ""), fontsize=8)
     if counts:
         axes.yaxis.get_major_locator().set_params(integer=True)
     axes.tick_params(labelsize=7)

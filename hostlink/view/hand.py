@@ -7,6 +7,8 @@
 Rules
 - Only values of the sensor are shown: places are mm of the tip's frame, unknown values are dashes.
 - Latency here is from capture to arrival at this host, on the mapped clock.
+- A chart has a point or two for each of its pixels, whatever the fingers' rate: of samples within SLOT_S
+  their least and their greatest values, so that no peak is lost.
 """
 
 from __future__ import annotations
@@ -23,20 +25,66 @@ from hostlink.client import Connection, Sample
 from hostlink.commands.monitor import Board, FingerRow
 from hostlink.errors import LinkError, VersionMismatch
 from hostlink.web import CommandRefused, Listen, PageServer, pack_packet
+from hostlink.wire import State
 from hostlink.wire.fields import FIELDS
 from hostlink.wire.shown import live_charts, live_fields
 
 __all__ = ["HandView"]
 
 CHART = ("time_s", *live_fields(FIELDS), "latency_ms")
+#: What the picture of a tip and the numbers below it are made of.
+STATE = (
+    *("displacement_mm", "shear_x_mm", "shear_y_mm", "orientation_deg"),
+    *("force_n", "force_x_n", "force_y_n"),
+)
 _charted = attrgetter(*live_fields(FIELDS))
-RECENT = 256  # samples of a finger between two packets; normally 8, at 30 packets a second
+SLOT_S = 1 / 60  # a pixel of a chart of 10 s that is 600 wide
+RECENT = 256  # rows of a finger between two packets; normally 4, at 30 packets a second
 OVERLAP_S = 0.3  # rows are sent this long: a viewer that missed a packet has no gap
 UPDATE_S = 0.5  # rates and counts over less are noise
 
 
-#: Without a hand's file.
+#: This holds without a hand's file.
 _FIVE = dict(enumerate(("thumb", "index", "middle", "ring", "little"), 1))
+
+
+def _shown(state: State) -> dict[str, Any]:
+    return {
+        **{name: getattr(state, name) for name in STATE},
+        "contacts": [asdict(contact) for contact in state.contacts],
+    }
+
+
+class _Rows:
+    """The newest rows of a finger's charts.
+
+    counted_n  rows so far
+    """
+
+    def __init__(self) -> None:
+        self.counted_n = 0
+        self._done: deque[tuple[float, ...]] = deque(maxlen=RECENT)
+        self._low: list[float] = []  # of the slot that is not over; the first is the time
+        self._high: list[float] = []
+
+    def add(self, row: tuple[float, ...]) -> None:
+        if self._low and row[0] - self._low[0] < SLOT_S:
+            self._high = list(map(max, self._high or self._low, row))
+            self._low = list(map(min, self._low, row))
+            return
+        for done in (self._low, self._high):
+            if done:
+                self._done.append(tuple(done))
+                self.counted_n += 1
+        self._low, self._high = list(row), []
+
+    def since(self, time_s: float, now_s: float) -> array[float]:
+        """Those that are not older, one behind the other; their times relative to now."""
+        recent = array("f")
+        for at_s, *values in list(self._done):
+            if at_s > time_s:
+                recent.extend((at_s - now_s, *values))
+        return recent
 
 
 class HandView:
@@ -51,8 +99,7 @@ class HandView:
         self._rows: dict[int, FingerRow] = {}
         self._mismatch = ""
         self._watched = False
-        self._series: dict[int, deque[tuple[float, ...]]] = {}
-        self._counts: dict[int, int] = {}
+        self._series: dict[int, _Rows] = {}
         self._remove = connection.on_sample(self._keep)
         hello = {
             "address": str(connection.address),
@@ -80,8 +127,9 @@ class HandView:
         if self._watched:
             latency_ms = (sample.arrival_s - sample.host_time_s) * 1e3
             row = (sample.arrival_s, *_charted(sample.state), latency_ms)
-            self._series.setdefault(sample.finger, deque(maxlen=RECENT)).append(row)
-            self._counts[sample.finger] = self._counts.get(sample.finger, 0) + 1
+            if sample.finger not in self._series:
+                self._series[sample.finger] = _Rows()
+            self._series[sample.finger].add(row)
 
     # ---- the server's thread ------------------------------------------------------------------------
 
@@ -119,13 +167,9 @@ class HandView:
 
     def _finger(self, node: int, row: FingerRow, now_s: float) -> tuple[dict[str, Any], array[float]]:
         """A packet's data on one finger, and its rows of the charts."""
-        counted = self._counts.get(
-            node, 0
-        )  # read before the series: a row may be sent twice, but none is lost
-        recent = array("f")
-        for values in list(self._series.get(node, ())):
-            if now_s - values[0] < OVERLAP_S:
-                recent.extend((values[0] - now_s, *values[1:]))
+        rows = self._series.get(node) or _Rows()
+        counted_n = rows.counted_n  # read before the rows: one may be sent twice, but none is lost
+        recent = rows.since(now_s - OVERLAP_S, now_s)
         finger = self._connection.fingers[node]
         try:
             sample = finger.latest(Board.STALE_S)
@@ -133,8 +177,8 @@ class HandView:
             sample = None
         return {
             "node": node,
-            "rows_n": counted,
-            "state": asdict(sample.state) if sample else None,
+            "rows_n": counted_n,
+            "state": _shown(sample.state) if sample else None,
             "rate_hz": row.rate_hz,
             "lost_n": row.lost_n,
             "corrupt_n": row.corrupt_n,

@@ -64,7 +64,7 @@ def _numbers(kind: str, data: bytes, size: int) -> tuple[float, ...]:
 
 
 def plain(value: Any) -> Any:
-    """As plain JSON types: no NaN, no tuples."""
+    """The value in plain JSON types: no NaN, no tuples."""
     if isinstance(value, float):
         return value if isfinite(value) else None
     if isinstance(value, Mapping):

@@ -88,7 +88,6 @@ class Shown:
     digits  behind the point there; a share is in percent
     sigma   the field with its standard deviation
     least   span of a live chart's axis at least, in the field's unit; 0: pages do not chart it
-    always  the live chart is there before the first value
     """
 
     title: str
@@ -96,7 +95,6 @@ class Shown:
     digits: int = 2
     sigma: str = ""
     least: float = 0.0
-    always: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,7 +190,7 @@ LAYOUT: Final = (
     _F("displacement_mm", "h", 0.002, "mm", -16, 16, 14,
        "depth by which the skin is pressed in, along z; positive is into the tip",
        "signed, so that noise about zero stays unbiased; 2 um is 1/20 of the sensor's noise",
-       _S("displacement", "Depth", sigma="displacement_sigma_mm", least=0.5, always=True)),
+       _S("displacement", "Depth", sigma="displacement_sigma_mm", least=0.5)),
     _F("displacement_sigma_mm", "B", 0.008, "mm", 0, 2.032, 8, "standard deviation of the displacement",
        "lets a filter weigh the value; above 2 mm its weight is nil"),
     _F("force_n", "h", 0.002, "N", -65, 65, 16, "normal force on the tip; positive presses the tip",
@@ -220,7 +218,7 @@ LAYOUT: Final = (
     _F("slip_margin", "B", 0.004, "", 0, 1, 8,
        "1 less the present tangential over normal load in units of `friction`; 0: nothing more has been held",
        "what a grasp controller regulates: grip harder when it falls",
-       _S("slip margin", "Slip margin", least=1)),
+       _S("slip margin left", "Slip margin", least=1)),
     _F("pressure_kpa", "h", 0.05, "kPa", -1600, 1600, 16, "force over contact area",
        "fingertips: 10..1000 kPa",
        _S("pressure")),
@@ -229,15 +227,15 @@ LAYOUT: Final = (
        _S("contact area")),
     _F("shear_x_mm", "h", 0.002, "mm", -16, 16, 14, "motion of the contact along x (tip frame) since contact",
        "same step as the displacement: a grasp controller compares the two",
-       _S("shear", "Shear x", sigma="shear_sigma_mm", least=0.2, always=True)),
+       _S("shear", "Shear x", sigma="shear_sigma_mm", least=0.2)),
     _F("shear_y_mm", "h", 0.002, "mm", -16, 16, 14, "motion of the contact along y (tip frame) since contact",
        "see shear_x_mm",
-       _S("shear", "Shear y", sigma="shear_sigma_mm", least=0.2, always=True)),
+       _S("shear", "Shear y", sigma="shear_sigma_mm", least=0.2)),
     _F("shear_sigma_mm", "B", 0.008, "mm", 0, 2.032, 8, "standard deviation of each axis of the shear",
        "see displacement_sigma_mm"),
     _F("torsion_deg", "h", 0.01, "deg", -180, 180, 16, "twist of the contact about z, positive from x to y",
        "one type for all angles",
-       _S("torsion", "Torsion", 1, least=2, always=True)),
+       _S("torsion", "Torsion", 1, least=2)),
     _F("tilt_x_deg", "h", 0.01, "deg", -180, 180, 16, "tilt of the touched surface about x, right-handed",
        "what tactile servoing steers by",
        _S("tilt", "Tilt x", 1)),
@@ -383,7 +381,7 @@ def _version_2() -> Schema:
     return Schema(2, layout, parts)
 
 
-#: By version, what receivers still decode besides this one.
+#: Older versions that receivers still decode besides this one.
 OLDER: Final = {schema.version: schema for schema in (_version_2(),)}
 
 SCHEMA_TEXT: Final = SCHEMA.text

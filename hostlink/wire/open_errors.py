@@ -21,7 +21,7 @@ _PORTS: Final = ("ttyACM*", "ttyUSB*", "ttyAMA*", "ttyS[0-9]")
 _DRIVER: Final = "is the adapter's driver installed? python-can's documentation says what it needs"
 _ROUTE: Final = "give it a way: ip link set lo multicast on; ip route add 239.0.0.0/8 dev lo"
 
-#: By python-can's interface ("serial": a line) and the system's error; None: any other.
+#: Advice by python-can's interface ("serial": a line) and the system's error; None: any other.
 ADVICE: Final[dict[tuple[str, int | None], str]] = {
     ("socketcan", errno.ENODEV): "CAN interfaces here: {cans}; deploy/can-up.sh {channel} brings one up",
     ("socketcan", errno.EAFNOSUPPORT): "this kernel has no CAN: modprobe can_raw, or another kernel",

@@ -49,11 +49,10 @@ def live_charts(fields: Iterable[Field]) -> list[dict[str, Any]]:
     return [
         {
             "title": chart.how.title.capitalize(),
-            "unit": chart.unit,
+            "unit": chart.unit or "%",  # a share; labels are in percent
             "least": chart.how.least,
             "names": list("xy") if len(chart.fields) == 2 else [],
             "of": chart.fields,
-            "optional": not chart.how.always,
         }
         for chart in charts_of(fields)
         if chart.how.least

@@ -121,7 +121,7 @@ class State(StateFields, FromFrame):
             object.__setattr__(self, "__dict__", values)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """For copies and other processes."""
+        """Serves copies and other processes."""
         return (State.of, (vars(self),)) if self.body is None else (restore, (self.body,))
 
     @classmethod

@@ -20,7 +20,6 @@ COMMANDS = {
     "hazards": "Rendered hazards through the whole chain: identities, place, depth.",
     "host": "A sample at the host, and a recording: against python-can and cantools.",
     "identity": "Pin identity after a jump and its confidence, on real and simulated frames.",
-    "paced": "The running program at 240 frames/s: latency, memory, losses.",
     "real": "Errors on the published recordings, five splits and a learning curve.",
     "sensors": "The table of docs/sensors.md: each real sensor, and a picture of some.",
     "sigma": "Share of the errors on the published recordings that is within sigma.",

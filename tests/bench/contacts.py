@@ -27,14 +27,13 @@ import click
 import numpy as np
 from rich.progress import track
 
-from calib.extract import DEMAND, Measured, gather
+from calib.extract import DEMAND, Measured, contact_inputs, frame_inputs, gather
 from calib.fit import ModelKind, Search, fit
 from calib.targets import Targets
 from edge.calibration import Calibration
-from edge.calibration.evaluation import contact_inputs, frame_inputs
 from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS
 from edge.frame import Pipeline
-from edge.rest.tare import tare
+from edge.pins import take_rest
 from edge.types import Array, Feature, Frame, Rest, Result, Tracks
 from tests.bench.flat_gel import RADIUS_MM, FlatGel
 from tests.bench.half_space import Ball, Bar, own_depths_mm
@@ -176,7 +175,7 @@ class SecondTip:
     def made(cls, n_pins: int, seed: int, presses: int = CALIBRATION_N) -> "SecondTip":
         """Tared, and calibrated by that many presses of each tool."""
         gel, rng = FlatGel(n_pins, seed), np.random.default_rng(seed)
-        tip = cls(gel, tare([gel.picture((), rng) for _ in range(TARE_N)], np.inf))
+        tip = cls(gel, take_rest([gel.picture((), rng) for _ in range(TARE_N)]))
         for ball in (False, True):
             radius = BALL_MM if ball else PROBE_PITCHES * gel.pitch_mm
             calibration = tip._calibrated(radius, presses, rng)

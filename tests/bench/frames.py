@@ -3,12 +3,11 @@
 from pathlib import Path
 
 import msgspec
-import numpy as np
 
+from calib.fit import sensor_of
 from calib.sim import Camera, Simulator, Tip
 from calib.sim.script import REST_FRAMES, SCENES, play
 from edge.calibration import Calibration
-from edge.calibration.file import sensor_of
 from edge.pins import take_rest
 from edge.types import Feature, Frame
 
@@ -21,13 +20,6 @@ def scene(name: str, pins: int = 331, size_px: tuple[int, int] = (640, 480)) -> 
     camera = Camera(tip=Tip(n_pins=pins, pin_radius_mm=0.6), size_px=size_px)
     simulator = Simulator(camera, seed=1, rate_hz=240.0)
     return [simulator.frame(contacts) for contacts in play(SCENES[name])]
-
-
-def there_and_back(name: str) -> tuple[np.ndarray, int]:
-    """Images of the untouched tip, how many these are, and of a scene to its end and back."""
-    images = [frame.image for frame in scene(name)]
-    touched = images[REST_FRAMES:]
-    return np.stack([*images[:REST_FRAMES], *touched, *touched[-2:0:-1]]), REST_FRAMES
 
 
 def calibration_of(frames: list[Frame]) -> Calibration:

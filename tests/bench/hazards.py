@@ -27,7 +27,8 @@ from calib.sim.render import Renderer
 from calib.simulated_calibration import calibrate_simulated
 from edge.calibration import Calibration
 from edge.frame import Pipeline
-from edge.rest.tare import tare
+from edge.pins import take_rest
+from edge.rest.tip_match import in_order_of
 from edge.types import Array, Feature, Frame, Image, Tracks
 from tests.bench.output import show, write_json, writes_results
 
@@ -183,7 +184,8 @@ def measure(camera: Camera, calibration: Calibration | None, name: str, seed: in
     """One hazard: the press, then as long untouched. Without a calibration place and depth are NaN."""
     start = camera.project(_deformed(camera.tip, ()).tips_mm)
     images, frames = play(camera, name, seed, touched=True)
-    pipeline = Pipeline(tare(images, 0.5, calibration), calibration)
+    rest = take_rest(images)
+    pipeline = Pipeline(rest if calibration is None else in_order_of(calibration, rest), calibration)
     unsure = swapped = count = 0
     place_error, depth_error = [], []
     for shown in frames:
@@ -199,7 +201,7 @@ def measure(camera: Camera, calibration: Calibration | None, name: str, seed: in
         if len(result.reading.contacts):
             place_error.append(float(np.hypot(*(result.reading.contacts[0, :2] - shown.place_mm))))
     images, frames = play(camera, name, seed + 1, touched=False)
-    pipeline = Pipeline(tare(images, 0.5), demand=frozenset({Feature.CONTACTS}))
+    pipeline = Pipeline(take_rest(images), demand=frozenset({Feature.CONTACTS}))
     touches = 0
     for shown in frames:
         features = pipeline.process(shown.frame).features

@@ -43,7 +43,8 @@ from edge.frame import Pipeline
 from edge.link.node import Node
 from edge.link.settings import SettingsFile
 from edge.link.sinks import CanFdSink, opener
-from edge.rest.tare import tare
+from edge.pins import take_rest
+from edge.rest.tip_match import in_order_of
 from edge.runtime.board_monitor import BoardMonitor
 from edge.runtime.device import LoopDevice
 from edge.runtime.loop import Loop
@@ -56,7 +57,6 @@ from hostlink.wire import FaultCode, State, Status
 from hostlink.wire.address import parse_address
 from tests.bench.output import ROOT, show, writes_results
 from tests.support import fault_injection as faults
-from tests.support.processes import memory_mb
 
 CALIBRATION = ROOT / "tests" / "data" / "rings331_ball.json"
 SCENE = "sim:tour?width=320&height=320&paced=0"
@@ -77,6 +77,12 @@ UNUSABLE = (
 KINDS = {"camera": faults.CAMERA, "link": faults.LINK, "board": faults.BOARD}
 BRISK_S = (0.3, 0.5)  # episodes and pauses of a short run
 VALUES = ("displacement_mm", "shear_x_mm", "shear_y_mm")
+
+
+def memory_mb() -> float:
+    """Resident memory of this process, MB of 2**20 bytes."""
+    lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith("VmRSS:")) / 1024
 
 
 class Metronome:
@@ -171,7 +177,7 @@ def undisturbed(scene: SceneSource, calibration: Calibration) -> np.ndarray:
     """(n, 3) VALUES of each frame of the scene, without faults."""
     frames = list(scene)
     pipeline = Pipeline(
-        tare([f.image for f in frames[:8]], 1e9, calibration), calibration, frozenset(Feature)
+        in_order_of(calibration, take_rest([f.image for f in frames[:8]])), calibration, frozenset(Feature)
     )
     values = np.empty((len(frames), 3))
     for i, frame in enumerate(frames):

@@ -27,7 +27,7 @@ import numpy as np
 from calib.sim.script import REST_FRAMES
 from edge.calibration import Calibration
 from edge.frame import ALL, Pipeline
-from edge.rest.tare import tare
+from edge.rest.tare import take_rest_frame
 from edge.types import Frame
 from tests.bench.frames import calibration_of, scene
 from tests.bench.output import show, write_json, writes_results
@@ -47,7 +47,7 @@ def timed(into: list[float], work: Callable[[Any], Any], given: Any) -> Any:
 
 def measure(frames: list[Frame], calibration: Calibration) -> dict[str, list[float]]:
     """Microseconds of a frame: pipeline and reference in turn on the same frames."""
-    rest = tare([frame.image for frame in frames[:REST_FRAMES]], np.inf, calibration)
+    rest = take_rest_frame([frame.image for frame in frames[:REST_FRAMES]], calibration=calibration).rest
     pipeline = Pipeline(rest, calibration, ALL)
     reference = Reference(frames[0].image, rest.pattern.pin_radius_px)
     for frame in frames[:WARM]:

@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
-from edge.rest.tare import tare
 from edge.types import Array
 from tests.bench.contacts import SCENES, SecondTip, measure
-from tests.bench.flat_gel import FlatGel
 from tests.bench.half_space import FRICTION, POISSON, Ball, displace
 
 SEED = 3
@@ -48,15 +46,6 @@ def test_outside_of_a_ball_the_surface_moves_as_under_its_point_forces(place: tu
     along, w = by_point_forces(*place, BALL)
     assert found.along_mm[0] == pytest.approx(along, rel=1e-3)
     assert found.w_mm[0] == pytest.approx(w, rel=1e-3)
-
-
-def test_caps_are_found_where_they_were_drawn() -> None:
-    gel, rng = FlatGel(331, SEED), np.random.default_rng(SEED)
-    rest = tare([gel.picture((), rng) for _ in range(4)], np.inf)
-    true = gel.project(gel.caps_mm())
-    off = np.hypot(*(rest.xy_img[:, None] - true).transpose(2, 0, 1)).min(axis=1)
-    assert len(rest) == 331
-    assert off.max() < 0.15
 
 
 @pytest.mark.parametrize("name", ["two, 6 pitches apart", "sheared by 2 mm", "bar", "untouched"])

@@ -10,7 +10,7 @@ from tests.bench.counter import NoCounter, counted, of_callgrind
 from tests.bench.step import VARIANTS, Step
 
 #: Of the step in contact then.
-INSTRUCTIONS, LL_MISSES = {"x86_64": 1_420_000, "aarch64": 1_550_000}, 16_000
+INSTRUCTIONS, LL_MISSES = {"x86_64": 1_150_000, "aarch64": 1_260_000}, 12_500
 MARGIN = 1.05
 
 CALLGRIND = """events: Ir I1mr D1mr D1mw ILmr DLmr DLmw

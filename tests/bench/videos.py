@@ -108,7 +108,7 @@ def run(images: Sequence[Image], rest: Rest) -> tuple[list[Tracks], int]:
 
 
 def evaluate(video: str, way: str, rest: Rest, tracks: list[Tracks], searched: int, back: bool) -> Play:
-    tip = TrackedTip.of(rest)
+    tip = TrackedTip(rest)
     pitch = rest.pattern.pitch_px
     sure = [t for t in tracks if t.confidence >= Tracks.LOW_CONFIDENCE]
     nearest, leaps, before = np.inf, 0, None

@@ -26,24 +26,13 @@ START_S = 60.0  # a cold start on a slow disk
 #: Seen from outside, a phone: 390x844 px at 3 dots a pixel is the commonest of the last years.
 PHONE = {"width": 390, "height": 844, "deviceScaleFactor": 2, "mobile": True}
 FLAGS = (
-    "--headless",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-dev-shm-usage",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--disable-extensions",
-    "--disable-default-apps",
-    "--disable-domain-reliability",
+    "--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run",
+    "--disable-background-networking", "--disable-component-update", "--disable-sync",
+    "--disable-extensions", "--disable-default-apps", "--disable-domain-reliability",
     "--disable-features=OptimizationHints,MediaRouter,DialMediaRouteProvider,Translate",
     "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1, EXCLUDE localhost",
-    "--metrics-recording-only",
-    "--mute-audio",
-    "--hide-scrollbars",
-    "--remote-debugging-pipe",
-)
+    "--metrics-recording-only", "--mute-audio", "--hide-scrollbars", "--remote-debugging-pipe",
+)  # fmt: skip
 
 
 def chromium() -> str | None:

@@ -268,7 +268,7 @@ def test_phone(live: Live, chrome: Chrome) -> None:
 
 def test_no_connection_leaves_this_machine(live: Live, page: Page) -> None:
     page.until("Number(document.body.dataset.packets) > 30")
-    own = f"http://127.0.0.1:{live.worker.port}/"
+    own = live.worker.url.partition("#")[0]
     assert {"touch.js", "kit.js", "kit.css", "touch.css"} <= {a.rsplit("/")[-1] for a in page.requests}
     assert all(address.startswith(own) for address in page.requests), page.requests
     assert page.sockets == [own.replace("http", "ws") + "live"]

@@ -11,6 +11,7 @@ from hostlink.view import HandView
 from hostlink.web import parse_listen
 from hostlink.wire import Contact, State, Status
 from tests.browser.chrome import Chrome, Page
+from tests.support.bus import open_wire
 from tests.support.fingers import Fingers, state
 
 BUS = f"udp:239.0.0.8?port={21_000 + os.getpid() % 20_000}"
@@ -69,23 +70,36 @@ def test_one_finger_has_its_charts_beside_it_on_one_screen(chrome: Chrome) -> No
     bus = f"udp:239.0.0.8?port={41_000 + os.getpid() % 20_000}"  # the other tests use its port
     with Fingers(bus, (2,), sample), opened(bus, chrome) as page:
         page.until("document.querySelectorAll('.finger canvas').length === 1")
-        # A force has its chart with its first value.
-        page.until("document.querySelectorAll('.chart:not([hidden])').length === 6")
+        # A value has its chart from its first one on; nothing feeds the torsion.
+        page.until("document.querySelectorAll('.chart:not([hidden])').length === 5")
         finger, *charts = page.evaluate(
             "[...document.querySelectorAll('.finger, .chart:not([hidden])')].map(e => {"
             "const r = e.getBoundingClientRect(); return [r.left, r.top, r.right, r.bottom] })"
         )
-        assert len(charts) == 6
+        assert len(charts) == 5
         assert all(left > finger[2] for left, *_ in charts)
         assert max(bottom for *_, bottom in (finger, *charts)) <= page.evaluate("innerHeight")
         assert page.evaluate("document.getElementById('next').disabled")
 
 
-def test_an_optional_chart_is_shown_once_it_has_a_value(page: Page) -> None:
+def test_twenty_fingers_are_on_one_screen(chrome: Chrome) -> None:
+    with open_wire("page") as wire, closing(HandView(wire.hand, LISTEN)) as view:
+        view.start()
+        for n in range(1, 21):
+            wire.send_state(n, sample(n % 5, 0))
+        with closing(chrome.open(view.server.url)) as page:
+            page.until("document.querySelectorAll('.finger canvas').length === 20")
+            assert page.evaluate("document.documentElement.scrollHeight <= innerHeight")
+            names = page.evaluate("[...document.querySelectorAll('.finger h2 span')].map(e => e.innerText)")
+    known = ["thumb", "index", "middle", "ring", "little"]
+    assert names == [f"{name} {n}" for n, name in enumerate([*known, *["finger"] * 15], 1)]
+
+
+def test_a_chart_is_shown_once_it_has_a_value(page: Page) -> None:
     script = (
         "import('./kit.js').then(({ Chart }) => { const box = document.createElement('section');"
         "box.className = 'chart'; box.append(document.createElement('canvas')); document.body.append(box);"
-        "const chart = new Chart(box.firstChild, { optional: true }); const hidden = [];"
+        "const chart = new Chart(box.firstChild, {}); const hidden = [];"
         "for (const [k, value] of [null, 0.5, null].entries()) {"
         "chart.add(k, [value]); chart.draw(k); hidden.push(box.hidden) }"
         "box.remove(); return hidden })"

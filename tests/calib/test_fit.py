@@ -150,6 +150,22 @@ def test_untouched_and_uncertain_frames_are_not_fitted() -> None:
     assert np.abs(read["displacement_mm"] - values["displacement_mm"])[20:].mean() < 0.05
 
 
+def test_touches_without_a_contact_take_no_part_in_a_model_of_the_place() -> None:
+    extract, values = make(160, noise=0.01)
+    place = [FRAME_INPUTS.index(name) for name in ("p", "peak", "size")]
+    tilt = 40.0 * extract.inputs[:, place[0]]
+    values |= {"tilt_x_deg": tilt.real, "tilt_y_deg": tilt.imag}
+    light = np.arange(160) % 4 == 0
+    extract.inputs[np.ix_(light, place)] = 0.0
+    calibration, _ = fit(REST, targets(values), extract, mm_per_px=None)
+    read, sigma = predict(calibration, extract)
+    assert np.abs(read["tilt_x_deg"] - tilt.real)[~light].max() < 0.2, "of 40 x 0.02 deg"
+    assert np.isnan(read["tilt_x_deg"][light]).all(), "the place alone tells it"
+    off = np.abs(read["displacement_mm"] - values["displacement_mm"])
+    assert (off < 5 * sigma["displacement_mm"]).all()
+    assert off[light].mean() < 0.05
+
+
 def test_the_scale_comes_from_known_places() -> None:
     extract, values = make(60)
     rng = np.random.default_rng(0)

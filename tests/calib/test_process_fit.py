@@ -66,7 +66,7 @@ def _within(error: Complex, sigma: Complex) -> float:
 
 
 def test_a_law_is_found_and_sigma_follows_the_noise() -> None:
-    inputs, fresh = _inputs(250, 0), _inputs(400, 1)
+    inputs, fresh = _inputs(150, 0), _inputs(400, 1)
     fitted = _fitted(inputs, _shear(inputs) + _noise(inputs, 2))
     value, sigma = _predicted(fitted, fresh)
     error = value - _shear(fresh) - _noise(fresh, 3)
@@ -89,7 +89,7 @@ def test_sigma_covers_fresh_frames_after_few_frames_and_with_noise_in_steps(seed
 
 def test_sigma_along_a_vector_is_larger_if_its_length_is_less_known() -> None:
     """Like a slipping contact: the length of its shear is uncertain, the direction is not."""
-    inputs, fresh = _inputs(250, 0), _inputs(400, 1)
+    inputs, fresh = _inputs(150, 0), _inputs(400, 1)
 
     def seen(rows: Complex, seed: int) -> Complex:
         rng, shear = np.random.default_rng(seed), _shear(rows)
@@ -153,7 +153,6 @@ def test_a_depth_is_zero_at_rest_unless_it_counts_from_elsewhere() -> None:
         fitted = _fitted(inputs[light][:30], y, symmetry=Symmetry.EVEN)
         value = evaluate_terms(inputs, term_columns(fitted.terms, FRAME_INPUTS)) @ fitted.weights
         off = np.abs(value.real - depth)
-        print(offset, off[light].mean(), off[~light].mean(), depth[~light].mean())
         assert off[light].mean() < 0.15
         assert offset or off[~light].mean() < 0.1 * depth[~light].mean()
 

@@ -13,7 +13,7 @@ from calib.report.sections import Requirement
 from calib.rig.simulated import Simulation
 from calib.sim import Camera, Simulator, Tip, Tool, ToolPose
 from edge.frame import Pipeline
-from edge.rest.tare import tare
+from edge.pins import take_rest
 from edge.types import Frame, Rest, Result
 from tests.support.synthetic import REST, make, targets
 
@@ -25,7 +25,7 @@ DEPTHS = np.linspace(0.5, 4.0, 24)
 def pressed() -> tuple[Rest, list[Frame], list[Result]]:
     """A flat press of growing depth on a small tip."""
     simulator = Simulator(Camera(tip=Tip(127, "hex"), size_px=(240, 240)))
-    rest = tare([simulator.frame().image for _ in range(3)], np.inf)
+    rest = take_rest([simulator.frame().image for _ in range(3)])
     pipeline = Pipeline(rest)
     frames = [simulator.frame((ToolPose(Tool("flat"), depth_mm=float(d)),)) for d in DEPTHS]
     return rest, frames, [pipeline.process(frame, even_untrusted=True) for frame in frames]

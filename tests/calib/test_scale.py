@@ -20,6 +20,7 @@ from edge.types import Clock, Frame
 from tests.calib.test_rig import FakeCamera
 from tests.support.commands import run_calib
 
+pytestmark = pytest.mark.usefixtures("quick_fits")
 DEPTHS_MM = np.linspace(0.4, 3.0, 16)
 
 

@@ -17,10 +17,11 @@ from edge.geometry.layout import pin_layout
 from edge.pins import detect, take_rest
 from edge.recording.reader import RecordingSource
 from edge.sources import open_source
+from edge.sources.files import read_image
 from edge.tracking import Tracker
 from edge.types import Array
+from tests.bench.reference import cell_areas
 from tests.data import make
-from tests.support.images import read_grey
 
 CAMERA = Camera()
 SMALL = Camera(Tip(127, "hex", pin_radius_mm=0.8), size_px=(320, 240))
@@ -121,6 +122,26 @@ def test_tool_slides_over_the_skin_by_what_friction_does_not_carry() -> None:
     np.testing.assert_allclose(slid[2] - slid[1], [2.0, 0.0], atol=0.05)
     held = deform(CAMERA.tip, (ToolPose(depth_mm=2.0),))
     assert not held.slid_mm.any()
+
+
+@pytest.mark.parametrize("tool", [Tool("flat"), Tool("sphere", 3.0)], ids=lambda tool: tool.kind)
+def test_a_press_pushes_pins_outwards_and_enlarges_the_cells_under_it_alone(tool: Tool) -> None:
+    """All round alike, the more the deeper, and less towards the rim, where the skin is held."""
+    out, turn = REST - CENTRE, np.linspace(0.0, 2.0 * np.pi, 120)
+    far = np.hypot(*out.T) / CAMERA.radius_px
+    around = CENTRE + 1.1 * CAMERA.radius_px * np.column_stack([np.cos(turn), np.sin(turn)])
+    under, beyond, rim = far < 0.1, (far > 0.65) & (far < 0.85), far > 0.85
+    before = np.zeros(2)
+    for depth_mm in (1.0, 2.0, 3.0):
+        motion = motion_of(ToolPose(tool, depth_mm=depth_mm))
+        outwards = (out * motion).sum(axis=1) / np.maximum(far * CAMERA.radius_px, 1.0)
+        larger = cell_areas(REST + motion, around) / cell_areas(REST, around) - 1.0
+        now = np.array([outwards[beyond].mean(), larger[under].mean()])
+        assert (now - before > 0.05).all()
+        assert outwards[beyond].std() < 0.1 * now[0]
+        assert outwards[rim].mean() < now[0]
+        assert abs(larger[beyond].mean()) < 0.01
+        before = now
 
 
 def test_tilt_moves_the_place_of_a_flat_contact() -> None:
@@ -239,8 +260,8 @@ def test_bundled_recordings_are_what_their_recipe_makes(data_dir: Path, tmp_path
 def test_flat_press_moves_the_pins_as_on_a_published_frame(real_dir: Path) -> None:
     """2.8 mm deep, almost straight: outward motion by distance from the centre, in radii of the tip."""
     folder = real_dir / "tactip331_binary"
-    rest = take_rest([read_grey(folder / "rest.png")])
-    image = read_grey(folder / "frames" / "image_2687.png")
+    rest = take_rest([read_image(folder / "rest.png")])
+    image = read_image(folder / "frames" / "image_2687.png")
     tracks = Tracker(rest).identify(detect(image, rest.pattern))
     assert tracks.confidence > 0.5
 

@@ -36,20 +36,28 @@ def run(*command: str | Path, umask: int = -1, **environment: str) -> subprocess
     return program(*command, umask=umask, env={**inherited, **environment})
 
 
+def runnable(name: str) -> str:
+    """A unit or drop-in, with a program that exists."""
+    return (DEPLOY / name).read_text().replace("/opt/voronoi-touch/current/bin/python", sys.executable)
+
+
 @pytest.fixture
 def unit(tmp_path: Path) -> Path:
-    """The unit with an existing program, and an instance of it."""
-    text = (DEPLOY / UNIT).read_text().replace("/opt/voronoi-touch/current/bin/python", sys.executable)
+    """The unit, and an instance of it."""
+    text = runnable(UNIT)
     (tmp_path / UNIT).write_text(text)
     instance = tmp_path / UNIT.replace("@", "@index")
     instance.write_text(text)
     return instance
 
 
-@pytest.mark.parametrize("drop_in", ["", "realtime.conf", "network.conf", "view.conf"])
+@pytest.mark.parametrize("drop_in", ["", "realtime.conf", "network.conf", "view.conf", "hand.conf"])
 def test_the_unit_verifies_with_each_drop_in(unit: Path, drop_in: str) -> None:
     if drop_in:
-        unit.write_text(unit.read_text() + "\n" + (DEPLOY / drop_in).read_text())
+        added = (
+            (DEPLOY / drop_in).read_text().replace("/opt/voronoi-touch/current/bin/python", sys.executable)
+        )
+        unit.write_text(f"{unit.read_text()}\n{added}")
     done = run(tool("systemd-analyze", "systemd"), "verify", "--recursive-errors=no", unit)
     assert done.returncode == 0, done.stderr
     assert "Unknown" not in done.stderr, done.stderr  # a misspelt key is only a warning

@@ -16,7 +16,6 @@ from edge.calibration.file import Polynomial
 from edge.drift import Drift, DriftParams
 from edge.frame import Pipeline
 from edge.pins import take_rest
-from edge.rest.tare import tare
 from edge.rest.tip_match import in_order_of
 from edge.sources import open_source
 from edge.types import Array, Feature, Frame, Image, Rest
@@ -33,7 +32,7 @@ def frames(data_dir: Path) -> list[Frame]:
 
 @pytest.fixture(scope="module")
 def rest(frames: list[Frame]) -> Rest:
-    return tare([frame.image for frame in frames[:TARE]], 0.5)
+    return take_rest([frame.image for frame in frames[:TARE]])
 
 
 @pytest.fixture
@@ -155,7 +154,7 @@ def _moved(image: Image) -> Image:
 @pytest.mark.parametrize("several", [True, False])
 def test_fits_of_several_contacts_can_be_left_out(data_dir: Path, several: bool) -> None:
     seen = list(open_source(str(data_dir / "two_contacts.mcap")))
-    pipeline = Pipeline(tare([frame.image for frame in seen[:8]], np.inf), several=several)
+    pipeline = Pipeline(take_rest([frame.image for frame in seen[:8]]), several=several)
     found = [result.features.contacts for frame in seen if (result := pipeline.process(frame)).features]
     pairs = [contacts for contacts in found if contacts is not None and len(contacts) == 2]
     assert pairs

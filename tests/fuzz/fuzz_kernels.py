@@ -15,6 +15,7 @@ import dataclasses
 import faulthandler
 import importlib
 import random
+import reprlib
 import sys
 import time
 import warnings
@@ -24,6 +25,7 @@ from typing import Any
 
 import msgspec
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from edge.errors import DegenerateLayout
@@ -74,19 +76,13 @@ def exported(module: ModuleType) -> Iterator[tuple[str, Any]]:
             yield name, item
 
 
-def methods(cls: type) -> Iterator[tuple[str, Callable[..., Any]]]:
-    for name, item in vars(cls).items():
-        if not name.startswith("_") and callable(item):
-            yield name, item
-
-
 class Recorder:
     """Wraps every kernel while the scene is played."""
 
     def __init__(self) -> None:
         self.records: dict[Any, Recorded] = {}
         self._number: dict[int, tuple[Any, int]] = {}  # id of an object -> itself, its constructor's number
-        self._undo: list[Callable[[], None]] = []
+        self._patched = pytest.MonkeyPatch()
 
     def record(self, modules: list[ModuleType]) -> None:
         for module in modules:
@@ -98,13 +94,7 @@ class Recorder:
                     self._wrap_function(name, item)
 
     def stop(self) -> None:
-        while self._undo:
-            self._undo.pop()()
-
-    def _set(self, owner: Any, name: str, value: Any) -> None:
-        before = getattr(owner, name)
-        self._undo.append(lambda: setattr(owner, name, before))
-        setattr(owner, name, value)
+        self._patched.undo()
 
     def _wrap_function(self, name: str, function: Callable[..., Any]) -> None:
         record = self.records[function]
@@ -116,7 +106,7 @@ class Recorder:
 
         for module in list(sys.modules.values()):
             if vars(module).get(name) is function:
-                self._set(module, name, wrapped)
+                self._patched.setattr(module, name, wrapped)
 
     def _wrap_class(self, cls: type) -> None:
         record, number = self.records[cls], self._number
@@ -129,10 +119,11 @@ class Recorder:
 
         if _plain(cls):
             return
-        self._set(cls, "__init__", init)
-        for name, method in methods(cls):
-            record.calls[name] = []
-            self._set(cls, name, self._wrapped_method(record.calls[name], method))
+        self._patched.setattr(cls, "__init__", init)
+        for name, method in list(vars(cls).items()):
+            if not name.startswith("_") and callable(method):
+                record.calls[name] = []
+                self._patched.setattr(cls, name, self._wrapped_method(record.calls[name], method))
 
     def _wrapped_method(
         self, calls: list[tuple[int, Call]], method: Callable[..., Any]
@@ -147,21 +138,23 @@ class Recorder:
 
 def play() -> None:
     """A scene that reaches every kernel."""
+    from calib.extract import contact_inputs, frame_inputs
     from calib.sim.script import REST_FRAMES
     from edge.calibration import Calibration
-    from edge.calibration.evaluation import ModelKernel, contact_inputs, frame_inputs
+    from edge.calibration.evaluation import ModelKernel
     from edge.faults import frame_counts
     from edge.frame import Pipeline
     from edge.geometry import select
     from edge.link.state_packer import StatePacker
-    from edge.rest.tare import tare
+    from edge.pins import take_rest
+    from edge.rest.tip_match import in_order_of
     from hostlink.wire import Contact, State
     from tests.bench.frames import calibration_of, scene
     from tests.edge.calibration.test_evaluation import INPUTS, MODELS
 
     frames = scene("two", 61, (320, 240))[: REST_FRAMES + 40]
     calibration: Calibration = calibration_of(frames)
-    rest = tare([frame.image for frame in frames[:REST_FRAMES]], np.inf, calibration)
+    rest = in_order_of(calibration, take_rest([frame.image for frame in frames[:REST_FRAMES]]))
     pipeline = Pipeline(rest, calibration)
     for frame in [*frames, frames[0], dataclasses.replace(frames[-1], image=frames[0].image * 0), frames[-1]]:
         result = pipeline.process(frame)
@@ -236,9 +229,9 @@ def wrong(rng: random.Random, value: Any) -> Any:
     if isinstance(value, msgspec.Struct):
         name = rng.choice(value.__struct_fields__)
         return msgspec.structs.replace(value, **{name: wrong(rng, getattr(value, name))})
-    fields = getattr(value, "_fields", None) or [f.name for f in _fields_of(value)]
+    fields = getattr(value, "_fields", None) or list(getattr(value, "__dataclass_fields__", ()))
     if fields:
-        name = rng.choice(list(fields))
+        name = rng.choice(fields)
         changed = wrong(rng, getattr(value, name))
         if hasattr(value, "_replace"):
             return value._replace(**{name: changed})
@@ -251,10 +244,6 @@ def wrong(rng: random.Random, value: Any) -> Any:
             return type(value)(rng.choice(([*value[:k], *value[k + 1 :]], [*value, value[k]])))
         return type(value)([*value[:k], wrong(rng, value[k]), *value[k + 1 :]])
     return value
-
-
-def _fields_of(value: Any) -> tuple[dataclasses.Field[Any], ...]:
-    return dataclasses.fields(value) if dataclasses.is_dataclass(value) else ()
 
 
 def wrong_call(rng: random.Random, call: Call) -> Call:
@@ -315,15 +304,8 @@ class Fuzzer:
             if isinstance(error, LookupError) and OUT_OF_BOUNDS not in str(error):
                 self.refusals += 1  # NumPy's own, or an unknown name
             else:
-                self.failures.setdefault(f"{name}: {type(error).__name__}: {error}", _short(call))
+                self.failures.setdefault(f"{name}: {type(error).__name__}: {error}", reprlib.repr(call))
         return None
-
-
-def _short(call: Call) -> str:
-    return ", ".join(
-        f"{value.dtype}{value.shape}" if isinstance(value, np.ndarray) else repr(value)[:60]
-        for value in (*call[0], *call[1].values())
-    )
 
 
 def main(arguments: list[str] | None = None) -> int:

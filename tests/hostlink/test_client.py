@@ -16,7 +16,7 @@ import pytest
 
 import hostlink
 from edge.errors import SinkError
-from edge.link.nmt import NmtState
+from edge.link.commands import NmtState
 from edge.link.node import Node
 from edge.link.sinks import open_sink
 from hostlink import RestFrameOutcome, RestFrameReason, RestFrameState

@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from hostlink.clock import LATE_RUN, SETTLE_SPAN_S, ClockMap
+from hostlink.order_and_time import LATE_RUN, SETTLE_SPAN_S, ClockMap
 from tests.support.seeds import SEED
 
 

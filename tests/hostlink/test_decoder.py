@@ -25,7 +25,7 @@ from hostlink.decoder import (
     SerialDecoder,
 )
 from hostlink.errors import VersionMismatch
-from hostlink.sequence import RESTART_RUN
+from hostlink.order_and_time import RESTART_RUN
 from hostlink.wire import CanIds, Message, State, encode_frame, pack_message, pack_state
 from hostlink.wire.e2e import protect_p11, protected_p5
 from hostlink.wire.fields import DATA_ID, DATA_ID_CLASSIC, PARTS, STATE_SIZE, VERSION
@@ -34,7 +34,7 @@ from tests.support.seeds import SEED
 from tests.support.states import mismatches, random_state, same
 
 IDS = CanIds()
-FRAMES = 30_000
+FRAMES = 10_000
 
 
 @dataclass

@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 
 import hostlink
 from edge.errors import RequestRefused
-from edge.link.commands import SerialCommands
-from edge.link.nmt import NmtState
+from edge.link.commands import NmtState, SerialCommands
 from edge.link.object_server import ObjectServer
 from edge.link.sdo_server import SdoServer
 from edge.link.settings import SettingsFile
@@ -26,8 +25,7 @@ from hostlink.hand_file import HandFile
 from hostlink.objects import ObjectClient, SdoObjects, SerialObjects
 from hostlink.wire import Abort, CanIds, Message, ObjectReply, ObjectRequest, Op, object_named, unpack_message
 from hostlink.wire.serial import decode_frame
-from tests.support.fingers import Application, make_node, state
-from tests.support.waiting import SOON_S
+from tests.support.fingers import Application
 
 NODE, INDEX = 5, 0x2030
 
@@ -104,9 +102,12 @@ class Line:
         else:
             deliver()
 
-    def post_frame(self, kind: Message, body: bytes, counter: int) -> None:
+    def frame(self, kind: Message, body: bytes, counter: int) -> tuple[int, bytes]:
+        return counter, body
+
+    def post(self, reply: tuple[int, bytes]) -> None:
         """The node replies."""
-        self._answer(lambda: self.client.answer(counter, ObjectReply.unpack(body)))
+        self._answer(lambda: self.client.answer(reply[0], ObjectReply.unpack(reply[1])))
 
 
 TARE, SERIAL_NUMBER = (0x2010, 0), (0x2000, 3)
@@ -309,14 +310,3 @@ def test_hosts_on_one_bus_read_and_tare_correctly(
         fingers = [Finger(HandFile().mount(NODE), client, not_needed, not_needed) for client in clients]
         assert ask_at_once(fingers, bus.application.serial, n) == []
         assert bus.application.tares == [True] * n
-
-
-def test_two_connections_to_one_finger_read_and_tare_correctly() -> None:
-    bus, n = "virtual:two-connections", 100
-    node, application = make_node(f"{bus}?node={NODE}")
-    application.touched = True
-    with closing(node), hostlink.connect(bus) as one, hostlink.connect(bus) as other:
-        node.send(state(0))
-        fingers = [one.finger(NODE, SOON_S), other.finger(NODE, SOON_S)]
-        assert ask_at_once(fingers, application.serial, n) == []
-        assert application.tares == [True] * n

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 import hostlink
+from hostlink.order_and_time import RESTART_RUN
 from hostlink.recording import LogWriter
-from hostlink.sequence import RESTART_RUN
 from hostlink.wire import NO_CONTROL, State, Status, pack_state
 from tests.support import processes
 from tests.support.bus import message

@@ -3,17 +3,21 @@
 import os
 from collections.abc import Iterator
 from contextlib import closing
+from io import StringIO
 from typing import Any
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 import hostlink
-from hostlink.commands.monitor import Board
+from hostlink.commands.monitor import HEAD_N, Board, screen
+from hostlink.hand_file import HandFile, Mount
 from hostlink.view import HandView, hand
 from hostlink.web import pack_packet, parse_listen
 from hostlink.wire import Contact, State
 from tests.edge.worker.test_page import Viewer, unpack, watch
+from tests.support.bus import open_wire
 from tests.support.commands import run_host
 from tests.support.fingers import Fingers, state
 from tests.support.waiting import SOON_S, until
@@ -46,6 +50,7 @@ def view(fingers: Fingers) -> Iterator[HandView]:
 def test_every_sample_of_every_finger(view: HandView, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(hand, "OVERLAP_S", SOON_S)  # a packet may be arbitrarily late
     monkeypatch.setattr(hand, "RECENT", 1 << 20)
+    monkeypatch.setattr(hand, "SLOT_S", 0.0)
     monkeypatch.setattr(Board, "STALE_S", SOON_S)
 
     async def look(viewer: Viewer) -> list[dict[str, Any]]:
@@ -77,6 +82,41 @@ def test_nobody_watching_costs_nothing(view: HandView) -> None:
     until(lambda: min(s.received_n for s in view._connection.statistics.values()) > 20, "samples")
     assert not view._series
     assert view.server.sent_n == 0
+
+
+def test_twenty_fingers_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All that arrives is counted, what is missing is shown, and one redraw has every finger by its name."""
+    monkeypatch.setattr(Board, "STALE_S", SOON_S)
+    names = {n: f"{side}_{n}" for n, side in enumerate(("left", "right_middle") * 10, 1)}
+    mounts = tuple(Mount(name, n, (0.0, 0.0, 0.0)) for n, name in names.items())
+    kept = [k for k in range(250) if k not in (100, 101)]
+    with open_wire("twenty", HandFile(mounts=mounts)) as wire, closing(HandView(wire.hand, LISTEN)) as view:
+        view._on_wants(frozenset())
+        for k in kept:
+            for n in names:
+                wire.send_state(n, sample(n % 5, k))
+        until(lambda: sum(s.received_n for s in wire.hand.statistics.values()) == 20 * len(kept), "all")
+        packet = unpack(view._make(frozenset()) or b"")
+        console = Console(width=80, height=24, record=True, file=StringIO())
+        console.print(screen(Board(wire.hand).rows(), "virtual:twenty", console), end="")
+    assert [(f["node"], f["lost_n"]) for f in packet["fingers"]] == [(n, 2) for n in names]
+    for finger in packet["fingers"]:
+        assert finger["state"]["displacement_mm"] == pytest.approx(finger["node"] % 5 + 0.49, abs=0.001)
+    lines = console.export_text().splitlines()
+    assert [line.split()[0] for line in lines[HEAD_N:]] == list(names.values())
+    assert len(lines) == 24
+
+
+def test_a_chart_keeps_peaks_of_a_fast_finger() -> None:
+    rows = hand._Rows()
+    for k in range(1000):
+        rows.add((k / 1000, {500: 9.0, 505: -9.0}.get(k, 1.0)))
+    time_s, values = np.array(rows.since(0.2, 1.0)).reshape(-1, 2).T
+    assert rows.counted_n <= 2 / hand.SLOT_S + 2
+    assert (values.min(), values.max()) == (-9.0, 9.0)
+    assert (np.diff(time_s) > 0).all()
+    assert (time_s > -0.8).all()
+    assert (time_s < 0).all()
 
 
 def test_tare_needs_the_token(view: HandView, fingers: Fingers) -> None:

@@ -20,12 +20,29 @@ from hostlink.web import PageServer, WebError, find_token, parse_listen
 from hostlink.web.limits import SparseLog, WebLimits
 from tests.support.memory import bounded_memory
 from tests.support.seeds import SEED
-from tests.support.viewers import look
 from tests.support.waiting import SOON_S, until
 
 PACKET = bytes(100_000)  # as large as one with a camera's image
 TOKEN = "a-token-for-tests"
 LIMITS = WebLimits()
+
+
+async def look(url: str, packets_n: int = 2) -> int:
+    """A viewer connects and reads some packets; returns how many."""
+    async with (
+        asyncio.timeout(SOON_S),
+        aiohttp.ClientSession() as session,
+        session.ws_connect(url, max_msg_size=0) as connection,
+    ):
+        await connection.send_json({"want": ["image"]})
+        got_n = 0
+        async for message in connection:
+            if message.type is aiohttp.WSMsgType.BINARY:
+                got_n += 1
+                await connection.send_json({"got": got_n})
+            if got_n == packets_n:
+                break
+        return got_n
 
 
 def upgrade_request(port: int) -> bytes:

@@ -6,6 +6,7 @@ from contextlib import contextmanager
 import can
 
 import hostlink
+from hostlink.hand_file import HandFile
 from hostlink.wire import State, pack_state
 from hostlink.wire.e2e import protected_p5
 from hostlink.wire.fields import DATA_ID
@@ -43,6 +44,9 @@ class Wire:
 
 
 @contextmanager
-def open_wire(channel: str) -> Iterator[Wire]:
-    with can.Bus(interface="virtual", channel=channel) as bus, hostlink.connect(f"virtual:{channel}") as hand:
-        yield Wire(bus, hand)
+def open_wire(channel: str, hand: HandFile | None = None) -> Iterator[Wire]:
+    with (
+        can.Bus(interface="virtual", channel=channel) as bus,
+        hostlink.connect(f"virtual:{channel}", hand=hand) as connection,
+    ):
+        yield Wire(bus, connection)

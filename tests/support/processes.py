@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,15 @@ def edge(*arguments: str | Path, **options: Any) -> subprocess.CompletedProcess[
     return python("-m", "edge", *arguments, **options)
 
 
+def source_files(root: Path, *patterns: str) -> list[Path]:
+    """The project's files of these patterns: those that git has, in an unpacked source archive all."""
+    names = program("git", "ls-files", *patterns, cwd=root).stdout.split()
+    if not names:
+        every = (path.relative_to(root).as_posix() for path in root.rglob("*"))
+        names = [name for name in every if any(fnmatch(name, pattern) for pattern in patterns)]
+    return sorted(root / name for name in names if (root / name).is_file())
+
+
 def uncounted() -> dict[str, str]:
     """This process's environment, without what has a child's lines counted under `make coverage`.
 
@@ -32,16 +42,3 @@ def uncounted() -> dict[str, str]:
     writes on its own.
     """
     return {name: value for name, value in os.environ.items() if not name.startswith("COVERAGE_")}
-
-
-def memory_mb(pid: int | str = "self", kind: str = "VmRSS") -> float:
-    """Resident memory, or with `Pss` what is shared by its share; MB of 2**20 bytes."""
-    file = "smaps_rollup" if kind == "Pss" else "status"
-    lines = Path(f"/proc/{pid}/{file}").read_text(encoding="ascii").splitlines()
-    return next(int(line.split()[1]) for line in lines if line.startswith(f"{kind}:")) / 1024
-
-
-def cpu_s(pid: int) -> float:
-    """Processor time that a process has used, all its threads."""
-    fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")

@@ -22,8 +22,6 @@ Rules
 - Seen pins near the given places count, no predicted ones.
 - Place and motion are where the skin lies at rest: a shear that drags the skin does not move them.
 
-A kernel: compiled by Cython (see setup.py), and the same when it is not.
-
 Source  More, The Levenberg-Marquardt algorithm, Lecture Notes in Mathematics 630, 1978; Johnson, Contact
         Mechanics, chapter 3 (fields of several loads add up); Rasmussen and Williams, Gaussian Processes,
         MIT Press 2006, section 4.2 (rational quadratic as a mean over widths)
@@ -31,15 +29,11 @@ Source  More, The Levenberg-Marquardt algorithm, Lecture Notes in Mathematics 63
 
 import cython
 import numpy as np
+from cython.cimports.libc.math import exp, hypot, log, sqrt
 
 from edge.features.params import PARAMS, FeatureParams
 from edge.geometry.motion_field import SHARP, MotionPrior
 from edge.types import Array
-
-if cython.compiled:
-    from cython.cimports.libc.math import exp, hypot, log, sqrt
-else:
-    from math import exp, hypot, log, sqrt
 
 #: Contacts of one fit: with more a frame would take too long.
 FITS_MAX = 4
@@ -255,7 +249,7 @@ class ContactFit:
         xy: cython.const[cython.double][:, ::1],
         seen: cython.const[cython.uchar][::1],
         places: cython.const[cython.double][:, ::1],
-    ) -> cython.bint:
+    ) -> cython.void:
         n = self._rest.shape[0]
         if xy.shape[0] != n or xy.shape[1] != 2 or seen.shape[0] != n:
             raise ValueError(f"xy ({n}, 2) and seen ({n},) are wanted")
@@ -263,11 +257,10 @@ class ContactFit:
             raise ValueError(
                 f"places (1 to {FITS_MAX}, 2) are wanted, not ({places.shape[0]}, {places.shape[1]})"
             )
-        return True
 
     @cython.cfunc
     def _take_motion(self, xy: cython.const[cython.double][:, ::1]) -> cython.void:
-        """Of the pins that count."""
+        """Take the motion of the pins that count."""
         for i in range(self.n_pins):
             p = self._pin[i]
             self._motion[i, 0] = xy[p, 0] / self._pitch_px - self._rest[p, 0]
@@ -679,7 +672,6 @@ class ContactFit:
         return True
 
     @cython.cfunc
-    @cython.exceptval(check=False)
     def _confine(self, p: cython.Py_ssize_t) -> cython.void:
         """A contact stays near where it was looked for, of a width that pins can show."""
         dx = self._next[p] - self._start[p]

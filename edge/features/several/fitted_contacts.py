@@ -18,19 +18,23 @@ Rules
   as long as that leaves the other shapes too large an error, only a shape whose result is wanted is fitted.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 from enum import IntEnum, auto
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from edge.features.params import CONTACTS_MAX, PARAMS, FeatureParams
-from edge.features.regions import Regions
 from edge.features.several.contact_fit import FITS_MAX, ContactFit
 from edge.features.surface import Surface
 from edge.geometry.lattice import N_RING
 from edge.types import Array, FittedContact, Mask, Tracks
+
+if TYPE_CHECKING:
+    from edge.features.contacts import Regions
 
 #: Two points as far from a region's middle, in its semi-axes, have its variance: a semi-axis is two sigmas.
 _HALF = 0.5
@@ -71,7 +75,7 @@ class FittedContacts:
         self._middle, self._starts = np.asarray(regions.middle), np.zeros((2, 2))
         fit = self._fit
         self._fitted = [np.asarray(a) for a in (fit.place, fit.width, fit.total, fit.shear, fit.dipole)]
-        # In their `data` numbers are read and set in a fifth of the time.
+        # Numbers are read and set in their `data` in a fifth of the time.
         self._middle_cell: Any = self._middle.data
         self._start: Any = self._starts.data
         self._semi_axis: Any = np.asarray(regions.semi_axis).data

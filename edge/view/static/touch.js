@@ -21,8 +21,25 @@ let palette = remember("palette") === "safe" ? "safe" : "paper";
 
 // ---- numbers and charts: what, where from, how it is shown ------------------------------------------------
 
+/** Longest of vectors of n parts; null where nothing is known. */
+function largest(values, n = 1) {
+  let most = -1;
+  for (let i = 0; i < (values?.length ?? 0); i += n) {
+    const length = n === 1 ? values[i] : Math.hypot(values[i], values[i + 1]);
+    if (length > most) most = length; // not of NaN
+  }
+  return most < 0 ? null : most;
+}
+
+/** What is shown without a calibration alone. */
+const raw = (value, digits) => (p) => [p.calibrated ? null : value(p) ?? null, digits];
+
 // What comes from the table of fields is in `hello`; these are what a page knows besides.
 const NUMBERS = [
+  ["Largest area change", "%", raw((p) => p.arrays.change && 100 * largest(p.arrays.change), 0)],
+  ["Largest pin motion", "px", raw((p) => largest(p.arrays.motion, 2), 2)],
+  ["Mean motion x", "px", raw((p) => p.shear_px?.[0], 2)],
+  ["Mean motion y", "px", raw((p) => p.shear_px?.[1], 2)],
   ["Contacts", "", (p) => [p.contacts?.length ?? null, 0]],
   ["Pins held", "", (p) => [p.held_n ?? null, 0, null, p.pins_n ? `of ${p.pins_n}` : ""]],
   ["Rate", "Hz", (p) => [p.rate_hz, 0]],
@@ -51,6 +68,7 @@ function makeNumbers() {
   $("numbers").replaceChildren();
   for (const [name, unit] of numbers) {
     const box = document.createElement("div");
+    box.hidden = true; // until there is a value
     box.innerHTML = `<dt>${name}<small class="unit">${unit}</small></dt><dd><span></span><small class="unit"></small></dd>`;
     $("numbers").append(box);
   }
@@ -60,6 +78,7 @@ function showNumbers(packet) {
   numbers.forEach(([, , read], i) => {
     const [value, digits, sigma, after] = read(packet);
     const box = $("numbers").children[i];
+    if (Number.isFinite(value)) box.hidden = false;
     box.querySelector("span").textContent = number(value, digits);
     box.querySelector("dd small").textContent =
       after || (Number.isFinite(sigma) && Number.isFinite(value) ? `±${number(sigma, digits)}` : "");
@@ -84,7 +103,7 @@ function makeCharts(calibrated) {
       key.textContent = name;
       box.querySelector("h2").append(key);
     });
-    box.hidden = Boolean(what.optional); // until there is a value
+    box.hidden = true; // until there is a value
     $("charts").append(box);
     return { ...what, chart: new Chart(box.querySelector("canvas"), what) };
   });
@@ -93,7 +112,10 @@ function makeCharts(calibrated) {
 
 /** Rows come with some of the last packet's again: those that are known are skipped by their number. */
 function takeRows(packet) {
-  if (charts.calibrated !== packet.calibrated) makeCharts(packet.calibrated);
+  if (charts.calibrated !== packet.calibrated) {
+    makeCharts(packet.calibrated);
+    makeNumbers();
+  }
   const width = hello.chart.length;
   const rows = packet.arrays.rows;
   const n = rows.length / width;
@@ -349,7 +371,6 @@ const line = new Line(
       $("local_gain").textContent = said.local_gain;
       $("global_gain").textContent = said.global_gain;
       charts = [];
-      makeNumbers();
       drawBar();
       mayDo();
     },

@@ -51,7 +51,7 @@ function makeChart(what) {
     key.textContent = name;
     box.querySelector("h2").append(key);
   });
-  box.hidden = Boolean(what.optional); // until there is a value
+  box.hidden = true; // until there is a value
   $("charts").append(box);
   return box.querySelector("canvas");
 }
@@ -105,8 +105,8 @@ function makeCards() {
   for (const box of document.querySelectorAll(".finger")) box.remove();
   cards.clear();
   const asHand = nodes.filter((n) => hello.hand.includes(n)).length > 1;
-  $("hand").className = asHand ? "many" : nodes.length === 1 ? "one" : "";
   const places = asHand ? [...hello.hand, ...nodes.filter((n) => !hello.hand.includes(n))] : nodes;
+  $("hand").className = places.length > 5 ? "crowd" : asHand ? "many" : nodes.length === 1 ? "one" : "";
   if (hello.left && asHand) places.splice(0, hello.hand.length, ...hello.hand.toReversed());
   for (const node of places) {
     const box = document.createElement("button");
@@ -120,7 +120,7 @@ function makeCards() {
       continue;
     }
     box.innerHTML =
-      `<h2><span>${nameOf(node)} <small>${node}</small></span><small class="rate"></small></h2><canvas></canvas><dl>` +
+      `<h2><span title="${nameOf(node)} ${node}">${nameOf(node)} <small>${node}</small></span><small class="rate"></small></h2><canvas></canvas><dl>` +
       VALUES.map(([name, unit]) => `<dt>${name}</dt><dd></dd><dd class="unit">${unit}</dd>`).join("") +
       `</dl><p></p>`;
     box.onclick = () => choose(node);

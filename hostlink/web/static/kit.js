@@ -144,6 +144,7 @@ export function step(span, most) {
   return [1, 2, 5, 10].map((m) => m * power).find((s) => span / s <= most + 1e-9);
 }
 
+const LABEL_PX = 14; // from the middle of a label to that of the next one
 const INK = "#1b1f24";
 const MUTED = "#59626d";
 const GRID = "#e3e6ea";
@@ -152,10 +153,10 @@ const DASHES = [[], [6, 3], [2, 2]]; // distinguishable without colour too
 
 /** A strip chart: the last `seconds` of a few series over time, with axes. Values may be null or NaN: a gap. */
 export class Chart {
-  /** least: the smallest span of the vertical axis; names: of the series, for the legend; unit: of all;
-   *  optional: hidden until there is a value, as few calibrations have it. */
-  constructor(canvas, { unit, least = 1, names = [], seconds = 10, optional = false }) {
-    Object.assign(this, { canvas, unit, least, names, seconds, optional });
+  /** least: the smallest span of the vertical axis; names: of the series, for the legend; unit: of all, % of
+   *  shares. It is hidden until there is a value. */
+  constructor(canvas, { unit, least = 1, names = [], seconds = 10 }) {
+    Object.assign(this, { canvas, unit, least, names, seconds });
     this.clear();
   }
 
@@ -176,7 +177,8 @@ export class Chart {
     }
   }
 
-  range() {
+  /** Lowest and highest value of an axis of this height, px, and the step of its labels, which keep apart. */
+  range(px) {
     let [low, high] = [0, 0]; // zero is always in view
     const first = this.times.findIndex((t) => t >= (this.times.at(-1) ?? 0) - this.seconds);
     for (let i = Math.max(first, 0); i < this.values.length; i++)
@@ -185,21 +187,24 @@ export class Chart {
           if (v < low) low = v;
           if (v > high) high = v;
         }
-    const size = step(Math.max(high - low, this.least), 4);
-    low = Math.floor(low / size) * size;
-    high = Math.max(Math.ceil(high / size) * size, low + Math.ceil(this.least / size) * size);
-    return { low, high, size };
+    for (let most = 4; ; most--) {
+      const size = step(Math.max(high - low, this.least), most);
+      const first = Math.floor(low / size + 0.1) * size; // noise about zero makes no step of its own
+      const last = Math.max(Math.ceil(high / size - 0.1) * size, first + Math.ceil(this.least / size) * size);
+      if (most === 1 || px * size >= LABEL_PX * (last - first)) return { low: first, high: last, size };
+    }
   }
 
   draw(now) {
-    if (this.optional) this.canvas.closest(".chart").hidden = !this.known;
+    this.canvas.closest(".chart").hidden = !this.known;
     const { g, width, height } = fit(this.canvas);
     if (!width || !height) return;
     const [left, right, top, bottom] = [46, width - 10, 8, height - 19];
-    const { low, high, size } = this.range();
+    const { low, high, size } = this.range(bottom - top);
     const x = (t) => right + ((t - now) / this.seconds) * (right - left);
     const y = (v) => bottom - ((v - low) / (high - low)) * (bottom - top);
-    const digits = Math.max(0, -Math.floor(Math.log10(size) + 1e-9));
+    const factor = this.unit === "%" ? 100 : 1;
+    const digits = Math.max(0, -Math.floor(Math.log10(size * factor) + 1e-9));
     g.font = "11px system-ui, sans-serif";
     g.lineWidth = 1;
     g.textBaseline = "middle";
@@ -212,7 +217,7 @@ export class Chart {
       g.lineTo(right, level);
       g.stroke();
       g.fillStyle = MUTED;
-      g.fillText((k * size).toFixed(digits).replace("-", "−"), left - 6, level);
+      g.fillText((k * size * factor).toFixed(digits).replace("-", "−"), left - 6, level);
     }
     g.textBaseline = "top";
     for (let s = 0; s <= this.seconds; s += this.seconds / 2) {

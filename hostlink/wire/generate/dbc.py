@@ -142,7 +142,7 @@ def _header_p5() -> list[Signal]:
 
 
 def state_signals(by_bit: bool = False) -> list[Signal]:
-    """Of the 64-byte state frame."""
+    """Signals of the 64-byte state frame."""
     signals, at = _header_p5(), 32
     for f in LAYOUT:
         signals += _field(f.name, at, 8 * f.size, by_bit=by_bit)
@@ -186,7 +186,7 @@ def _detail_signals() -> list[Signal]:
 
 
 def classic_signals(tpdo: int, by_bit: bool = False) -> list[Signal]:
-    """Of the message on this TPDO, all pages."""
+    """Signals of the message on this TPDO, all pages."""
     behind = 16 + SAMPLE_LOW_BITS
     signals = [
         _whole("crc", 0, 8, "E2E profile 11C CRC-8 over the rest and the data id"),

@@ -61,10 +61,10 @@ def undetected(syndromes: list[int]) -> dict[int, float]:
 
 
 def undetected_p5() -> dict[int, float]:
-    """Of the 64-byte frame."""
+    """Residual rates of the 64-byte frame."""
     return undetected(_syndromes_p5())
 
 
 def undetected_p11() -> dict[int, float]:
-    """Of a classic part."""
+    """Residual rates of a classic part."""
     return undetected(_syndromes_p11())

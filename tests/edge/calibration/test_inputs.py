@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from edge.calibration.evaluation import InputRow, contact_inputs, frame_inputs
+from calib.extract import contact_inputs, frame_inputs
+from edge.calibration.evaluation import InputRow
 from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS
 from edge.types import ContactRegion, Features, FittedContact
 from tests.support.calibrations import PATTERN, touched_features

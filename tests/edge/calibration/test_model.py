@@ -11,8 +11,8 @@ import pytest
 
 from edge.calibration import Calibration, uncalibrated
 from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS
-from edge.types import Features
-from tests.support.calibrations import PATTERN, calibration_content, parsed, touched_features
+from edge.types import Array, Features
+from tests.support.calibrations import PATTERN, calibration_content, damaged, parsed, touched_features
 from tests.support.fields import contact_region
 
 R = PATTERN.tip_radius_px / 200.0
@@ -41,6 +41,24 @@ def test_a_missing_feature_is_invalid_and_untouched_reads_zero() -> None:
         found = [reading.values[name] for name in ("displacement_mm", "shear_x_mm", "shear_y_mm")]
         np.testing.assert_array_equal(found, [value] * 3)
         assert reading.saturated == frozenset()
+
+
+def test_a_touch_without_a_contact_has_models_without_the_place() -> None:
+    content = calibration_content()
+    shear = content["models"][1]
+    content["models"][1] = shear | {"terms": [[], ["shear"], ["p", "p*", "shear"]]}
+    spot = contact_region((320.0, 250.0), 0.3, 100.0, 0.0, 1.0)
+    light, pressed = (touched_features(0.05, (4.0 * R, 0.0), found) for found in ((), (spot,)))
+    old = parsed(content)
+    values = {}
+    for name, others in (("own", [shear]), ("none", [])):
+        calibration = parsed(content | {"without_contact": others})
+        assert calibration.apply(pressed, PATTERN).values == old.apply(pressed, PATTERN).values
+        values[name] = calibration.apply(light, PATTERN).values
+        assert [values[name]["displacement_mm"]] == [old.apply(light, PATTERN).values["displacement_mm"]]
+    expected = parsed(calibration_content()).apply(light, PATTERN).values["shear_y_mm"]
+    assert values["own"]["shear_y_mm"] == expected != old.apply(light, PATTERN).values["shear_y_mm"]
+    assert math.isnan(values["none"]["shear_x_mm"])
 
 
 def test_contacts_have_places_in_the_tip_frame_and_a_single_one_the_frame_s_depth() -> None:
@@ -80,8 +98,7 @@ def test_slip_speed_needs_a_scale_and_the_time_between_two_frames() -> None:
     assert reading.values["slip_probability"] == 0.9
     for interval in (None, 0.0, -0.01):
         assert "slip_speed_mm_s" not in calibrated.apply(slipping, PATTERN, interval).values
-    bare = calibration_content()
-    bare["mm_per_px"] = None
+    bare = damaged("mm_per_px", value=None)
     assert "slip_speed_mm_s" not in parsed(bare).apply(slipping, PATTERN, 0.01).values
 
 
@@ -92,8 +109,7 @@ def test_a_length_that_a_feature_names_is_scaled_to_mm(vibration_px: float | Non
     values = parsed(calibration_content()).apply(shaking, PATTERN).values
     expected = None if vibration_px is None else pytest.approx(0.1 * vibration_px, nan_ok=True)
     assert values.get("vibration_mm") == expected
-    bare = calibration_content()
-    bare["mm_per_px"] = None
+    bare = damaged("mm_per_px", value=None)
     assert "vibration_mm" not in parsed(bare).apply(shaking, PATTERN).values
 
 
@@ -116,22 +132,22 @@ def test_old_files_give_the_same_values(data_dir: Path, tip: str) -> None:
     for row in old["rows"]:
         frame = _complex(row["frame"])
         added = np.full(len(FRAME_INPUTS) - len(frame), np.nan)  # inputs that files of that time do not have
-        found = list(calibration.frame_values(np.append(frame, added)))
-        assert [(name, beyond) for name, _, _, beyond in found] == [(r[0], r[3]) for r in row["values"]]
-        _assert_alike([r[1:3] for r in found], [r[1:3] for r in row["values"]])
+        found = calibration.frame_models.of_inputs(np.append(frame, added))
+        assert [*zip(calibration.frame_models.names, found[:, 2], strict=True)] == [
+            (r[0], r[3]) for r in row["values"]
+        ]
+        _assert_alike(found[:, :2], [r[1:3] for r in row["values"]])
         contact = _complex(row["contact"])
         added = np.full(len(CONTACT_INPUTS) - len(contact), np.nan)
-        found_contact = list(calibration.contact_values(np.append(contact, added)))
-        assert [r[0] for r in found_contact] == [r[0] for r in row["contact_values"]]
-        _assert_alike([r[1:] for r in found_contact], [r[1:] for r in row["contact_values"]])
+        found = calibration.contact_models.of_inputs(np.append(contact, added))
+        assert [*calibration.contact_models.names] == [r[0] for r in row["contact_values"]]
+        _assert_alike(found[:, :2], [r[1:] for r in row["contact_values"]])
 
 
-def _assert_alike(found: list[Any], wanted: list[Any]) -> None:
+def _assert_alike(found: Array, wanted: list[Any]) -> None:
     """Rows of value and sigma; what widens a sigma is in single precision."""
     for column, rounding in ((0, 1e-12), (1, 1e-5)):
-        np.testing.assert_allclose(
-            np.array(found)[:, column], np.array(wanted)[:, column], rtol=rounding, atol=1e-12
-        )
+        np.testing.assert_allclose(found[:, column], np.array(wanted)[:, column], rtol=rounding, atol=1e-12)
 
 
 def _complex(pairs: list[list[float]]) -> Any:

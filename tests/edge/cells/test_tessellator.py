@@ -9,8 +9,8 @@ from edge.cells import Tessellator, cell_polygons
 from edge.errors import DegenerateLayout
 from edge.types import Cells
 from tests.bench import stability
-from tests.bench.stability import cells_of
-from tests.support.cell_checks import Points, bounded_polygon_area, random_walks, worst_relative
+from tests.bench.stability import cells_of, worst_error
+from tests.support.cell_checks import Points, points_of, random_walks, worst_relative
 from tests.support.layouts import (
     CENTRE,
     PITCH_PX,
@@ -24,9 +24,9 @@ from tests.support.layouts import (
 
 
 def test_the_tips_of_the_stability_report_hold() -> None:
-    """Areas exactly, their sum, drawings, the order of pins, a turned, shifted, scaled image, lost pins."""
+    """Areas exactly, drawings, the order of pins, a turned, shifted, scaled image, lost pins."""
     rows = [*stability.tips(), *stability.lost_pins(3)]
-    assert len(rows) == len(TIPS) * 14
+    assert len(rows) == len(TIPS) * 12
     assert [row for row in rows if not row.holds] == []
 
 
@@ -55,9 +55,7 @@ def test_parts_of_a_tip_have_a_boundary_each() -> None:
     tessellator = Tessellator(rest_of(rest))
     areas = tessellator.rest_area_px2
     assert worst_relative(areas[:37], areas[37:]) <= 1e-10
-    assert float(areas.sum()) == pytest.approx(
-        float(bounded_polygon_area(tessellator.cells(tracks_of(rest)))), rel=1e-13
-    )
+    assert worst_error(areas, points_of(tessellator.cells(tracks_of(rest)))) <= 1e-13
 
 
 def test_boundary_enters_a_bay() -> None:
@@ -88,18 +86,16 @@ def test_rim_cells_hold_when_the_rim_moves_far() -> None:
         assert ratio.max() < 1.6
 
 
-def test_random_walks_agree_with_fresh_triangulations_without_jumps() -> None:
+def test_random_walks_agree_with_fresh_triangulations() -> None:
     """A share of the walks of `python -m tests.bench stability`."""
     walks = random_walks(50, 10, 0.5, seed=1)
     assert walks.worst_difference <= 1e-12
-    assert walks.worst_share <= 1.0
     assert walks.flips > 500
-    jumps = random_walks(10, 10, 6.0, seed=2, explain=False)
+    jumps = random_walks(10, 10, 6.0, seed=2)
     assert jumps.worst_difference <= 1e-12
     assert jumps.builds > 10  # this tests the rebuilding branch
-    large = random_walks(20, 30, 2.0, seed=1, explain=False)
+    large = random_walks(20, 30, 2.0, seed=1)
     assert large.worst_difference <= 1e-12
-    assert large.builds <= 40  # of 600 frames; 78 where triangles that turned over were not repaired
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
@@ -200,7 +196,7 @@ def test_merged_pins_share_their_cell_and_part_again() -> None:
     merged[40] = merged[41] = (rest[40] + rest[41]) / 2
     cells = tessellator.cells(tracks_of(merged))
     assert cells.area_px2[40] == cells.area_px2[41]
-    assert float(cells.area_px2.sum()) == pytest.approx(float(bounded_polygon_area(cells)), rel=1e-13)
+    assert worst_error(cells.area_px2, points_of(cells)) <= 1e-13
     assert worst_relative(tessellator.cells(tracks_of(rest)).area_px2, tessellator.rest_area_px2) <= 1e-12
 
 

@@ -35,7 +35,7 @@ def test_every_frame_is_in_the_video(data_dir: Path, tmp_path: Path) -> None:
     recorded = list(RecordingSource(data_dir / "press.mcap"))
     frames = frames_of(tmp_path / "a.mkv")
     assert made.pop("without_values") == {}
-    assert made == {"frames_n": len(recorded), "unidentified_n": 0, "pins_n": 331, "rate_hz": 25}
+    assert made == {"frames_n": len(recorded), "pins_n": 331, "rate_hz": 25}
     assert len(frames) == len(recorded)
     touch_panels = [frame[:320, :320] for frame in frames]  # the left panel
     assert red_n(touch_panels[0]) == 0

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from edge.cells import Tessellator
 from edge.features import FeatureExtractor, FeaturePlan
 from edge.pins import detect, take_rest
+from edge.sources.files import read_image
 from edge.tracking import Tracker
 from edge.types import Array, Cells, Feature, Features, Rest, Tracks
 from tests.bench.recordings import poses_of_stills
 from tests.bench.reference import Reference
 from tests.support.fields import CENTRE, areas, clamp, frame, push, tip
-from tests.support.images import read_grey
 from tests.support.layouts import tracks_of
 
 pytestmark = [pytest.mark.kernels, pytest.mark.compiled]
@@ -188,8 +188,7 @@ def test_agrees_with_the_papers_method(pins: int) -> None:
     """Volume within 5 %, place within a third of a pitch, shear exact: one push, no noise."""
     rest = tip(pins)
     pitch = rest.pattern.pitch_px
-    image = np.zeros((480, 640), dtype=np.uint8)
-    paper = Reference(image, rest.pattern.pin_radius_px, rest_img=rest.xy_img)
+    paper = Reference(rest.xy_img)
     for at in ((0.0, 0.0), (35.0, 20.0), (-20.0, 50.0)):
         xy = rest.xy_img + push(rest, at, 2.5 * pitch, 0.15)
         oracle = paper.features(xy)
@@ -220,11 +219,11 @@ def test_nothing_of_one_frame_is_overwritten_by_the_next() -> None:
 def test_real_flat_contacts_are_one_contact_each(real_dir: Path) -> None:
     """Every 24th of 600 published frames: one flat surface, tilted and sheared, each a jump from rest."""
     folder = real_dir / "tactip331_binary"
-    rest = take_rest([read_grey(folder / "rest.png")])
+    rest = take_rest([read_image(folder / "rest.png")])
     tracker, tessellator = Tracker(rest), Tessellator(rest)
     made: Any = FeatureExtractor(rest, tessellator.rest_area_px2)
     for name in list(poses_of_stills(folder))[::24]:
-        image = read_grey(folder / "frames" / name)
+        image = read_image(folder / "frames" / name)
         tracks = tracker.identify(detect(image, rest.pattern))
         got = made.extract(tracks, tessellator.cells(tracks), ALL)
         assert len(got.contacts) == 1, name

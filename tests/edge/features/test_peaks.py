@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 from skimage.morphology import local_maxima
 
-from edge.features.regions import PeakFinder, Regions
+from edge.features.contact_field import PeakFinder
+from edge.features.contacts import Regions
 from edge.types import Array, Mask
 
 pytestmark = pytest.mark.kernels

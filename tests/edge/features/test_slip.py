@@ -9,8 +9,8 @@ import pytest
 from edge.features.pin_motion import PinMotion
 from edge.features.slip_and_vibration import Slip
 from edge.frame import Pipeline
+from edge.pins import take_rest
 from edge.recording.reader import RecordingSource
-from edge.rest.tare import tare
 from edge.types import Array, Feature, Index, Rest
 from tests.support.fields import CENTRE, plane, tip
 
@@ -112,7 +112,7 @@ class TestSlip:
     def test_pressing_straight_in_is_no_slip(self, data_dir: Path, recording: str) -> None:
         """One ball, and two whose pins' motion no common load explains."""
         frames = list(RecordingSource(data_dir / f"{recording}.mcap"))
-        pipeline = Pipeline(tare([f.image for f in frames[:8]], np.inf), demand=frozenset({Feature.SLIP}))
+        pipeline = Pipeline(take_rest([f.image for f in frames[:8]]), demand=frozenset({Feature.SLIP}))
         features = [pipeline.process(f).features for f in frames]
         detected = [f.slip_probability for f in features if f is not None and f.in_contact]
         assert len(detected) > 10

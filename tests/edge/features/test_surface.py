@@ -63,7 +63,7 @@ def test_sixteen_bits_are_enough() -> None:
 def test_the_largest_sums_of_products_fit_32_bits() -> None:
     operator = QuantizedOperator(np.ones((2, 1000)) * [[1.0], [-1.0]])
     np.asarray(operator.values)[:] = 1.0
-    operator.apply()
+    operator.apply_rows(np.arange(2, dtype=np.int32), 2)
     np.testing.assert_allclose(operator.result, [1000.0, -1000.0], rtol=1e-2)
 
 

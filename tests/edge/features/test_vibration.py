@@ -8,7 +8,7 @@ import pytest
 from calib.sim import Simulator, Tool, ToolPose
 from edge.features.slip_and_vibration import Vibration
 from edge.frame import Pipeline
-from edge.rest.tare import tare
+from edge.pins import take_rest
 from edge.types import Array, Feature
 
 pytestmark = pytest.mark.kernels
@@ -75,7 +75,7 @@ def test_a_simulated_contact_that_vibrates() -> None:
     rate_hz = 60.0
     simulator = Simulator(rate_hz=rate_hz)
     demand = frozenset({Feature.VIBRATION})
-    pipeline = Pipeline(tare([simulator.frame().image for _ in range(8)], np.inf), demand=demand)
+    pipeline = Pipeline(take_rest([simulator.frame().image for _ in range(8)]), demand=demand)
     period_n = round(rate_hz / 20.0)
     shakes_mm = [0.1 * math.sin(2.0 * math.pi * k / period_n) for k in range(round(0.45 * rate_hz))]
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from edge.link.commands import NmtState
 from edge.link.medium import CanFrame
-from edge.link.nmt import NmtState
 from edge.link.node import Node
 from edge.link.settings import SettingsFile
 from edge.link.sinks import CanFdSink, SerialSink

@@ -13,8 +13,8 @@ import canopen
 import pytest
 
 from edge.errors import CalibrationError
+from edge.link.commands import NmtState
 from edge.link.medium import CanFrame, Medium, MediumError
-from edge.link.nmt import NmtState
 from edge.link.node import Node
 from edge.link.settings import NodeSettings, SettingsFile
 from edge.link.sinks import CanFdSink, SerialSink, open_sink

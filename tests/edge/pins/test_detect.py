@@ -12,8 +12,9 @@ from skimage.data import coins
 from edge.errors import NoPins
 from edge.pins import CentroidRefiner, detect, learn_pattern, take_rest
 from edge.pins.rest_frame import with_voted
+from edge.sources.files import read_image
 from edge.types import Array, Image, Pins, Polarity
-from tests.support.images import grey, read_grey
+from tests.support.images import grey
 from tests.support.pins_rendered import draw, expose, hexagon
 
 
@@ -194,7 +195,7 @@ def test_pins_that_a_round_frame_cuts_are_found_by_their_arc(radius: float) -> N
 @pytest.mark.real
 def test_real_grey_stills_show_331_pins_and_nothing_outside(real_dir: Path) -> None:
     files = sorted((real_dir / "tactip331_gray" / "frames").glob("*.png"))
-    images = [read_grey(file) for file in files[::5]]
+    images = [read_image(file) for file in files[::5]]
     pattern = learn_pattern(images[0])
     for image in images:
         for pins in (detect(image, pattern), detect(image)):

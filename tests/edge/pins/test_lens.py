@@ -7,15 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calib.commands.lens import text_of
+from calib.fit import sensor_of
 from calib.sim import Appearance, Camera, Simulator, Tip, ToolPose
-from edge.calibration.file import rest_of, sensor_of
+from edge.calibration.file import rest_of
 from edge.errors import CalibrationError, SourceError
 from edge.frame import Pipeline
-from edge.geometry.lens import corrected, magnification, seen
 from edge.pins import take_rest
+from edge.pins.lens import corrected, magnification, seen
 from edge.rest.tip_match import match_rest
 from edge.sources import open_source
-from edge.sources.lens_file import load_lens, text_of
+from edge.sources.lens_file import load_lens
 from edge.types import Array, Frame, Lens, Rest
 from tests.support.refusals import one_line
 

@@ -10,8 +10,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+import zstandard
+from lz4.frame import LZ4FrameCompressor
 from mcap.data_stream import RecordBuilder
-from mcap.records import DataEnd, Footer, Header, Metadata, MetadataIndex
+from mcap.records import Chunk, DataEnd, Footer, Header, Metadata, MetadataIndex
 from mcap.writer import CompressionType, Writer
 
 from edge.errors import SourceError
@@ -23,7 +25,6 @@ from edge.types import Frame
 from hostlink.mcap_chunk import UNPACKED_MAX
 from tests.edge.sources.test_image_header import png_of
 from tests.support.damage import damaged
-from tests.support.mcap_bomb import write_mcap_bomb
 from tests.support.memory import bounded_memory
 from tests.support.messages import read_messages
 from tests.support.seeds import SEED
@@ -129,6 +130,18 @@ def chunk_at(data: bytes) -> int:
     while data[at] != 6:
         at += 9 + struct.unpack_from("<Q", data, at + 1)[0]
     return at
+
+
+def write_mcap_bomb(path: Path, compression: str, stated: int) -> Path:
+    """A file whose only chunk is small, says that it has `stated` bytes, and unpacks to 256 MiB."""
+    packer: Any = LZ4FrameCompressor() if compression == "lz4" else zstandard.ZstdCompressor().compressobj()
+    parts = [packer.begin()] if compression == "lz4" else []
+    parts += [packer.compress(bytes(1 << 20)) for _ in range(256)]
+    builder = RecordBuilder()
+    Header("", "").write(builder)
+    Chunk(compression, b"".join([*parts, packer.flush()]), 0, 0, 0, stated).write(builder)
+    path.write_bytes(b"\x89MCAP0\r\n" + builder.end())
+    return path
 
 
 @pytest.mark.parametrize("compression", ["lz4", "zstd"])

@@ -9,11 +9,11 @@ from tests.support.processes import python
 #: Killed, like by a loss of power, when the new content is on the disk and the name does not point to it yet.
 CUT_OFF = """
 import os, signal, sys
-from pathlib import Path
-from edge.calibration.file import save
+from hostlink.output_file import writing
 from tests.support.waiting import SOON_S
 os.fsync = lambda number: os.kill(os.getpid(), signal.SIGKILL)
-save(Path(sys.argv[1]), b"new")
+with writing(sys.argv[1], overwrite=True) as unfinished:
+    unfinished.write_bytes(b"new")
 """
 
 

@@ -1,12 +1,13 @@
 """OAK source without a module: a host node of depthai's own, and fakes for the hardware lines."""
 
+import os
 import sys
 import threading
 import time
-from collections.abc import Callable
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import replace
 from datetime import timedelta
+from itertools import islice
 from types import SimpleNamespace
 from typing import Any
 from unittest.mock import MagicMock
@@ -17,12 +18,14 @@ import pytest
 from edge.errors import SourceError
 from edge.params import PARAMS as RUNTIME
 from edge.sources import oak, open_source
+from edge.sources.oak_hand import FedCamera, hand_on
 from edge.sources.options import Options
-from edge.types import Clock, Frame
+from edge.sources.shared_memory import Outbox
+from edge.types import Clock, Frame, Image
+from tests.support.oak_nodes import SIZE, frames_output, noise
 from tests.support.refusals import one_line
 from tests.support.waiting import SOON_S, until
 
-SIZE = (64, 48)
 HOST = Options(width=SIZE[0], height=SIZE[1])
 
 
@@ -34,47 +37,13 @@ def dai() -> Any:
         pytest.skip(str(error))
 
 
-def noise(n: int) -> np.ndarray[Any, Any]:
-    return np.random.default_rng(n).integers(0, 256, (SIZE[1], SIZE[0]), dtype=np.uint8)
-
-
-def frames_output(
-    dai: Any, steps: list[int], gate: Callable[[int], object] = lambda n: None
-) -> oak.MakeOutput:
-    """A host node that emits frames with these sequence numbers, then closes its pipeline's queues."""
-
-    class Node(dai.node.ThreadedHostNode):  # type: ignore[misc]
-        def __init__(self) -> None:
-            super().__init__()
-            self.out = self.createOutput("out")
-
-        def run(self) -> None:
-            for n in steps:
-                gate(n)
-                if not self.isRunning():
-                    return
-                message = dai.ImgFrame()
-                message.setType(dai.ImgFrame.Type.GRAY8)
-                message.setWidth(SIZE[0])
-                message.setHeight(SIZE[1])
-                message.setData(noise(n).ravel())
-                message.setSequenceNum(n)
-                message.setTimestamp(timedelta(microseconds=1_000_000 + 4_000 * n))
-                message.setTimestampDevice(timedelta(microseconds=77 + 4_000 * n))
-                self.out.send(message)
-
-    def make(pipeline: Any) -> Any:
-        return pipeline.create(Node).out
-
-    return make
-
-
-def lock_step(dai: Any, steps: list[int], **options: Any) -> tuple[list[Frame], oak.OakSource]:
+def lock_step(dai: Any, steps: list[int], **asked: Any) -> tuple[list[Frame], oak.OakSource]:
     """Every frame is taken before the next one is made."""
     go = threading.Semaphore(1)
     output = frames_output(dai, steps, lambda n: go.acquire(timeout=SOON_S))
     got: list[Frame] = []
-    with closing(oak.OakSource(output, HOST, **options)) as source:
+    camera: Any = SimpleNamespace(options=HOST, keys=oak.OakKeys(**asked), crop=None, output=output)
+    with closing(oak.OakSource(oak.OakModule([camera]), camera)) as source:
         for _ in steps:
             frame = source.read(SOON_S)
             assert frame is not None
@@ -91,10 +60,10 @@ def test_pixels_times_and_gaps_come_through(dai: Any) -> None:
     assert source.faults["missed frame"] == 4
     for frame in frames:
         assert np.array_equal(frame.image, noise(frame.sequence))
-        assert frame.capture_ns == 1_000_000_000 + 4_000_000 * frame.sequence
+        assert frame.capture_ns == 1_000_000_000 + 20_000_000 * frame.sequence
         assert frame.clock is Clock.DRIVER
-    (first, second), _ = lock_step(dai, [0, 1], own_clock=True)
-    assert (first.capture_ns, second.capture_ns) == (77_000, 4_077_000)
+    (first, second), _ = lock_step(dai, [0, 1], clock="device")
+    assert (first.capture_ns, second.capture_ns) == (77_000, 20_077_000)
     assert first.clock is Clock.DEVICE
 
 
@@ -144,16 +113,18 @@ def test_sockets_without_a_camera_are_refused() -> None:
         oak.check_socket(device, "CAM_B")
 
 
-def calls_of(make: Any) -> dict[str, Any]:
+def calls_of(camera: oak.OakCamera) -> dict[str, Any]:
     """What an output asks of its pipeline: (by place, by name) of each function's last call."""
     pipeline = MagicMock()
-    make(pipeline)
+    camera.output(pipeline)
     return {name.rpartition(".")[2]: (by_place, named) for name, by_place, named in pipeline.mock_calls}
 
 
 def test_the_camera_is_asked_for_what_was_set(dai: Any) -> None:
-    options = Options(width=640, height=400, rate_hz=240.0, exposure_us=1500, gain=300, focus=120)
-    calls = calls_of(oak.camera_output(options, "CAM_C"))
+    options = Options(
+        width=640, height=400, rate_hz=240.0, exposure_us=1500, gain=300, focus=120, extra={"socket": "CAM_C"}
+    )
+    calls = calls_of(oak.camera_at("", options))
     assert not {"setFrameSyncMode", "addCrop"} & calls.keys()
     assert calls["build"] == ((dai.CameraBoardSocket.CAM_C,), {"sensorFps": 240.0})
     assert calls["setManualExposure"][0] == (1500, 300)
@@ -161,11 +132,11 @@ def test_the_camera_is_asked_for_what_was_set(dai: Any) -> None:
     assert calls["setAntiBandingMode"][0] == (dai.CameraControl.AntiBandingMode.OFF,)
     assert calls["setXLinkChunkSize"][0] == (0,)
     assert calls["requestOutput"] == (((640, 400),), {"type": dai.ImgFrame.Type.GRAY8, "fps": 240.0})
-    unasked = calls_of(oak.camera_output(Options()))  # its own size and rate
+    unasked = calls_of(oak.camera_at("", Options()))  # its own size and rate
     assert unasked["requestOutput"] == (((640, 400),), {"type": dai.ImgFrame.Type.GRAY8, "fps": 60.0})
     # Crop and synchronisation are left to the module.
-    size = Options(width=640, height=400)
-    calls = calls_of(oak.camera_output(size, "CAM_B", oak.Crop(100, 50, 320, 240), "input"))
+    size = Options(width=640, height=400, extra={"crop": "100,50,320,240", "sync": "input"})
+    calls = calls_of(oak.camera_at("", size))
     assert calls["setFrameSyncMode"][0] == (dai.CameraControl.FrameSyncMode.INPUT,)
     assert calls["requestOutput"][0] == ((640, 400),)
     assert calls["addCrop"][0] == (100, 50, 320, 240)
@@ -176,19 +147,22 @@ def test_the_camera_is_asked_for_what_was_set(dai: Any) -> None:
 EXPOSURE_US = 1500
 
 
+def picture(place: int, n: int) -> Image:
+    """What the camera of this place shows in the exposure of this number."""
+    return noise(n + 10**6 * place)
+
+
 class FakeModule:
     """The part of depthai that OakSource uses, with a module that can be unplugged."""
 
-    class MessageQueue:
-        class QueueException(Exception):
-            pass
+    CameraBoardSocket = SimpleNamespace(__members__={"CAM_B": None})
 
     def __init__(self, rate_hz: float = 240.0) -> None:
         self.step_us = round(1e6 / rate_hz)
         self.plugged = True
         self.opened_n = 0
         self.running = False
-        self.node = SimpleNamespace()
+        self.MessageQueue = SimpleNamespace(getAny=self.read)
 
     def Device(self, info: Any) -> Any:  # noqa: N802
         if not self.plugged:
@@ -215,25 +189,47 @@ class FakeModule:
     def wait(self) -> None:
         assert not self.running
 
-    def get(self, timeout: timedelta) -> Any:
+    def isClosed(self) -> bool:  # noqa: N802
+        return not self.plugged
+
+    def read(self, queues: Any, timeout: timedelta) -> dict[str, Any]:
         time.sleep(0.001)  # a camera's frames take their time
         if not self.plugged:
-            raise self.MessageQueue.QueueException("closed")
+            return {}
         n, self.n = self.n, self.n + 1
         end = timedelta(microseconds=n * self.step_us)
-        return SimpleNamespace(
-            getFrame=lambda: noise(n),
-            getSequenceNum=lambda: n,
-            getTimestamp=lambda: end,
-            getExposureTime=lambda: timedelta(microseconds=EXPOSURE_US),
-        )
+        return {
+            place: SimpleNamespace(
+                getFrame=lambda place=place: picture(int(place), n),
+                getSequenceNum=lambda: n,
+                getTimestamp=lambda: end,
+                getExposureTime=lambda: timedelta(microseconds=EXPOSURE_US),
+            )
+            for place in queues
+        }
 
 
-def opened(module: FakeModule, monkeypatch: pytest.MonkeyPatch, **settings: Any) -> oak.OakSource:
-    monkeypatch.setattr(oak, "load_depthai", lambda: module)
+def cameras_of(
+    fake: FakeModule, monkeypatch: pytest.MonkeyPatch, n: int = 1, **settings: Any
+) -> oak.OakModule:
+    monkeypatch.setattr(oak, "load_depthai", lambda: fake)
     monkeypatch.setattr(oak, "lens_of", lambda handler, socket, size, crop: None)
     monkeypatch.setattr(oak, "RUNTIME", replace(RUNTIME, announced_s=0.01))
-    return oak.OakSource(lambda pipeline: pipeline, Options(**settings), module=lambda: SimpleNamespace())  # type: ignore[arg-type,return-value]
+
+    def found(*given: object) -> Any:
+        return fake  # as the module, and as an output
+
+    camera: Any = SimpleNamespace(options=Options(**settings), keys=oak.OakKeys(), crop=None, output=found)
+    return oak.OakModule([camera] * n, found)
+
+
+def opened(fake: FakeModule, monkeypatch: pytest.MonkeyPatch, **settings: Any) -> oak.OakSource:
+    module = cameras_of(fake, monkeypatch, **settings)
+    return oak.OakSource(module, module.cameras[0])
+
+
+def lost_when_read(source: oak.OakSource) -> None:
+    until(lambda: (source.read(0.01), source.condition)[1] == "lost", "it is noticed")
 
 
 def test_a_lost_module_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -244,7 +240,7 @@ def test_a_lost_module_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
         # Times are of the start of the exposure.
         assert before.capture_ns == 1000 * (before.sequence * module.step_us - EXPOSURE_US)
         module.plugged = False
-        until(lambda: (source.read(0.01), source.condition)[1] == "lost", "it is noticed")
+        lost_when_read(source)
         module.plugged = True
         after = source.read(SOON_S)
         assert after is not None
@@ -281,3 +277,46 @@ def test_lens_of_a_module_from_its_calibration_file(dai: Any) -> None:
     assert part is not None
     assert part.centre_px == pytest.approx((lens.centre_px[0] - 100, lens.centre_px[1] - 50))
     assert part.size_px == (320, 240)
+
+
+def test_the_fingers_of_a_hand_have_a_camera_each_and_one_number_for_an_exposure(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    fake, over = FakeModule(), threading.Event()
+    module = cameras_of(fake, monkeypatch, 2)
+    outboxes = [Outbox(1 << 20) for _ in module.cameras]
+    ends = [FedCamera(outbox.far_end.dup(), os.dup(outbox.fd)) for outbox in outboxes]
+
+    def hand() -> None:
+        opened = None
+        while not over.is_set():
+            opened = hand_on(module, opened, outboxes)
+
+    thread = threading.Thread(target=hand)
+    thread.start()
+    with ExitStack() as stack:
+        stack.callback(over.set)
+        fingers = [oak.OakSource(end, module.cameras[0]) for end in ends]
+        for source in fingers:
+            stack.callback(source.close)
+        before = [frame.sequence for source in fingers for frame in islice(source, 1)]
+        fake.plugged = False
+        for source in fingers:
+            lost_when_read(source)
+        fake.plugged = True
+        numbers = set()
+        for place, source in enumerate(fingers):
+            for frame in islice(source, 20):
+                n = (frame.capture_ns // 1000 + EXPOSURE_US) // fake.step_us
+                assert np.array_equal(frame.image, picture(place, n))
+                numbers.add(frame.sequence - n)
+        (base,) = numbers
+        assert base > max(before)  # where the module counts from 0 again
+        over.set()
+        thread.join()
+        for outbox in outboxes:
+            outbox.far_end.close()
+            outbox.close()
+        for source in fingers:  # the end of the hand is that of its fingers
+            assert all(source)
+            assert source.ended

@@ -22,7 +22,7 @@ class Frames:
     """A kernel at rest, and the frames that it is given."""
 
     def __init__(self, rest: Rest) -> None:
-        tip, n = TrackedTip.of(rest), len(rest)
+        tip, n = TrackedTip(rest), len(rest)
         self.found = deepcopy(rest.pins)
         self.kernel = Follower(tip.lattice, tip.photometric, tip.params, self.found, np.empty((n, 2)))
         self.kernel.settle(rest.xy_img, np.zeros((n, 2)), np.ones(n, bool))

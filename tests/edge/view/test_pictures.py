@@ -15,7 +15,6 @@ from edge.view.panels import View, draw_camera, draw_touch, save_pins_overlay
 from edge.view.video import CODECS, write_video
 from tests.support.fields import contact_region
 from tests.support.layouts import pins_at, tracks_of
-from tests.support.processes import python
 
 Scene = tuple[View, Array, Tracks]
 PITCH = 20.0
@@ -194,11 +193,6 @@ def test_figures_for_print(tmp_path: Path, scene: Scene, mm_per_px: float) -> No
         assert drawn is not None
         red = (drawn[:, :, 2] > 190) & (drawn[:, :, :2].max(axis=2) < 110)
         assert red.sum() > 200  # the compressed cell, the top of the hill
-
-
-def test_drawing_does_without_matplotlib() -> None:
-    code = "import edge.view.panels, sys; print('matplotlib' in sys.modules)"
-    assert python("-c", code).stdout == "False\n"
 
 
 @pytest.mark.parametrize("suffix", sorted(CODECS))

@@ -132,7 +132,7 @@ def test_others_can_reach_it_only_with_a_token(text: str, monkeypatch: pytest.Mo
 def test_bad_addresses_are_one_line(live: Live) -> None:
     for text, token in (("127.0.0.1:http", None), ("127.0.0.1:99999", None), ("", "short")):
         one_line(WebError, parse_listen, text, token)
-    used = PageServer(parse_listen(f"127.0.0.1:{live.worker.port}"), "edge.view", lambda wants: None, {})
+    used = PageServer(parse_listen(live.worker.url.split("/")[2]), "edge.view", lambda wants: None, {})
     assert "give another HOST:PORT" in one_line(WebError, used.start)
 
 
@@ -140,7 +140,7 @@ def get(live: Live, path: str, headers: dict[str, str] | None = None) -> tuple[i
     async def run() -> tuple[int, str, Any]:
         async with (
             aiohttp.ClientSession() as session,
-            session.get(f"http://127.0.0.1:{live.worker.port}{path}", headers=headers) as answer,
+            session.get(f"http://{live.worker.url.split('/')[2]}{path}", headers=headers) as answer,
         ):
             return answer.status, await answer.text(), answer.headers
 

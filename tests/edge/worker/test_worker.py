@@ -22,9 +22,9 @@ from mcap.reader import make_reader
 
 from edge.recording.reader import RecordingSource
 from edge.sources import open_source
+from edge.sources.shared_memory import Inbox, Outbox
 from edge.worker.client import WorkerClient
 from edge.worker.params import WorkerConfig, WorkerParams
-from edge.worker.shared_memory import Inbox, Outbox
 from hostlink.interrupt import ENDING
 from hostlink.wire import FaultCode
 from tests.support.finger import Finger

@@ -1,6 +1,7 @@
 """The monitor's output: arrows, lines, tables, rates."""
 
 from dataclasses import replace
+from io import StringIO
 from math import nan
 
 import pytest
@@ -42,9 +43,9 @@ def test_line_is_complete() -> None:
     assert "no samples" in line(row(None))
 
 
-def shown(rows: list[FingerRow]) -> str:
-    console = Console(width=80, record=True, file=open("/dev/null", "w"))  # noqa: SIM115
-    console.print(screen(rows, "can:can0"))
+def shown(rows: list[FingerRow], height: int = 24) -> str:
+    console = Console(width=80, height=height, record=True, file=StringIO())
+    console.print(screen(rows, "can:can0", console))
     return str(console.export_text())
 
 
@@ -59,6 +60,15 @@ def test_the_table_fits_80_columns() -> None:
         assert part in text
     assert "…" not in text
     assert max(map(len, text.splitlines())) <= 80
+
+
+def test_long_names_and_many_problems_cut_no_number() -> None:
+    rows = [replace(row(STATE), name=f"right_middle_finger{n}", age_s=0.1234) for n in range(4)]
+    text = shown(rows, height=7)
+    assert "…" not in text
+    for part in ("can:can0  (4 with problems: --plain lists them)", "1.500", "right_middle_finger3", "123.4"):
+        assert part in text
+    assert "finger right_middle_finger0: too much" in shown(rows)
 
 
 def test_problems_of_a_finger_are_listed_below_the_table(

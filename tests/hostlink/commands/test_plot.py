@@ -18,8 +18,6 @@ from tests.hostlink.test_recording import write_edge
 from tests.support.bus import message
 from tests.support.commands import Done
 from tests.support.commands import run_host as run
-from tests.support.mcap_bomb import write_mcap_bomb
-from tests.support.memory import bounded_memory
 
 RATE_HZ = 100
 START_US = (1 << 32) - 250_000  # the wire's microseconds wrap in the middle
@@ -113,16 +111,6 @@ def test_a_sample_that_is_no_sample_counts_as_damaged(tmp_path: Path, text: str)
     path = tmp_path / "a.mcap"
     path.write_bytes(b"\x89MCAP0\r\n" + builder.end())
     with pytest.raises(LogError, match="damaged before its first sample"):
-        read_series(path)
-
-
-@pytest.mark.parametrize("stated", [1000, 1 << 40])
-@pytest.mark.parametrize("compression", ["lz4", "zstd"])
-def test_a_chunk_that_unpacks_endlessly_counts_as_damaged(
-    tmp_path: Path, compression: str, stated: int
-) -> None:
-    path = write_mcap_bomb(tmp_path / "a.mcap", compression, stated)
-    with bounded_memory(48 << 20), pytest.raises(LogError, match="damaged before its first sample"):
         read_series(path)
 
 

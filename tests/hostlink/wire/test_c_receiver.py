@@ -6,7 +6,6 @@ import shutil
 import subprocess
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from math import isnan
 from pathlib import Path
 from random import Random
 
@@ -14,10 +13,7 @@ import can
 import pytest
 
 from hostlink import RestFrameOutcome, RestFrameReason, RestFrameState, wire
-from hostlink.decoder import SerialDecoder
 from hostlink.errors import LinkError
-from hostlink.events import Sample
-from hostlink.recording import SerialWriter, decode_recording, read_serial
 from hostlink.wire import Message, State, Status
 from hostlink.wire.parts import Assembler, unpack_part
 from hostlink.wire.serial import BODY_MAX, decode_frame
@@ -172,58 +168,33 @@ def usable_mm(state: State) -> float:
     return float("nan") if state.status & wire.NO_CONTROL else state.displacement_mm
 
 
-def test_receiver_follows_a_recorded_line(program: Path, tmp_path: Path) -> None:
-    path, data, rng = tmp_path / "line.serial", line_bytes(Random(4), 400), Random(5)
-    at = 0
-    with SerialWriter(path) as writer:
-        while at < len(data):
-            size = rng.randrange(1, 400)
-            writer.write(data[at : at + size], at / 1e5)
-            at += size
-    commands, expected = [], []
-    decoder, newest, heard_ms = SerialDecoder(), float("nan"), -1000
-    for time_s, chunk in read_serial(path):
-        now_ms = int(time_s * 1e3)
-        for event in decoder.receive(chunk, time_s):
-            if isinstance(event, Sample):
-                newest, heard_ms = usable_mm(event.state), now_ms
-        commands += [f"serial {chunk.hex()} {now_ms}", f"look {now_ms}", f"look {now_ms + 21}"]
-        expected += [newest if now_ms - heard_ms <= 20 else float("nan"), float("nan")]
-    rows = run(program, commands)
-    assert [float(row[0]) for row in rows] == pytest.approx(expected, abs=1e-5, nan_ok=True)
-    assert sum(not isnan(mm) for mm in expected) > 200
-    lost_n = sum(e.lost_n for e in decode_recording(path) if isinstance(e, Sample))
-    assert int(rows[-1][1]) == lost_n
-
-
-@pytest.mark.parametrize("classic", [False, True], ids=["fd", "classic"])
-def test_receiver_follows_a_bus(program: Path, classic: bool) -> None:
-    rng, commands, expected = Random(6), [], []
+@pytest.mark.parametrize("link", ["fd", "classic", "serial"])
+def test_receiver_follows_a_finger_until_it_is_silent(program: Path, link: str) -> None:
+    rng, commands, expected = Random(6), [], [float("nan")]
     dropped_n = 0
     for i in range(500):
         sent = mostly_usable(rng, i)
-        state: State | None = sent
-        frames = (
-            [(0x81 + 0x100 * tpdo, data) for tpdo, data in wire.pack_parts(sent, i)]
-            if classic
-            else [(0x181, wire.pack_state(sent, i))]
-        )
-        if i and rng.random() < 0.05:
-            frames.pop(rng.randrange(len(frames)))
+        frame = wire.pack_state(sent, i)
+        messages = {
+            "fd": [f"can 181 {frame.hex()}"],
+            "classic": [
+                f"can {0x81 + 0x100 * tpdo:x} {data.hex()}" for tpdo, data in wire.pack_parts(sent, i)
+            ],
+            "serial": [f"serial {wire.encode_frame(Message.STATE, frame).hex()}"],
+        }[link]
+        if i and rng.random() < 0.05:  # the one before is still the newest
+            messages.pop(rng.randrange(len(messages)))
             dropped_n += 1
-            state = None
-        commands += [f"can {can_id:x} {data.hex()} {i * 4}" for can_id, data in frames]
-        commands += [
-            f"can 182 {wire.pack_state(State(displacement_mm=9.0), i).hex()} {i * 4}",
-            f"look {i * 4}",
-        ]
-        if state is not None:  # otherwise the one before is still the newest
-            expected.append(usable_mm(wire.unpack_state(wire.pack_state(state, i))))
-        else:
             expected.append(expected[-1])
-    commands += [f"can 181 {wire.pack_state(State(), 244).hex()} 1999"] if not classic else []
-    rows = run(program, commands)
-    assert [float(row[0]) for row in rows] == pytest.approx(expected, abs=1e-5, nan_ok=True)
+        else:
+            expected.append(usable_mm(wire.unpack_state(frame)))
+        messages.append(f"can 182 {wire.pack_state(State(displacement_mm=9.0), i).hex()}")
+        commands += [f"{message} {i * 4}" for message in [*messages, "look"]]
+    commands += [f"can 181 {wire.pack_state(State(), 244).hex()} 1999"] if link == "fd" else []
+    rows = run(program, [*commands, f"look {1996 + 21}"])
+    assert [float(row[0]) for row in rows] == pytest.approx(
+        [*expected[1:], float("nan")], abs=1e-5, nan_ok=True
+    )
     assert int(rows[-1][1]) == dropped_n
 
 

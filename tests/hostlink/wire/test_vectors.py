@@ -10,7 +10,7 @@ from hostlink.decoder import CanDecoder, Heartbeat, Sample, SerialDecoder
 from hostlink.wire import CanIds, Contact, Message, State, Status
 from hostlink.wire.e2e import protected_p5
 from hostlink.wire.fields import OLDER
-from tests.support.states import same
+from tests.support.states import mismatches, same
 from tests.vectors.__main__ import FILE
 
 GOLDEN = json.loads(FILE.read_text(encoding="utf-8"))
@@ -34,7 +34,11 @@ def state_of(row: dict[str, Any]) -> State:
     return State(**values, contacts=contacts)
 
 
-def test_classic_parts_of_a_version_that_is_gone_are_damaged_ones() -> None:
+def test_frames_of_a_version_that_is_gone_are_named_and_its_classic_parts_damaged_ones() -> None:
+    on_can = [(CanIds().state(1), bytes.fromhex(row["frame"])) for row in BEFORE["samples"]]
+    on_serial = [(bytes.fromhex(row["serial"]),) for row in BEFORE["samples"]]
+    for raised in (mismatches(CanDecoder(), on_can), mismatches(SerialDecoder(), on_serial)):
+        assert [(error.ours, error.theirs) for error in raised] == [(wire.VERSION, BEFORE["version"])]
     decoder = CanDecoder()
     parts = [part for row in BEFORE["samples"] for part in row["parts"]]
     for tpdo, part in parts:

@@ -1,4 +1,6 @@
-"""`edge lens`: a lens measured with pictures of a checkerboard, by OpenCV's calibration."""
+"""`calib lens`: a lens measured with pictures of a checkerboard, by OpenCV's calibration."""
+
+from __future__ import annotations
 
 import re
 from collections.abc import Sequence
@@ -9,13 +11,14 @@ import click
 import cv2
 import numpy as np
 
-from edge.cli.options import PATH, overwrite_option
+from calib.commands.options import PATH, overwrite_option
 from edge.errors import InputError
 from edge.sources.files import read_image
-from edge.sources.lens_file import text_of
 from edge.types import Array, Lens
 from hostlink.cli_exit import print_error
 from hostlink.output_file import check_output, writing
+
+__all__ = ["lens_command", "text_of"]
 
 #: A camera is determined by this number of views of a plane (Zhang 2000).
 VIEWS_MIN = 3
@@ -31,7 +34,7 @@ def _corners_of_board(context: click.Context, option: click.Parameter, text: str
     return columns, rows
 
 
-@click.command()
+@click.command("lens")
 @click.argument("images", nargs=-1, required=True, metavar="IMAGE...", type=PATH)
 @click.option("-o", "--output", required=True, type=PATH, help="File to write (.toml).")
 @click.option(
@@ -46,7 +49,7 @@ def _corners_of_board(context: click.Context, option: click.Parameter, text: str
     "--fisheye", is_flag=True, help="Fit a fisheye's model, for views of more than about 120 degrees."
 )
 @overwrite_option
-def lens(
+def lens_command(
     images: Sequence[Path], output: Path, board: tuple[int, int], fisheye: bool, overwrite: bool
 ) -> None:
     """Measure a lens by IMAGEs of a checkerboard, for ?lens=FILE in a source's address.
@@ -66,6 +69,13 @@ def lens(
     with writing(output, overwrite) as unfinished:
         unfinished.write_text(text_of(measured, heading), encoding="utf-8")
     click.echo(f"{output}: {measured.model}, {len(found)} pictures, corners fitted to {rms_px:.3f} px rms")
+
+
+def text_of(lens: Lens, heading: str) -> str:
+    """The file's text. heading: a comment, one line."""
+    rows = [f"# {heading}", f'model = "{lens.model}"']
+    rows += [f"{name} = {list(getattr(lens, name))}" for name in lens.__struct_fields__[1:]]
+    return "\n".join(rows) + "\n"
 
 
 def _corners(images: Sequence[Path], board: tuple[int, int]) -> tuple[list[Array], tuple[int, int]]:

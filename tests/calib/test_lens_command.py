@@ -1,4 +1,4 @@
-"""`edge lens`: pictures of a board seen through a known lens give that lens."""
+"""`calib lens`: pictures of a board seen through a known lens give that lens."""
 
 from functools import cache
 from pathlib import Path
@@ -7,10 +7,10 @@ import cv2
 import numpy as np
 import pytest
 
-from edge.geometry.lens import corrected
+from edge.pins.lens import corrected
 from edge.sources.lens_file import load_lens
 from edge.types import Array, Image, Lens
-from tests.support.commands import run_edge as command
+from tests.support.commands import run_calib as command
 
 TRUE = Lens(
     size_px=(480, 360), focal_px=(390.0, 386.0), centre_px=(233.0, 184.0),
@@ -50,14 +50,17 @@ def board(tilt_deg: tuple[float, float], place: tuple[float, float]) -> Image:
     return np.asarray(np.rint(shades), np.uint8)
 
 
+def board_pictures(folder: Path) -> list[Path]:
+    """The board in all tilts and places, as board_0.png, board_1.png, ..."""
+    paths = [folder / f"board_{number}.png" for number in range(len(TILTS))]
+    for path, tilt, place in zip(paths, TILTS, PLACES, strict=True):
+        cv2.imwrite(str(path), cv2.GaussianBlur(board(tilt, place), (0, 0), 0.7))
+    return paths
+
+
 @pytest.fixture(scope="module")
 def pictures(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    folder = tmp_path_factory.mktemp("boards")
-    paths = []
-    for number, (tilt, place) in enumerate(zip(TILTS, PLACES, strict=True)):
-        paths.append(folder / f"{number}.png")
-        cv2.imwrite(str(paths[-1]), cv2.GaussianBlur(board(tilt, place), (0, 0), 0.7))
-    return paths
+    return board_pictures(tmp_path_factory.mktemp("boards"))
 
 
 def test_the_lens_of_the_pictures_is_found(tmp_path: Path, pictures: list[Path]) -> None:
