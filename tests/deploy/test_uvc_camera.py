@@ -16,7 +16,7 @@ IMAGE = np.random.default_rng(7).integers(0, 256, (48, 64), dtype=np.uint8)
 
 @pytest.mark.parametrize("chosen", [MJPG, YUYV])
 def test_an_image_comes_whole_in_the_format_agreed_on(chosen: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    ends: list[int] = []  # of the cable; the kernel is given one
+    ends = []  # of the cable, as the kernel gets them
     attach = SimpleNamespace(write_text=lambda text: ends.append(os.dup(int(text.split()[1]))))
     monkeypatch.setattr(uvc_camera, "VHCI", attach)
     camera = Camera(0, [encoded(IMAGE)] * 13, (64, 48))
