@@ -16,7 +16,7 @@ _SUMMARIES = {
     "hand": "Run the fingers of a hand whose cameras are on one OAK module, until stopped.",
     "replay": "Send RECORDING (MCAP, video, folder of images, example:press) as if it were live.",
     "render": "Make a video of RECORDING: cells, contacts and shear beside the camera's image.",
-    "inspect": "Find the pins in each IMAGE, and say what is good and what is to be done.",
+    "inspect": "Find the pins in each IMAGE, and say what is good and what to improve.",
     "sensor": "Describe a sensor by one IMAGE of its untouched skin, for --sensor and [sensor] model.",
     "doctor": "Check camera, pins, calibration, link, processor, clock and disk.",
 }
