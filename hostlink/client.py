@@ -313,7 +313,9 @@ class Connection:
         self._call(self._raw, data, arrival_s)
         try:
             if self._is_can:
-                if data.is_extended_id or not data.is_rx:
+                # SocketCAN marks so what another program of this computer has sent; its own does not come back.
+                is_own = not data.is_rx and self.address.interface != "socketcan"
+                if data.is_extended_id or is_own:
                     return
                 events = self._can.receive(data.arbitration_id, data.data, arrival_s)
             else:

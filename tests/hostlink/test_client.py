@@ -20,6 +20,7 @@ from edge.link.commands import NmtState
 from edge.link.node import Node
 from edge.link.sinks import open_sink
 from hostlink import RestFrameOutcome, RestFrameReason, RestFrameState
+from hostlink.can_bus import OpenBus
 from hostlink.commands.monitor import Board
 from hostlink.finger import STALE_S
 from hostlink.links import Arrival
@@ -272,6 +273,28 @@ def test_five_fingers_on_one_bus() -> None:
             hand.finger()
     for node, _ in nodes:
         node.close()
+
+
+class LocalBus(OpenBus):
+    """As SocketCAN's: what another program of the computer has sent is not marked as received."""
+
+    def recv(self, timeout: float) -> can.Message | None:
+        message = super().recv(timeout)
+        if message is not None:
+            message.is_rx = False
+        return message
+
+    def fileno(self) -> int:
+        return 0
+
+
+def test_a_finger_of_the_same_computer_is_heard(monkeypatch: pytest.MonkeyPatch) -> None:
+    bus = partial(can.Bus, interface="virtual", channel="one-computer")
+    monkeypatch.setattr("hostlink.links.open_can_bus", lambda address: LocalBus(bus(), address.interface))
+    monkeypatch.setattr("hostlink.links._widen", lambda number: None)
+    with bus() as sender, hostlink.connect("can:can0") as hand:
+        sender.send(message(0x181, pack_state(State(sample=5), 0)))
+        until(lambda: hand.latest(1) is not None, "a sample")
 
 
 def test_line_lost_and_back(tmp_path: Path) -> None:
