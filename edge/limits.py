@@ -33,8 +33,8 @@ POINTS_MAX = 1_000_000  # a plane's; of a triangulation, every index of a half-e
 T = TypeVar("T")
 
 #: A key of as many parts: the parser's time grows with their square, to a minute for 64 KiB.
-_PART = rb"[^\s.,=\[\]{}]"
-_LONG_KEY = re.compile(rb"(?<!%s)(?:%s++[ \t]*+\.[ \t]*+){%d}" % (_PART, _PART, input_file.DEPTH_MAX))
+_BARE = rb"[^\s.,=\[\]{}]"
+_LONG_KEY = re.compile(rb"(?<!%s)(?:%s++[ \t]*+\.[ \t]*+){%d}" % (_BARE, _BARE, input_file.DEPTH_MAX))
 _TOO_DEEP = "lists and tables are nested too deeply"
 
 #: Any number of a file that has no narrower range.

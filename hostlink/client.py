@@ -313,7 +313,7 @@ class Connection:
         self._call(self._raw, data, arrival_s)
         try:
             if self._is_can:
-                # SocketCAN marks so what another program of this computer has sent; its own does not come back.
+                # SocketCAN marks what other programs of this computer send so; our own does not come back.
                 is_own = not data.is_rx and self.address.interface != "socketcan"
                 if data.is_extended_id or is_own:
                     return

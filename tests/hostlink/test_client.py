@@ -288,7 +288,7 @@ class LocalBus(OpenBus):
         return 0
 
 
-def test_a_finger_of_the_same_computer_is_heard(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_samples_sent_on_the_same_computer_are_received(monkeypatch: pytest.MonkeyPatch) -> None:
     bus = partial(can.Bus, interface="virtual", channel="one-computer")
     monkeypatch.setattr("hostlink.links.open_can_bus", lambda address: LocalBus(bus(), address.interface))
     monkeypatch.setattr("hostlink.links._widen", lambda number: None)
