@@ -23,6 +23,8 @@ Rules
   one blob, `edge.tracking.follow` decides, which knows the neighbours; among new spots, `edge.pins.detect`.
 """
 
+from __future__ import annotations
+
 import cython
 import numpy as np
 from cython.cimports.libc.math import sqrt
