@@ -1,4 +1,9 @@
-"""`edge hand`: the fingers of one OAK module, each a process of its own."""
+"""`edge hand`: the fingers of one OAK module, each a process of its own.
+
+This process opens the module and hands each camera's frames on to the process of its finger. Frames of one
+exposure have one number. None waits until its set is complete, which would delay the first by the transfer of
+all others. A finger that does not read loses frames, the others lose none.
+"""
 
 import logging
 import os
@@ -17,7 +22,7 @@ from edge.config import load_config
 from edge.errors import SourceError
 from edge.params import PARAMS as RUNTIME
 from edge.sources.oak import OakCamera, OakModule, Opened, camera_at, find_module
-from edge.sources.oak_hand import FEED_VARIABLE, hand_on
+from edge.sources.oak_hand import FEED_VARIABLE
 from edge.sources.options import Options, parse_spec
 from edge.sources.shared_memory import Outbox
 from hostlink.interrupt import calling_on_signals
@@ -70,6 +75,26 @@ def _cameras(configs: Sequence[Path]) -> tuple[str, list[OakCamera]]:
             raise SourceError(f"{config}: {spec.text}: {socket} is another finger's; give ?socket=")
         cameras[socket] = camera
     return where or "", list(cameras.values())
+
+
+def hand_on(module: OakModule, opened: Opened | None, outboxes: Sequence[Outbox]) -> Opened | None:
+    """Hand on what comes within a moment: to each finger the lens and frame of its camera.
+
+    opened   None: the module was lost, and is opened if it is back
+    Returns  the same for the next time
+    """
+    try:
+        opened = opened or module.open()
+    except (SourceError, RuntimeError):  # still away, or booting
+        return None
+    frames = module.read(opened)
+    for place, outbox in enumerate(outboxes):
+        if frames is None or place in frames:
+            outbox.put((module.lenses[place], frames[place] if frames else None))  # no frame: it is lost
+    if frames is None:
+        module.shut(opened)
+        return None
+    return opened
 
 
 @click.command()

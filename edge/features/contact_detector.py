@@ -174,7 +174,7 @@ class ContactDetector:
         for i in range(self._width):
             if self._median_area_change(xy, self._ring[self._peak_row, i]) > at_peak:
                 return True
-        for i in range(self._n):  # noqa: SIM110
+        for i in range(self._n):  # noqa: SIM110 (no generators in a kernel)
             if self._median_area_change(xy, i) > limit:
                 return True
         return False

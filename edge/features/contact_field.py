@@ -387,7 +387,7 @@ class PeakFinder:
 
     def _is_peak(self, place: cython.int, n: cython.Py_ssize_t) -> cython.bint:
         """Whether one of the first n peaks lies there."""
-        for i in range(n):  # noqa: SIM110
+        for i in range(n):  # noqa: SIM110 (no generators in a kernel)
             if self.at[i] == place:
                 return True
         return False

@@ -1,46 +1,16 @@
-"""A hand on one module: the process that opens it hands each camera's frames on to the process of its finger.
-
-Frames of one exposure have one number. None waits until its set is complete, which would delay the first by
-the transfer of all others. A finger that does not read loses frames, the others lose none.
-"""
+"""A camera of a hand on one module, as the process of its finger has it: `edge hand` has the module."""
 
 from __future__ import annotations
 
 import os
 import socket
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
-from edge.errors import SourceError
 from edge.params import PARAMS as RUNTIME
-from edge.sources.shared_memory import Inbox, Outbox
+from edge.sources.shared_memory import Inbox
 from edge.types import Frame, Lens
-
-if TYPE_CHECKING:
-    from edge.sources.oak import OakModule, Opened
 
 #: Names the socket and the memory through which a finger's process gets its frames; it inherits both.
 FEED_VARIABLE = "VORONOI_TOUCH_FEED"
-
-
-def hand_on(module: OakModule, opened: Opened | None, outboxes: Sequence[Outbox]) -> Opened | None:
-    """Hand on what comes within a moment: to each finger the lens and frame of its camera.
-
-    opened   None: the module was lost, and is opened if it is back
-    Returns  the same for the next time
-    """
-    try:
-        opened = opened or module.open()
-    except (SourceError, RuntimeError):  # still away, or booting
-        return None
-    frames = module.read(opened)
-    for place, outbox in enumerate(outboxes):
-        if frames is None or place in frames:
-            outbox.put((module.lenses[place], frames[place] if frames else None))  # no frame: it is lost
-    if frames is None:
-        module.shut(opened)
-        return None
-    return opened
 
 
 class FedCamera:

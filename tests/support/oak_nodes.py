@@ -36,7 +36,7 @@ def frames_output(
 ) -> Any:
     """A host node that emits frames with these sequence numbers, each after its gate."""
 
-    class Node(dai.node.ThreadedHostNode):  # type: ignore[misc]
+    class Node(dai.node.ThreadedHostNode):  # type: ignore[misc]  # its stubs do not know the class
         def __init__(self) -> None:
             super().__init__()
             self.out = self.createOutput("out")

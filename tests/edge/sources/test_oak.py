@@ -15,10 +15,11 @@ from unittest.mock import MagicMock
 import numpy as np
 import pytest
 
+from edge.cli.hand import hand_on
 from edge.errors import SourceError
 from edge.params import PARAMS as RUNTIME
 from edge.sources import oak, open_source
-from edge.sources.oak_hand import FedCamera, hand_on
+from edge.sources.oak_hand import FedCamera
 from edge.sources.options import Options
 from edge.sources.shared_memory import Outbox
 from edge.types import Clock, Frame, Image
@@ -189,7 +190,7 @@ class FakeModule:
     def wait(self) -> None:
         assert not self.running
 
-    def isClosed(self) -> bool:  # noqa: N802
+    def isClosed(self) -> bool:  # noqa: N802 (as depthai names it)
         return not self.plugged
 
     def read(self, queues: Any, timeout: timedelta) -> dict[str, Any]:
