@@ -100,7 +100,7 @@ CONTACT_LETTERS: Letters = (("p", 1), ("p*", -1), ("shear", 1), ("shear*", -1), 
 #: The size is used for the depth only: for the place it gains nothing.
 DEPTH_LETTERS: Letters = (*CONTACT_LETTERS, ("size", 0))
 
-#: For the place: its middle at rest, and how a shear shifts it.
+#: The place depends on its middle at rest, and on how a shear shifts it.
 MOMENT_LETTERS: Letters = (
     ("middle", 1), ("middle*", -1), ("shear", 1), ("shear*", -1), ("divergence_moment", 1),
     ("divergence_moment*", -1), ("curl_moment", 1), ("curl_moment*", -1), ("peak", 0),

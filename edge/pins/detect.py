@@ -39,7 +39,7 @@ from edge.pins.refine import CentroidRefiner
 from edge.pins.templates import radius_max_px
 from edge.types import Array, Image, Mask, PinPattern, Pins, Polarity, Rest
 
-#: Which of bright and dark pins are looked for: whether each is dark.
+#: Bright or dark pins are looked for, or both: whether each is dark.
 _TRIED = {Polarity.FOUND: (False, True), Polarity.BRIGHT: (False,), Polarity.DARK: (True,)}
 
 

@@ -39,7 +39,7 @@ class PinParams:
     # A pin has this share at least: of its window's variation, explained by the disc; of the disc, at the
     # image's border; of its brightness at rest, after the common gain; of the neighbours', where cut
     pin_share_min: float = 0.25
-    # What is nearer than this is the same: as the pin predicted; as another arc of a pin, or of the housing
+    # A spot nearer than this is the pin predicted; an arc nearer than this is of the same pin, or housing
     own_pitches: float = 0.6
 
 

@@ -32,7 +32,7 @@ from hostlink.wire.shown import live_charts, live_fields
 __all__ = ["HandView"]
 
 CHART = ("time_s", *live_fields(FIELDS), "latency_ms")
-#: What the picture of a tip and the numbers below it are made of.
+#: The picture of a tip and the numbers below it are made of these.
 STATE = (
     *("displacement_mm", "shear_x_mm", "shear_y_mm", "orientation_deg"),
     *("force_n", "force_x_n", "force_y_n"),

@@ -16,7 +16,7 @@
 void on_can(uint32_t id, const uint8_t *data, size_t size, uint32_t now_ms);
 void on_serial_byte(uint8_t byte, uint32_t now_ms);
 
-/* For the control loop. */
+/* The control loop calls these. */
 float finger_pressed_mm(uint32_t now_ms); /* NAN: not known, so the hand stops */
 uint32_t finger_samples_lost(void);
 void finger_tare(uint32_t now_ms);
