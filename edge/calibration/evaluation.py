@@ -354,7 +354,8 @@ class ModelKernel:
         begin: cython.Py_ssize_t = self._first[m, 0]
         n: cython.Py_ssize_t = self._first[m + 1, 0] - begin
         total: cython.double = 0.0
-        for row in range(self._first[m, 4], self._first[m + 1, 4], n):
+        row: cython.Py_ssize_t = self._first[m, 4]
+        while row < self._first[m + 1, 4]:
             for r in range(16):
                 sums[r] = 0.0
             for k in range(n):
@@ -363,6 +364,7 @@ class ModelKernel:
                     sums[r] += factor[row + k, r] * x
             for r in range(16):
                 total += sums[r] * sums[r]
+            row += n
         return total
 
     @cython.cfunc

@@ -171,6 +171,13 @@ class Mesh:
         """
         if points.shape[0] != self.n_points or points.shape[1] != 2 or areas.shape[0] != self.n_pins:
             raise ValueError(f"points ({self.n_points}, 2) and areas ({self.n_pins},) are wanted")
+        return self._update(points, areas)
+
+    @cython.cfunc
+    @cython.exceptval(-1)
+    def _update(
+        self, points: cython.const[cython.double][:, ::1], areas: cython.double[::1]
+    ) -> cython.Py_ssize_t:
         kept = self.n_triangles
         self.n_triangles = 0  # until the points have been taken
         self._take(points)
@@ -256,7 +263,7 @@ class Mesh:
                 y += weight[i] * residual[near[i] + 1]
             points[n + k, 0] = x
             points[n + k, 1] = y
-        return self.update(points, self.areas)
+        return self._update(points, self.areas)
 
     def forget(self) -> None:
         """Triangulate the next points from scratch: no rounding of theirs depends on those before."""

@@ -238,7 +238,8 @@ class ContactDetector:
         # Each frame takes as many rings as hold each cell about once, in turn. Their spread is about zero
         # rather than about the median: drift is noise too.
         self._turn = (self._turn + 1) % self._width
-        for i in range(self._turn, self._n, self._width):
+        i = self._turn
+        while i < self._n:
             total: cython.double = 0.0
             for k in range(self._width):
                 total += area_change[self._ring[i, k]]
@@ -248,6 +249,7 @@ class ContactDetector:
             if isfinite(total):
                 self._ring_values[known_rings] = fabs(total) / self._width
                 known_rings += 1
+            i += self._width
         self._noise_ratio = self._moved(self._noise_ratio, self._values, known, self._cell_noise * predicted)
         self._ring_noise_ratio = self._moved(
             self._ring_noise_ratio, self._ring_values, known_rings, self._ring_noise * predicted
