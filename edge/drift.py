@@ -14,7 +14,7 @@ Rules
 A touch too light for the contact detector, held for minutes, can be learnt; the error is at most the limit.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -57,7 +57,8 @@ class Drift:
 
     def correct(self, tracks: Tracks) -> Tracks:
         """The tracks without the drift."""
-        return replace(tracks, xy_img=tracks.xy_img - self._offset)
+        t = tracks
+        return Tracks(t.xy_img - self._offset, t.sigma_px, t.seen, t.n_seen, t.confidence, t.autocorrelation)
 
     def learn(self, tracks: Tracks, capture_ns: int, quiet: bool) -> None:
         """Learn from one frame, if it is suitable.
@@ -74,18 +75,17 @@ class Drift:
         gap_s = -1.0 if self._last_ns is None else (capture_ns - self._last_ns) * 1e-9
         if 0.0 <= gap_s < PERIOD_S:
             return
-        away = tracks.xy_img - self._rest.xy_img
-        self._last_ns = capture_ns if self._fit(tracks, away) else None
+        off = tracks.xy_img - self._rest.xy_img - self._offset
+        self._last_ns = capture_ns if self._fit(tracks, off) else None
         if gap_s > 0.0 and self._last_ns is not None:
-            wanted = np.where(tracks.seen[:, None], away, self._offset)
-            self._offset += (wanted - self._offset) * min(1.0, gap_s / p.time_s)
-            beyond = np.abs(self._offset).max(axis=1) > p.limit_px
+            self._offset += np.where(tracks.seen[:, None], off, 0.0) * min(1.0, gap_s / p.time_s)
+            beyond = np.maximum(*np.abs(self._offset).T) > p.limit_px
             np.clip(self._offset, -p.limit_px, p.limit_px, out=self._offset)
             self.learnt = True
             self.limit_share = float(np.mean(beyond))
 
-    def _fit(self, tracks: Tracks, away: Array) -> bool:
+    def _fit(self, tracks: Tracks, off: Array) -> bool:
         if tracks.n_seen < (1.0 - RUNTIME.astray_rel) * len(tracks.seen):
             return False
-        off = np.abs(away - self._offset)[tracks.seen]
-        return bool(off.max(initial=0.0) < self._near_px + self._params.limit_px)
+        far_px = np.fmax.reduce(np.abs(off), axis=None, initial=0.0)  # of those that are not NaN
+        return bool(far_px < self._near_px + self._params.limit_px)

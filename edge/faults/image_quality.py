@@ -14,7 +14,7 @@ from edge.faults.judge import Facts
 from edge.params import PARAMS as RUNTIME
 from edge.pins.lens import rest_as_seen
 from edge.pins.params import PARAMS as PINS
-from edge.types import Frame, Image, Rest
+from edge.types import Array, Frame, Image, Rest
 
 HALF_REL = 0.5  # sharpness, or pixels that are not saturated, of the rest frame's, below which it is spoilt
 #: One grey level of 8 bits, of full scale: an image with a lower mean is black.
@@ -83,4 +83,10 @@ class ImageQuality:
         level = windows.measure(image, self._seen)
         contrast = np.maximum(self._seen[:, 1], 1.0)
         energy = (self._seen[:, 0] - self._noise_energy) / contrast**2
-        return float(np.median(energy)), float(np.median(contrast)), level
+        return _median(energy), _median(contrast), level
+
+
+def _median(values: Array) -> float:
+    """As np.median, which takes ten times as long for a few values."""
+    ordered, half = sorted(values.tolist()), len(values) // 2
+    return 0.5 * float(ordered[half] + ordered[~half])
