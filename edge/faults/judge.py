@@ -4,8 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from math import nan
-from operator import attrgetter, ge, le
+from operator import attrgetter
 
+from edge.faults.frame_counts import which_reach
 from edge.faults.registry import FaultRegistry
 from edge.params import PARAMS
 from hostlink.wire import FaultCode
@@ -82,7 +83,7 @@ class Judge:
         self._measured = attrgetter(*[check.measure for check in self._checks])
         self._codes = list(dict.fromkeys(check.code for check in checks))
         self._limits: tuple[int, list[float]] = (-1, [])  # at so many changes of the registry
-        self._reached: list[bool] = []
+        self._reached = -1  # a bit a check
         self._changes_n = -1  # of the registry when it was last reported to
 
     def __call__(self, facts: Facts) -> None:
@@ -105,15 +106,14 @@ class Judge:
         """
         return self._first(self._compare(facts))
 
-    def _compare(self, facts: Facts) -> list[bool]:
+    def _compare(self, facts: Facts) -> int:
         changes_n, (limits_n, limits) = self._registry.changes_n, self._limits
         if changes_n != limits_n:
             limits = [check.limit(self._registry.holds(check.code)) for check in self._limited]
             self._limits = changes_n, limits
-        values, n, m = self._measured(facts), self._below_n, len(limits)
-        return [*map(le, values[:n], limits), *map(ge, values[n:m], limits[n:]), *values[m:]]
+        return which_reach(self._measured(facts), limits, self._below_n)
 
-    def _first(self, reached: Sequence[bool]) -> dict[FaultCode, Check]:
+    def _first(self, reached: int) -> dict[FaultCode, Check]:
         """Each fault whose limit is reached, with the first row that says so."""
-        rows = [check for check, holds in zip(self._checks, reached, strict=True) if holds]
+        rows = [check for i, check in enumerate(self._checks) if reached >> i & 1]
         return {check.code: check for check in reversed(rows)}
