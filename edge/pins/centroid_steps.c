@@ -71,17 +71,17 @@ static inline void vt_fetch_rows(const unsigned char *image, vt_fetch *f, Py_ssi
     const Py_ssize_t until = most < ahead ? most : ahead, end = until < f->end ? until : f->end;
     for (; f->row < end; f->row += f->stride) {
         const unsigned char *line = image + f->row + f->first, *const beyond = image + f->row + f->beyond;
-        for (; line < beyond; line += VT_LINE) __builtin_prefetch(line);
+        for (; line < beyond; line += 2 * VT_LINE) __builtin_prefetch(line), __builtin_prefetch(line + VT_LINE);
     }
 }
 
-typedef void vt_sums_of(const unsigned char *restrict pixels, const short *t, const signed char *uv, Py_ssize_t n_,
+typedef void vt_sums_of(const unsigned char *restrict pixels, const short *t, const signed char *uv, const vt_kind *k,
                         const double *norm, double *sums);
 
-static inline void vt_sums_plain(const unsigned char *restrict pixels, const short *t, const signed char *uv, Py_ssize_t n_,
-                          const double *norm, double *sums)
+static inline void vt_sums_plain(const unsigned char *restrict pixels, const short *t, const signed char *uv,
+                                 const vt_kind *kind, const double *norm, double *sums)
 {
-    const Py_ssize_t n = n_ & -32; /* n_ is a multiple of 32: tells the compiler that there is no remainder */
+    const Py_ssize_t n = kind->plane & -32; /* is a multiple of 32: tells the compiler that there is no remainder */
     const short *restrict td = t, *restrict tx = t + n, *restrict ty = tx + n;
     const signed char *restrict pu = uv, *restrict pv = uv + n;
     int d = 0, ex = 0, ey = 0, one = 0, u = 0, v = 0, w2 = 0;
@@ -108,9 +108,10 @@ typedef int vt_ints __attribute__((vector_size(32)));
 #define VT_HADD(a, b) _mm256_hadd_epi32((__m256i)(a), (__m256i)(b))
 
 __attribute__((target("avx2"))) static inline void vt_sums_avx2(const unsigned char *restrict pixels,
-                                                                const short *t, const signed char *uv, Py_ssize_t n,
-                                                                const double *norm, double *sums)
+                                                                const short *t, const signed char *uv,
+                                                                const vt_kind *k, const double *norm, double *sums)
 {
+    const Py_ssize_t n = k->plane;
     const __m256i zero = _mm256_setzero_si256(), ones = _mm256_set1_epi16(1);
     const short *const tx = t + n, *const ty = tx + n;
     const signed char *const pv = uv + n;
@@ -138,43 +139,69 @@ __attribute__((target("avx2"))) static inline void vt_sums_avx2(const unsigned c
 #endif
 
 #ifdef VT_NEON
-#define VT_ADD(sum, t) \
+#define VT_ADD(sum, p) \
     do { \
-        const int16x8_t t0 = vld1q_s16(t + i), t1 = vld1q_s16(t + i + 8); \
-        sum = vmlal_high_s16(vmlal_s16(sum, vget_low_s16(a), vget_low_s16(t0)), a, t0); \
-        sum = vmlal_high_s16(vmlal_s16(sum, vget_low_s16(b), vget_low_s16(t1)), b, t1); \
+        const int16x8x4_t q = vld1q_s16_x4(p); \
+        _Pragma("GCC unroll 4") \
+        for (int m = 0; m < 4; m++) \
+            sum = vmlal_high_s16(vmlal_s16(sum, vget_low_s16(a[m]), vget_low_s16(q.val[m])), a[m], q.val[m]); \
+        p += 32; \
     } while (0)
-/* 2 x 128 x 64 are 16 bits */
 #define VT_ADD_SIGNED(sum, p) \
     do { \
-        const int8x16_t q = vld1q_s8(p + i); \
-        sum = vpadalq_s16(sum, vmlal_high_s8(vmull_s8(vget_low_s8(s), vget_low_s8(q)), s, q)); \
+        const int8x16x2_t q = vld1q_s8_x2(p); \
+        _Pragma("GCC unroll 2") \
+        for (int m = 0; m < 2; m++) \
+            sum = vmlal_high_s8(vmlal_s8(sum, vget_low_s8(s[m]), vget_low_s8(q.val[m])), s[m], q.val[m]); \
+        p += 32; \
     } while (0)
+#define VT_DOUBLES(a) vcvtq_f64_s64(vmovl_s32(a))
 
-static inline void vt_sums_neon(const unsigned char *restrict pixels, const short *t, const signed char *uv,
-                                Py_ssize_t n, const double *norm, double *sums)
+/* Of each pixel less 128 sums with columns and rows are the same, as theirs are 0, and they fit 16 bits for a while; the
+ * sum of squares follows from that of its squares and that of the pixels. */
+static inline void vt_sums_neon(const unsigned char *restrict w, const short *t, const signed char *uv, const vt_kind *k,
+                                const double *norm, double *sums)
 {
-    const short *const tx = t + n, *const ty = tx + n;
-    const signed char *const pv = uv + n;
-    int32x4_t d = {0}, ex = {0}, ey = {0}, u = {0}, v = {0};
-    uint32x4_t one = {0}, w2 = {0};
-    for (Py_ssize_t i = 0; i < n; i += 16) {
-        const uint8x16_t w = vld1q_u8(pixels + i);
-        const int16x8_t a = vreinterpretq_s16_u16(vmovl_u8(vget_low_u8(w)));
-        const int16x8_t b = vreinterpretq_s16_u16(vmovl_high_u8(w));
-        /* less 128, which changes no sum with columns or rows: theirs are 0 */
-        const int8x16_t s = vreinterpretq_s8_u8(veorq_u8(w, vdupq_n_u8(128)));
+    const Py_ssize_t n = k->plane, most = k->half < 63 ? 63 / k->half : 1; /* times 4 x 128 x half is 16 bits */
+    const short *tx = t + n, *ty = tx + n;
+    const signed char *pv = uv + n;
+    const unsigned char *const end = w + n;
+    int32x4_t d = {0}, ex = {0}, ey = {0}, u = {0}, v = {0}, one = {0}, w2 = {-16384 * (int)n};
+    int16x8_t u16 = {0}, v16 = {0};
+    uint16x8_t one16 = {0};
+    Py_ssize_t left = most;
+    do {
+        const uint8x16x2_t p = vld1q_u8_x2(w);
+        int16x8_t a[4];
+        int8x16_t s[2];
+        _Pragma("GCC unroll 2")
+        for (int m = 0; m < 2; m++) {
+            a[2 * m] = vreinterpretq_s16_u16(vmovl_u8(vget_low_u8(p.val[m])));
+            a[2 * m + 1] = vreinterpretq_s16_u16(vmovl_high_u8(p.val[m]));
+            s[m] = vreinterpretq_s8_u8(veorq_u8(p.val[m], vdupq_n_u8(128)));
+            one16 = vpadalq_u8(one16, p.val[m]);
+            const int16x8_t square = vmull_s8(vget_low_s8(s[m]), vget_low_s8(s[m])); /* two of them are 16 bits */
+            w2 = vreinterpretq_s32_u32(vpadalq_u16(
+                vreinterpretq_u32_s32(w2), vreinterpretq_u16_s16(vmlal_high_s8(square, s[m], s[m]))));
+        }
         VT_ADD(d, t);
         VT_ADD(ex, tx);
         VT_ADD(ey, ty);
-        VT_ADD_SIGNED(u, uv);
-        VT_ADD_SIGNED(v, pv);
-        one = vpadalq_u16(one, vpaddlq_u8(w));
-        w2 = vpadalq_u16(vpadalq_u16(w2, vmull_u8(vget_low_u8(w), vget_low_u8(w))), vmull_high_u8(w, w));
-    }
-    const double whole[8] = {vaddvq_s32(d), vaddvq_s32(ex), vaddvq_s32(ey), vaddvq_u32(one),
-                             vaddvq_s32(u), vaddvq_s32(v), vaddvq_u32(w2), 1};
-    for (int k = 0; k < 8; k++) sums[k] = whole[k] * norm[k];
+        VT_ADD_SIGNED(u16, uv);
+        VT_ADD_SIGNED(v16, pv);
+        w += 32;
+        if (--left && w < end) continue;
+        u = vpadalq_s16(u, u16), v = vpadalq_s16(v, v16);
+        one = vreinterpretq_s32_u32(vpadalq_u16(vreinterpretq_u32_s32(one), one16));
+        u16 = v16 = (int16x8_t){0}, one16 = (uint16x8_t){0}, left = most;
+    } while (w < end);
+    w2 = vmlaq_n_s32(w2, one, 256);
+    const int32x4_t four = vpaddq_s32(vpaddq_s32(d, ex), vpaddq_s32(ey, one));
+    const int32x4_t rest = vpaddq_s32(vpaddq_s32(u, v), vpaddq_s32(w2, (int32x4_t){1}));
+    vst1q_f64(sums, vmulq_f64(VT_DOUBLES(vget_low_s32(four)), vld1q_f64(norm)));
+    vst1q_f64(sums + 2, vmulq_f64(VT_DOUBLES(vget_high_s32(four)), vld1q_f64(norm + 2)));
+    vst1q_f64(sums + 4, vmulq_f64(VT_DOUBLES(vget_low_s32(rest)), vld1q_f64(norm + 4)));
+    vst1q_f64(sums + 6, vmulq_f64(VT_DOUBLES(vget_high_s32(rest)), vld1q_f64(norm + 6)));
 }
 #define VT_SUMS vt_sums_neon
 #else
@@ -190,7 +217,7 @@ __attribute__((always_inline)) static inline void vt_sum_window_by(vt_sums_of *s
     unsigned char *const end = vt_take_rows(w->image + begin, w->steps + 2 * k->first_step,
                                             w->steps + 2 * k->end_step, k->row_bytes, w->pixels);
     *(vt_row32 *)end = (vt_row32){0};
-    sums_of(w->pixels, w->values + k->first + 3 * k->plane * (norm % VT_PHASES), w->uv + k->first_uv, k->plane,
+    sums_of(w->pixels, w->values + k->first + 3 * k->plane * (norm % VT_PHASES), w->uv + k->first_uv, k,
             w->norms + VT_NORM * norm, sums);
     if (w->dark) { /* of 255 less each level; the sums of the other templates are 0 */
         const double white = 255.0 * (double)k->pixels;
