@@ -228,14 +228,15 @@ __attribute__((always_inline)) static inline void vt_sum_window_by(vt_sums_of *s
 }
 
 #ifdef VT_AVX2
-__attribute__((target("avx2"))) static void vt_sum_window_avx2(const vt_windows *w, Py_ssize_t begin, Py_ssize_t kind,
-                                                               Py_ssize_t norm)
+__attribute__((target("avx2"), always_inline)) static inline void vt_sum_window_avx2(
+    const vt_windows *w, Py_ssize_t begin, Py_ssize_t kind, Py_ssize_t norm)
 {
     vt_sum_window_by(vt_sums_avx2, w, begin, kind, norm);
 }
 #endif
 
-static void vt_sum_window_plain(const vt_windows *w, Py_ssize_t begin, Py_ssize_t kind, Py_ssize_t norm)
+__attribute__((always_inline)) static inline void vt_sum_window_plain(
+    const vt_windows *w, Py_ssize_t begin, Py_ssize_t kind, Py_ssize_t norm)
 {
     vt_sum_window_by(VT_SUMS, w, begin, kind, norm);
 }
