@@ -45,15 +45,15 @@ class CellsParams:
 PARAMS = CellsParams()
 
 
-def make_boundary(xy: Array, pitch_px: float, params: CellsParams = PARAMS) -> tuple[Array, Index]:
+def make_boundary(xy: Array, pitch_px: float) -> tuple[Array, Index]:
     """Artificial points, in order round the tip (or round each of its parts), and the rim pins that move
     them.
 
     Returns  (b, 2) px; (r,) indices of the rim pins
     """
     # A pitch further out, so that a rim cell ends half a pitch from its pin, as an inner cell does.
-    ball, offset = params.ball_pitches * pitch_px, pitch_px
-    step = params.step_pitches * pitch_px
+    ball, offset = PARAMS.ball_pitches * pitch_px, pitch_px
+    step = PARAMS.step_pitches * pitch_px
     pin, start, length = _ways_of_the_ball(xy, ball)
     comes = xy[pin] + ball * _direction(start)  # ball's centre where it first touches this pin
     leaves = xy[pin] + ball * _direction(start + length)  # and where it touches the next one as well

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from edge.cells.boundary import PARAMS, CellsParams, make_boundary, make_fence, rim_motion
+from edge.cells.boundary import make_boundary, make_fence, rim_motion
 from edge.cells.mesh import Mesh
 from edge.cells.missing import LostPins
 from edge.errors import DegenerateLayout
@@ -19,11 +19,11 @@ class Tessellator:
     Raises         DegenerateLayout
     """
 
-    def __init__(self, rest: Rest, params: CellsParams = PARAMS) -> None:
+    def __init__(self, rest: Rest) -> None:
         xy = np.ascontiguousarray(rest.xy_img, dtype=np.float64)
         must_span(xy, "rest frame")
         pitch_px = _side_length(xy)
-        boundary, rim = make_boundary(xy, pitch_px, params)
+        boundary, rim = make_boundary(xy, pitch_px)
         fence = make_fence(boundary)
         rest_img = np.concatenate([xy, boundary, fence])
         # The last frame's. The points are the pins, the boundary and the fence.

@@ -21,7 +21,7 @@ import cython
 import numpy as np
 from numpy.typing import NDArray
 
-from edge.features.params import PARAMS, FeatureParams
+from edge.features.params import PARAMS
 from edge.types import Array, Heights, Index, Mask
 
 _NOTHING = cython.declare(cython.float, -np.inf)
@@ -130,7 +130,6 @@ class ContactField:
         points: Array,
         interpolator: Array,
         divergences: Array,
-        params: FeatureParams = PARAMS,
     ) -> None:
         n, k = len(rest_xy), len(interpolator)
         shapes = rest_xy.shape, points.shape, interpolator.shape, divergences.shape
@@ -152,13 +151,13 @@ class ContactField:
         self.blend = np.zeros(k, np.float32)
         self.active, self.n_active = np.zeros(k, np.int32), 0
         self._is_active = np.zeros(k, np.uint8)
-        self._min_area_change = params.min_area_change
+        self._min_area_change = PARAMS.min_area_change
         self._near_start, self._near = _points_near(rest_xy, points, pitch_px)
         self.plane_divergence = self.plane_curl = 0.0
         self.points = np.array(points, np.float64, order="C")
         terms = np.column_stack([np.ones(n), rest_xy - rest_xy[0]])
         self._inverse = np.linalg.inv(terms.T @ terms)
-        self._divergence_rel, self._heights_rel = params.divergence_rel, 1.0 - params.divergence_rel
+        self._divergence_rel, self._heights_rel = PARAMS.divergence_rel, 1.0 - PARAMS.divergence_rel
 
     def set_area_change(self, change: Array) -> None:
         """The area changes of a frame, (n,) float64, relative; finite. Raises ValueError: another number."""

@@ -28,7 +28,7 @@ from cython.cimports.libc.math import atan2, hypot, isfinite, isnan, sqrt
 from numpy.typing import NDArray
 
 from edge.features.contact_field import PeakFinder
-from edge.features.params import CONTACTS_MAX, PARAMS, FeatureParams
+from edge.features.params import CONTACTS_MAX, PARAMS
 from edge.features.pin_motion import PinNoise
 from edge.features.several import Fits, FittedContacts
 from edge.features.surface import Surface
@@ -58,9 +58,7 @@ class Regions:
     peaks        of the field
     """
 
-    def __init__(
-        self, peaks: PeakFinder, x0: float, y0: float, step_px: float, params: FeatureParams = PARAMS
-    ) -> None:
+    def __init__(self, peaks: PeakFinder, x0: float, y0: float, step_px: float) -> None:
         table = len(peaks.place) + 1  # the only peak of all may become two
         self.n_contacts, self._n_peaks = 0, 0
         self.middle = np.zeros((CONTACTS_MAX, 2))
@@ -76,8 +74,8 @@ class Regions:
         row, column = np.divmod(np.arange(len(peaks.grid), dtype=np.int32), peaks.width)
         self._row, self._column = row.astype(np.int16), column.astype(np.int16)
         self.x0, self.y0, self.step_px = x0 - step_px, y0 - step_px, step_px
-        self._shallow_rel = params.shallow_rel
-        self._min_prominence_sigma = 2.0 * params.contact_sigma
+        self._shallow_rel = PARAMS.shallow_rel
+        self._min_prominence_sigma = 2.0 * PARAMS.contact_sigma
 
     def merge(self, noise: Heights, noise_px: float) -> int:
         """Group the peaks into contacts by prominence, and measure their regions.
@@ -297,15 +295,15 @@ class ContactFinder:
     xy        (n, 2) float64 px, into which where the pins are is written in each frame; finite
     """
 
-    def __init__(self, surface: Surface, xy: Array, params: FeatureParams = PARAMS) -> None:
+    def __init__(self, surface: Surface, xy: Array) -> None:
         """Raises ValueError: xy of another size."""
         if xy.shape != surface.rest_img.shape:
             raise ValueError(f"xy {surface.rest_img.shape} is wanted, not {xy.shape}")
         pitch_px, self.surface, self.field = surface.pitch_px, surface, surface.field
         self.peaks = PeakFinder(surface.inside)
         x0, y0 = float(surface.x_img[0]), float(surface.y_img[0])
-        self.regions = Regions(self.peaks, x0, y0, surface.step_px, params)
-        self.fitted = FittedContacts(surface, self.regions, params)
+        self.regions = Regions(self.peaks, x0, y0, surface.step_px)
+        self.fitted = FittedContacts(surface, self.regions)
         self._pin_noise = PinNoise(surface.rest_img, pitch_px)
         self._rest = surface.rest_img
         self._xy = self._xy_array = xy
@@ -317,11 +315,11 @@ class ContactFinder:
         self.place, self.divergence_moment, self.curl_moment = self._tables
         self._middles = np.asarray(self.regions.middle)
         self._n_before = 0
-        self._visibility_radius_px = params.close_pitch * pitch_px
-        self._place_radius_px = params.place_radius_pitch * pitch_px
-        self._place_radius_axis = params.place_radius_axis
-        self._contact_sigma, self._min_area_change = params.contact_sigma, params.min_area_change
-        self._min_oriented_elongation = params.min_oriented_elongation
+        self._visibility_radius_px = PARAMS.close_pitch * pitch_px
+        self._place_radius_px = PARAMS.place_radius_pitch * pitch_px
+        self._place_radius_axis = PARAMS.place_radius_axis
+        self._contact_sigma, self._min_area_change = PARAMS.contact_sigma, PARAMS.min_area_change
+        self._min_oriented_elongation = PARAMS.min_oriented_elongation
 
     def forget(self) -> None:
         """The next frame does not follow the last one."""

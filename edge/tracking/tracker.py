@@ -13,7 +13,6 @@ from dataclasses import replace
 import numpy as np
 
 from edge.tracking.follow import Follower
-from edge.tracking.params import TrackingParams
 from edge.tracking.search import Identifier, Identity
 from edge.tracking.tip import TrackedTip
 from edge.types import Array, Pins, Rest, Tracks
@@ -25,20 +24,14 @@ class Tracker:
     held  whether the identities are known, so that the pins of the next frame can be followed
     """
 
-    def __init__(
-        self,
-        rest: Rest,
-        params: TrackingParams | None = None,
-        found: Pins | None = None,
-        expected: Array | None = None,
-    ) -> None:
+    def __init__(self, rest: Rest, found: Pins | None = None, expected: Array | None = None) -> None:
         """The arrays that all frames share; None: arrays of its own.
 
         found     what is found in a frame at the predicted places
         expected  (n, 2) px, the predicted places; written
         Raises    DegenerateLayout: fewer than 4 pins at rest, or all on a line
         """
-        self._tip = TrackedTip(rest, params)
+        self._tip = TrackedTip(rest)
         self._n = len(self._tip)
         tip, n = self._tip, self._n
         self._found = found or Pins(np.empty((n, 2)), np.empty(n), np.empty(n), np.empty(n))

@@ -18,23 +18,18 @@ Rules
   as long as that leaves the other shapes too large an error, only a shape whose result is wanted is fitted.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from enum import IntEnum, auto
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
-from edge.features.params import CONTACTS_MAX, PARAMS, FeatureParams
+from edge.features.params import CONTACTS_MAX, PARAMS
 from edge.features.several.contact_fit import FITS_MAX, ContactFit
 from edge.features.surface import Surface
 from edge.geometry.lattice import N_RING
 from edge.types import Array, FittedContact, Mask, Tracks
-
-if TYPE_CHECKING:
-    from edge.features.contacts import Regions
 
 #: Two points as far from a region's middle, in its semi-axes, have its variance: a semi-axis is two sigmas.
 _HALF = 0.5
@@ -48,6 +43,19 @@ class Fits(IntEnum):
     ALL = auto()
     SEVERAL = auto()
     NONE = CONTACTS_MAX  # more than a fit takes
+
+
+class FrameRegions(Protocol):
+    """What a fit reads and changes of `edge.features.contacts.Regions`, which says what each is."""
+
+    n_contacts: int
+    middle: Array
+    semi_axis: Array
+    direction: Array
+
+    def split(self, x0: float, y0: float, x1: float, y1: float) -> bool: ...
+
+    def join(self) -> None: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,11 +73,11 @@ class _Decision:
 class FittedContacts:
     """Fits contacts of one tip's regions."""
 
-    def __init__(self, surface: Surface, regions: Regions, params: FeatureParams = PARAMS) -> None:
-        self._fit = ContactFit(surface.rest_img, surface.pitch_px, params)
+    def __init__(self, surface: Surface, regions: FrameRegions) -> None:
+        self._fit = ContactFit(surface.rest_img, surface.pitch_px)
         self._regions = regions
         self._pitch_px = surface.pitch_px
-        self._close_px = params.close_pitch * surface.pitch_px
+        self._close_px = PARAMS.close_pitch * surface.pitch_px
         odds = Tracks.LOW_CONFIDENCE / (1.0 - Tracks.LOW_CONFIDENCE)
         self._evidence = (N_RING + 1) * math.log(odds)  # of all pins, that overrules the regions
         self._middle, self._starts = np.asarray(regions.middle), np.zeros((2, 2))
