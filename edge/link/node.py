@@ -66,9 +66,7 @@ class Node:
         return self.sink.counters
 
     def send(self, state: State) -> bool:
-        """Send a sample if it is due; True: it was sent. A sample that is not due is neither sent nor
-        counted.
-        """
+        """Send a sample if it is due; True: it was sent. One that is not due is not counted either."""
         self.objects.newest = state
         if self.state is not NmtState.OPERATIONAL or not self._is_due(state.capture_time_us):
             return False
@@ -84,8 +82,7 @@ class Node:
         return self._settings.values.detail_divider
 
     def send_detail(self, sample: int, rows: Sequence[tuple[float, float, float]]) -> bool:
-        """Send every pin's (dx px, dy px, relative area change), if requested, due, and the link has
-        capacity.
+        """Send every pin's (dx px, dy px, relative area change), if asked for, due, and there is capacity.
 
         Classic CAN has no detail stream: at 6 bytes a frame it would take the samples' share of the bus.
         """

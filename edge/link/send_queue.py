@@ -59,7 +59,6 @@ class SendQueue:
         return kept
 
     def put_control(self, item: Any) -> None:
-        """Add an answer, an emergency or a heartbeat."""
         self._control.append(item)
 
     def put_spaced(self, kind: Spaced, items: Sequence[Any], spacing_s: float) -> None:
