@@ -36,7 +36,6 @@ class MessageQueue:
         return True
 
     def count_lost(self, messages_n: int) -> None:
-        """Count messages that were lost before the queue."""
         with self._changed:
             self.dropped_n += messages_n
 

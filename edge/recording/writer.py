@@ -81,10 +81,9 @@ class Recorder(AbstractContextManager["Recorder"]):
     buffer_mb    size of the queue to the disk; messages beyond it are dropped
     tip          about the tip, e.g. {"serial": ..., "pins": "331"}; found in the file's metadata
     rate_hz      nominal rate of the camera; 0 where unknown
-    offset_ns    log time minus capture time; None: from the wall clock at the first frame. A
-                 simulator gives 0, so that the same frames make the same file.
+    offset_ns    log time minus capture time; None: from the wall clock at the first frame
     finger       its number, in the names of what `take` records
-    written_n    messages by topic, in chunks that are closed or open
+    written_n    messages by topic
     fault        why writing has stopped
     refused_n    messages that could not be encoded; the reasons are in /events
     Raises       SinkError: the file exists or cannot be created
@@ -127,12 +126,7 @@ class Recorder(AbstractContextManager["Recorder"]):
     def frame(self, frame: Frame) -> bool:
         """Record image, times and truth. False: dropped."""
         log_ns = self._clock.of(frame)
-        about = {
-            "sequence": frame.sequence,
-            "capture_ns": frame.capture_ns,
-            "clock": str(frame.clock),
-            "bits": frame.bits,
-        }
+        about = {name: getattr(frame, name) for name in ("sequence", "capture_ns", "clock", "bits")}
         parts: list[_Part] = [("frame", lambda: messages.to_json(about))]
         if frame.truth is not None:
             truth = {"sequence": frame.sequence, "truth": frame.truth}
@@ -202,10 +196,10 @@ class Recorder(AbstractContextManager["Recorder"]):
         self._put(frame, [about, ("tf", tips)])
         self._since_ns, self._samples_n = frame.capture_ns, 0
 
-    def event(self, level: str, text: str, name: str = "edge") -> None:
+    def event(self, level: str, text: str) -> None:
         """Record a line of the log. level: debug, info, warning, error, fatal."""
         log_ns = self._clock.now_ns()
-        encode = partial(messages.log_message, level, text, name, log_ns)
+        encode = partial(messages.log_message, level, text, "edge", log_ns)
         write = partial(self._write, TOPICS["events"], log_ns, log_ns, 0, encode)
         self._queue.put([write], PARAMS.item_bytes)
 

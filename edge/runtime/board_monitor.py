@@ -19,7 +19,6 @@ from hostlink.wire import FaultCode
 #: A Raspberry Pi begins to throttle at this (maker's documentation, "frequency management").
 HOT_DEGC = 80.0
 
-
 #: A calibration and the settings are written beside the old ones before they replace them.
 STORED_BYTES = FILE_BYTES + FILE_BYTES  # calibration and settings
 

@@ -78,5 +78,5 @@ def _quantiles(values: Array) -> Quantiles:
     """Zeros while there are none."""
     if not values.size:
         return (0.0, 0.0, 0.0)
-    a, b, c = np.quantile(values, (0.5, 0.99, 0.999))
-    return (float(a), float(b), float(c))
+    median, rare, rarest = np.quantile(values, (0.5, 0.99, 0.999)).tolist()
+    return median, rare, rarest

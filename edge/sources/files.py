@@ -31,7 +31,6 @@ IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".we
 _DEPTHS = (8, 10, 12, 14, 16)  # bits of a sensor's pixel
 _GIVE = f"give {', '.join(IMAGE_SUFFIXES)}"
 
-
 #: FFmpeg's names of grey that OpenCV gives as it is, of 8 and 16 bits; all else becomes colour of 8 bits.
 _GREY_FORMATS = [int.from_bytes(name, "little") for name in (b"Y800", b"Y1\0\x10")]
 
@@ -200,9 +199,8 @@ class VideoSource(FileSource):
             stated_n = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
             self._stated_n = max(0, min(stated_n, self.path.stat().st_size))  # a frame takes a byte at least
             stated_hz = float(capture.get(cv2.CAP_PROP_FPS))
-            check_size(
-                int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
-            )
+            sides = (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
+            check_size(*(int(capture.get(side)) for side in sides))
             ok, image = capture.read()
             times_ms = [float(capture.get(cv2.CAP_PROP_POS_MSEC))]
             while len(times_ms) <= LIVE.rate_frames_n and capture.grab():

@@ -86,9 +86,8 @@ def _tiff(data: memoryview) -> tuple[int, int]:
     for entry in range(entries_n):
         tag, kind = struct.unpack_from(order + "HH", data, at + 2 + 12 * entry)
         if tag in (256, 257):  # ImageWidth, ImageLength; SHORT or LONG
-            (found[tag],) = struct.unpack_from(
-                order + ("H" if kind == 3 else "I"), data, at + 10 + 12 * entry
-            )
+            code = order + ("H" if kind == 3 else "I")
+            (found[tag],) = struct.unpack_from(code, data, at + 10 + 12 * entry)
     if len(found) != 2:
         raise IndexError
     return found[256], found[257]

@@ -29,8 +29,8 @@ class LiveParams:
     rate_frames_n: int = RUNTIME.sample_n  # intervals that a rate is measured from: their median
     slow_rel: float = 0.8  # share of the asked rate below which the camera counts as slow
     size_px: tuple[int, int] = (640, 400)  # width and height of a camera that has to be told one
-    gain_iso: int = 200  # of an OAK module, if none is asked for
-    exposure_us: int = 2000  # of an OAK module, if none is asked for
+    gain_iso: int = 200  # of an OAK module, if none is asked for; its exposure likewise
+    exposure_us: int = 2000
     #: Rate of stills, and of videos that state none: a live replay shows as many as the page draws.
     stills_hz: float = WebLimits().rate_hz
 
@@ -39,9 +39,7 @@ PARAMS = LiveParams()
 
 
 def stalled_after_s(rate_hz: float | None) -> float:
-    """Time without a frame after which a camera of this rate, if it is known, has stalled: two periods of
-    the slowest one that does not count as slow, or `stall_s` if that is longer.
-    """
+    """Time without a frame after which a camera has stalled: two periods of one nearly too slow, or more."""
     return max(RUNTIME.stall_s, 2.0 / (PARAMS.slow_rel * rate_hz) if rate_hz else 0.0)
 
 
@@ -59,7 +57,6 @@ class Watch:
         self._last = 0
         self._same_n = 0
         self._same_since_ns = 0
-        self.condition = ""
 
     def check(self, frame: Frame) -> str:
         """ "" or the fault of this frame: "frozen", "black"."""
@@ -71,10 +68,8 @@ class Watch:
         self._last = digest
         long = self._same_n >= 2 and frame.capture_ns - self._same_since_ns >= RUNTIME.stall_s * 1e9
         if int(rows.max(initial=0)) ** 2 < 1 << frame.bits:  # by ratios, nearer to one level than to white
-            self.condition = "black"
-        else:
-            self.condition = "frozen" if long else ""
-        return self.condition
+            return "black"
+        return "frozen" if long else ""
 
 
 class ThreadedSource(FrameSource, ABC):

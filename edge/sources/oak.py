@@ -24,7 +24,7 @@ import os
 import re
 from collections.abc import Callable, Sequence
 from datetime import timedelta
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, cast
 
 import msgspec
 import numpy as np
@@ -112,8 +112,7 @@ def _socket(name: str) -> dai.CameraBoardSocket:
     sockets = load_depthai().CameraBoardSocket.__members__
     if name not in sockets:
         raise SourceError(f"source oak: no socket {name!r}; known: {', '.join(sockets)}")
-    socket: dai.CameraBoardSocket = sockets[name]
-    return socket
+    return cast("dai.CameraBoardSocket", sockets[name])
 
 
 def check_socket(device: Any, name: str) -> None:
@@ -142,10 +141,10 @@ def lens_of(
     if model.name not in _MODELS:
         return None
     kind = _MODELS[model.name]
-    x, y = (crop.x, crop.y) if crop else (0, 0)
+    x, y = crop[:2] if crop else (0, 0)
     return Lens(
         model=kind,
-        size_px=(crop.width, crop.height) if crop else size_px,
+        size_px=crop[2:] if crop else size_px,
         focal_px=(matrix[0][0], matrix[1][1]),
         centre_px=(matrix[0][2] - x, matrix[1][2] - y),
         distortion=tuple(distortion[: 4 if kind == "fisheye" else 14]),
@@ -286,7 +285,6 @@ class OakSource(CameraSource):
 
     @property
     def factory_lens(self) -> Lens | None:
-        """As the module has it."""
         return self._module.lenses[0]
 
     def _open(self) -> Any:
@@ -318,6 +316,5 @@ class OakSource(CameraSource):
 def open_oak(where: str, options: Options) -> OakSource:
     """The scheme `oak:`; its own keys: `OakKeys`."""
     camera = camera_at(where, options)
-    fed = fed_camera()
-    module = fed or OakModule([camera], lambda: find_module(where))
+    module = fed_camera() or OakModule([camera], lambda: find_module(where))
     return OakSource(module, camera, f"camera oak:{where} {camera.keys.socket}")

@@ -35,12 +35,7 @@ class View:
 
     @classmethod
     def of(
-        cls,
-        xy_img: Array,
-        pitch_px: float,
-        height: int = 640,
-        mm_per_px: float = 0.0,
-        palette: Palette = PAPER,
+        cls, xy_img: Array, pitch_px: float, height: int, mm_per_px: float = 0.0, palette: Palette = PAPER
     ) -> View:
         """A square round all pins, with space for the boundary cells and for pins that move."""
         low, high = np.nanmin(xy_img, axis=0), np.nanmax(xy_img, axis=0)
@@ -51,8 +46,7 @@ class View:
 
     def canvas(self, xy_img: Array) -> Array:
         """(n, 2) canvas px, pixel centres on integers."""
-        moved: Array = (xy_img - np.array(self.corner_img) + 0.5) * self.scale - 0.5
-        return moved
+        return np.asarray((xy_img - np.array(self.corner_img) + 0.5) * self.scale - 0.5)
 
     def fixed(self, xy_img: Array) -> NDArray[np.int32]:
         return _fixed(self.canvas(xy_img))
@@ -247,8 +241,7 @@ def _legend(foot: Canvas, view: View) -> None:
 
     unit, value = _round_length(0.16 * w / view.scale, view.mm_per_px)
     length = value / (view.mm_per_px or 1.0) * view.scale
-    x0 = 0.47 * w
-    y = 0.27 * h
+    x0, y = 0.47 * w, 0.27 * h
     cv2.line(foot, (round(x0), round(y)), (round(x0 + length), round(y)), palette.ink, 2)
     for x in (x0, x0 + length):
         cv2.line(foot, (round(x), round(y - 4)), (round(x), round(y + 4)), palette.ink, 2)
@@ -261,9 +254,8 @@ def _legend(foot: Canvas, view: View) -> None:
     y2 = bottom + 1.2 * size
     tail = np.array([x1, y2])
     _arrow(foot, tail, tail + np.array([glyph, 0.0]), h / 16, palette)
-    _text(
-        foot, (x1 + 1.3 * glyph, y2 + 0.4 * size), f"mean motion x{PARAMS.global_gain:g}", size, palette.ink
-    )
+    mean_motion = f"mean motion x{PARAMS.global_gain:g}"
+    _text(foot, (x1 + 1.3 * glyph, y2 + 0.4 * size), mean_motion, size, palette.ink)
     _star(foot, np.array([x1 + 0.5 * glyph, h - 0.9 * size]), h / 12, palette)
     _text(foot, (x1 + 1.3 * glyph, h - 0.4 * size), "contact", size, palette.ink)
 

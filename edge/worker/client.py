@@ -130,8 +130,7 @@ class WorkerClient:
             outbox.close()
             control.close()
             _end(self.process)
-            why = "view, record: the process for it ended at its start; see above for why"
-            raise port or InputError(why)
+            raise port or InputError("view, record: the process for it ended at its start; see above for why")
         if self._listen is not None:
             self._listen = Listen(self._listen.host, port, self._listen.token)
         self.view.forget_shown()

@@ -46,15 +46,9 @@ class LivePage:
         self._last_s = time.monotonic()
         self._charted: tuple[int, list[tuple[float, ...]]] = (0, [])  # samples so far, the last ones' rows
         self._made: dict[frozenset[str], tuple[int, float]] = {}  # request: results seen, when
-        self.server = PageServer(
-            listen,
-            "edge.view",
-            self._make,
-            hello(source, serial),
-            commands,
-            self._on_wants,
-            ("image", "surface", "cells"),
-        )
+        parts = ("image", "surface", "cells")
+        first = hello(source, serial)
+        self.server = PageServer(listen, "edge.view", self._make, first, commands, self._on_wants, parts)
 
     # ---- the main thread ----------------------------------------------------------------------------
 
