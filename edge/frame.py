@@ -161,9 +161,7 @@ class Pipeline:
         return reading
 
     def prepare(self, demand: frozenset[Feature]) -> None:
-        """Make now what otherwise the first contacts and lost pins would wait for (100 ms); before the first
-        frame.
-        """
+        """Before the first frame: make what the first contacts and lost pins would wait for (100 ms)."""
         self._tessellator.prepare()
         self._extractor.prepare(plan_of(demand, self.calibration, self._several).features)
 

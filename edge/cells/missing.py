@@ -72,7 +72,6 @@ class LostPins:
         motion = xy_img - self._rest_img - left
         motion[self.lost] = 0.0
         filled = xy_img.copy()
-        filled[self.lost] = (self._rest_img + left)[self.lost] + (self._weights @ motion.ravel()).reshape(
-            -1, 2
-        )
+        off = (self._weights @ motion.ravel()).reshape(-1, 2)
+        filled[self.lost] = (self._rest_img + left)[self.lost] + off
         return filled

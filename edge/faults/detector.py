@@ -26,8 +26,6 @@ from hostlink.wire import Status
 STEP_S = 0.5  # by which an image comes too early where its clock was set, and not late before
 _NOWHERE = np.empty((0, 3))
 NO_CALIBRATION = "values are in px; to get mm and N, calibrate (docs/from-camera-to-newtons.md)"
-
-
 _MOVED = "the pins stand {off_px:.1f} px off the rest frame, all alike; tare"
 
 

@@ -230,9 +230,7 @@ class ContactDetector:
         return median(self._values, known) if known >= self._min_ring_known else NAN
 
     def _learn(self, area_change: Array, predicted: float) -> None:
-        """Move the learnt noise towards that of this untouched frame; `predicted` is the pins' own, in
-        pitches.
-        """
+        """Move the learnt noise towards that of this untouched frame; `predicted`: the pins' own, pitches."""
         known: cython.Py_ssize_t = 0
         known_rings: cython.Py_ssize_t = 0
         # Each frame takes as many rings as hold each cell about once, in turn. Their spread is about zero

@@ -124,12 +124,7 @@ class ContactField:
     """
 
     def __init__(
-        self,
-        rest_xy: Array,
-        pitch_px: float,
-        points: Array,
-        interpolator: Array,
-        divergences: Array,
+        self, rest_xy: Array, pitch_px: float, points: Array, interpolator: Array, divergences: Array
     ) -> None:
         n, k = len(rest_xy), len(interpolator)
         shapes = rest_xy.shape, points.shape, interpolator.shape, divergences.shape
@@ -248,9 +243,7 @@ class ContactField:
         self.n_active = n_active
 
     def _detrend(self, xy: Array) -> None:
-        """Motion less its plane: the plane's divergence is constant and added later, and the smaller values
-        quantize more finely.
-        """
+        """Motion less its plane, whose divergence is added later: the smaller values quantize more finely."""
         g: cython.double[:, ::1] = self._inverse
         rest: cython.const[cython.double][:, ::1] = self._rest
         detrended: cython.float[::1] = self._detrended

@@ -113,9 +113,7 @@ class Regions:
         return self.n_contacts
 
     def keep(self, kept: NDArray[np.uint8]) -> None:
-        """Drop the contacts that are not kept, (n_contacts or more,) uint8; the others take over their
-        points.
-        """
+        """Drop the contacts that are not kept, (n_contacts or more,) uint8; the others take their points."""
         n: cython.int = 0
         for i in range(self.n_contacts):
             for j in range(self._n_peaks):
@@ -127,9 +125,7 @@ class Regions:
         self._measure()
 
     def split(self, x0: cython.double, y0: cython.double, x1: cython.double, y1: cython.double) -> bool:
-        """Make two contacts of the only one, with their peaks at the grid's points nearest to two places, px;
-        False: that is one point.
-        """
+        """Make two of the only one, with peaks at the points nearest to two places, px; False: it is one."""
         first = self._nearest_point(x0, y0)
         second = self._nearest_point(x1, y1)
         if first == second:
@@ -167,9 +163,7 @@ class Regions:
         return self._n_points[i] * self.step_px * self.step_px
 
     def peak_height(self, i: cython.Py_ssize_t) -> float:
-        """Height of contact i's highest peak, interpolated between the grid's points by a parabola along each
-        axis.
-        """
+        """Height of contact i's highest peak, interpolated by a parabola along each axis of the grid."""
         at = self._at[self._highest(i)]
         top = cython.cast(cython.double, self._grid[at])
         height = top
@@ -192,8 +186,7 @@ class Regions:
                 self._ridge[n, 0] = self.x0 + self.step_px * self._column[self._at[j]]
                 self._ridge[n, 1] = self.y0 + self.step_px * self._row[self._at[j]]
                 n += 1
-        found: Array = self._ridge_array[:n].copy()
-        return found
+        return np.asarray(self._ridge_array[:n].copy())
 
     def _highest(self, i: cython.Py_ssize_t) -> int:
         """Which peak is the highest of contact i."""
@@ -369,9 +362,7 @@ class ContactFinder:
         return tuple(contacts)
 
     def _look_closer(self, seen: Mask, sigma_px: float) -> None:
-        """Merge several regions by the noise of a pin, from its neighbours in this frame and from rest; drop
-        those with few seen pins around.
-        """
+        """Merge regions by the noise of a pin, of this frame and at rest; drop those with few seen pins."""
         mask: cython.const[cython.uchar][::1] = seen
         if mask.shape[0] != self._rest.shape[0]:
             raise ValueError(f"seen ({self._rest.shape[0]},) is wanted")

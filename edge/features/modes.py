@@ -77,8 +77,7 @@ class Modes:
         seen     (n,) bool
         Returns  (21,) complex128 px, terms `MODE_NAMES`
         """
-        coefficients: Complex = np.matmul(self._solution(self._basis[seen]), motion[seen] @ [1.0, 1j])
-        return coefficients
+        return np.asarray(self._solution(self._basis[seen]) @ (motion[seen] @ [1.0, 1j]))
 
     def _solution(self, basis: Complex) -> Complex:
         """(21, m) coefficients from the motion of the pins with these rows of the basis."""

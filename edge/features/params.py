@@ -28,9 +28,7 @@ def largest_noise(n: int) -> float:
 
 @dataclass(frozen=True, slots=True)
 class FeatureParams:
-    """Parameters by name. Units: sigma, in standard deviations of the noise; rel, a share; pitch, in pin
-    pitches; n, a number.
-    """
+    """Parameters by name. Units: sigma, standard deviations of noise; rel, a share; pitch; n, a number."""
 
     # --- contact: a ring's mean area change, a cell's, a height, a motion
     contact_sigma: float = RUNTIME.noise_sigma

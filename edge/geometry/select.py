@@ -6,7 +6,6 @@ import cython
 INFINITY = cython.declare(cython.double, float("inf"))
 NAN = cython.declare(cython.double, float("nan"))
 
-
 #: The median absolute deviation of normal noise, times this, is its standard deviation.
 SIGMA_OF_MAD = 1.4826
 _SIGMA_OF_MAD = cython.declare(cython.double, SIGMA_OF_MAD)

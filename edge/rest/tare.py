@@ -122,9 +122,7 @@ def take_rest_frame(
 
 
 def _take(images: Sequence[Image], params: TareParams, calibration: Calibration | None) -> Rest:
-    """The rest frame, unchecked. Bright and dark pins are both looked for, which takes twice as long, only
-    where the calibration's are not found or there is none. Raises NoPins.
-    """
+    """The rest frame, unchecked; of the calibration's polarity first, in half of the time. Raises NoPins."""
     if params.polarity is Polarity.FOUND and calibration is not None:
         dark = calibration.rest.pattern.dark
         with suppress(NoPins):

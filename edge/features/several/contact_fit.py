@@ -630,9 +630,7 @@ class ContactFit:
 
     @cython.cfunc
     def _find_step(self, damping: cython.double) -> cython.bint:
-        """`_next` from the present parameters by one damped step (Cholesky), and `_promise`; False: not
-        positive definite.
-        """
+        """`_next`, by one damped step (Cholesky), and `_promise`; False: it is not positive definite."""
         size = _OWN * self._m + _COMMON
         d: cython.double[:, ::1] = self._damped
         step: cython.double[::1] = self._step
