@@ -51,10 +51,7 @@ class BadContent(ValueError):
 
 
 def read_bounded(path: Path, bytes_max: int) -> bytes:
-    """A file's bytes, if there are not too many.
-
-    Raises  BadContent: it is larger, or not an ordinary file; OSError: it cannot be read
-    """
+    """A file's bytes. Raises BadContent: too many, or it is no ordinary file; OSError: it cannot be read."""
     try:
         return input_file.read_bounded(path, bytes_max)
     except IsADirectoryError:

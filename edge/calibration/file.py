@@ -217,10 +217,7 @@ def read_file(path: Path) -> CalibrationFile:
 
 
 def decode(raw: bytes, where: str) -> CalibrationFile:
-    """A file's bytes (read from disk, or uploaded over the bus) as far as structure and ranges go.
-
-    Raises  CalibrationError, as `read_file`
-    """
+    """A file's bytes, from disk or bus, as far as structure and ranges go. Raises CalibrationError."""
     if len(raw) > limits.FILE_BYTES:
         raise CalibrationError(f"{where}: larger than {limits.FILE_BYTES >> 10} KiB")
     try:

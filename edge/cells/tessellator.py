@@ -109,10 +109,7 @@ def _side_length(xy: Array) -> float:
 
 
 def cell_polygons(cells: Cells) -> list[Array]:
-    """Corners of each pin's cell, for drawings.
-
-    Returns  one (k, 2) px array a pin, going round the pin; (0, 2) where the area is NaN
-    """
+    """Corners of each pin's cell in turn, (k, 2) px, for drawings; (0, 2) where the area is NaN."""
     points = np.concatenate([cells.xy_img, cells.boundary_img])
     centre = circumcentres(points, cells.triangles)
     pin = cells.triangles.ravel()

@@ -150,10 +150,7 @@ class _Seen:
 def _seen_of(
     address: str, how: str | None, calibration: Calibration | None, named: KnownSensor | None
 ) -> _Seen:
-    """Of a picture or camera its first images, of a recording the rest frame as `replay` takes it.
-
-    Raises  SourceError, NoPins, CalibrationError
-    """
+    """What a picture or camera shows, or a recording at rest, as replayed. Raises InputError, NoPins."""
     with closing(open_source(address)) as source:
         if named is not None:
             look_as(source, named)

@@ -49,14 +49,11 @@ def damage_of(source: FrameSource) -> str:
 
 
 class Summary:
-    """Numbers over all frames; its memory does not grow with them. `add` is a result callback of the loop.
-
-    skipped_n  images that passed before the first result; None: there was none
-    """
+    """Numbers over all frames, in bounded memory. `add` is a result callback of the loop."""
 
     def __init__(self, source: FrameSource) -> None:
         self._source = source
-        self.skipped_n: int | None = None
+        self.skipped_n: int | None = None  # images that passed before the first result; None: there was none
         self._held: Counter[int] = Counter()
         self._confidence: Counter[float] = Counter()  # rounded as it is shown
         self._shear_n = 0

@@ -175,8 +175,7 @@ class FaultDetector:
             self.gaps_n += frame.sequence - before.sequence - 1
 
     def judge(self, frame: Frame, result: Result, drifted_share: float) -> Result:
-        """Judge a frame that was computed; returns what may be sent of its result: all, nothing but the
-        tracks, or not even their identities.
+        """Judge a frame that was computed; returns of its result all, the tracks, or not even identities.
 
         drifted_share  of the pins whose learnt drift is at its limit
         """
@@ -267,10 +266,7 @@ class FaultDetector:
         facts.off_pitches, facts.drifted_share = facts.off_px / self._pitch_px, drifted_share
 
     def status(self, result: Result | None, skipped_n: int) -> int:
-        """The sample's status bits.
-
-        skipped_n  frames lost so far, for any reason
-        """
+        """The sample's status bits; skipped_n: frames lost so far, for any reason."""
         status = self._registry.status
         if result is not None:
             if self.frozen:
@@ -286,10 +282,7 @@ class FaultDetector:
 
 
 def common_step_px(step_px: Array) -> Array | None:
-    """The common step of all pins, as when the camera is knocked; None: they did not move alike.
-
-    step_px   (n, 2) from one frame to the next; NaN where lost in either
-    """
+    """The step (2,) of all pins from one frame to the next, as of a knock; None: they did not move alike."""
     common: Array = np.nanmedian(step_px, axis=0)
     off_px = np.hypot(*(step_px - common).T)
     alike = np.nanquantile(off_px, RUNTIME.most_rel) < HALF_REL * np.hypot(*common)

@@ -99,10 +99,7 @@ class Judge:
             self._registry.report(code, check is not None, reason)
 
     def would_hold(self, facts: Facts) -> dict[FaultCode, Check]:
-        """The faults that hold by these facts, each with the row that says so; reports nothing.
-
-        May be called from any thread.
-        """
+        """The faults that hold by these facts, each with its row; reports nothing. For any thread."""
         return self._first(self._compare(facts))
 
     def _compare(self, facts: Facts) -> list[bool]:

@@ -41,10 +41,7 @@ _Part = tuple[str | Topic, Callable[[], bytes]]
 
 
 class _LogClock:
-    """Times in the file.
-
-    offset_ns  log time minus capture time; None: set at the first frame
-    """
+    """Times in the file: capture time plus offset_ns; None: it is set at the first frame."""
 
     def __init__(self, offset_ns: int | None) -> None:
         self._offset_ns = offset_ns
@@ -228,10 +225,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         self.close()
 
     def _put(self, frame: Frame, parts: Sequence[_Part], n_bytes: int = 0) -> bool:
-        """Queue messages of a frame, all or none.
-
-        n_bytes  memory that they keep, beside their own
-        """
+        """Queue messages of a frame, all or none; n_bytes: memory that they keep, beside their own."""
         times = (self._clock.of(frame), frame.capture_ns, frame.sequence & 0xFFFFFFFF)
         calls = [
             partial(self._write, TOPICS[topic] if isinstance(topic, str) else topic, *times, encode)

@@ -248,10 +248,7 @@ def _thinned(source: FrameSource, least_n: int) -> tuple[list[Image], int]:
 
 
 def _averaged(source: FrameSource, index: int) -> tuple[Rest, Frame]:
-    """The rest frame of an image, and of those next to it in which the pins are at the same places.
-
-    Raises  SourceError: no such image; NoPins
-    """
+    """The rest frame of an image and of its neighbours that show the same. Raises SourceError, NoPins."""
     first = max(0, index - TARE.frames_n // 2)
     frames = list(islice(source, first, first + TARE.frames_n))
     if index - first >= len(frames):

@@ -52,12 +52,7 @@ PARAMS = TareParams()
 
 
 class TareRefused(EdgeError):
-    """The rest frame was refused.
-
-    reason   why, as sent over the wire
-    problem  the same as text
-    advice   what to do
-    """
+    """The rest frame was refused, for a reason as sent over the wire; problem: the same as text."""
 
     def __init__(self, reason: RestFrameReason, problem: str, advice: str = "") -> None:
         super().__init__(f"tare: {problem}; {advice}" if advice else f"tare: {problem}")
@@ -198,10 +193,7 @@ def _seen_from_before(reference: Rest, tracks: Tracks) -> Tracks:
 
 
 def _touch_sigmas(reference: Rest, tracks: Tracks) -> float:
-    """If the contact detector sees a touch: the largest area change of a cell, in sigmas of its noise.
-
-    Returns  0.0: untouched
-    """
+    """Largest area change of a cell, in sigmas of its noise, if the detector sees a touch; 0.0: untouched."""
     tessellator = Tessellator(reference)
     rest_area = tessellator.rest_area_px2
     try:

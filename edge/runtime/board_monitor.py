@@ -24,10 +24,7 @@ STORED_BYTES = FILE_BYTES + FILE_BYTES  # calibration and settings
 
 
 class Thermometer:
-    """The board's hottest thermal zone.
-
-    root  of the kernel's thermal class
-    """
+    """The board's hottest thermal zone, of the kernel's thermal class in `root`."""
 
     def __init__(self, root: Path = Path("/sys/class/thermal")) -> None:
         self._zones = sorted(root.glob("thermal_zone*/temp"))

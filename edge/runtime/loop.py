@@ -131,10 +131,7 @@ class Loop:
     # ---- the loop -----------------------------------------------------------------------------------
 
     def run(self, frames_max: int | None = None) -> LoopStatistics:
-        """Run until the source ends, `stop`, or a number of frames.
-
-        Raises  SourceError when a recording shows no pins to begin with
-        """
+        """Run until the source ends, `stop`, or so many frames. Raises SourceError: no pins are recorded."""
         self._counters.started_s = time.monotonic()
         self.measurement.tare.in_thread = self.source.live  # a recording waits for the tare
         if self._board is not None:

@@ -16,10 +16,7 @@ log = logging.getLogger(__name__)
 
 
 class CameraSource(ThreadedSource):
-    """A camera that comes back after it was lost; a subclass opens, reads and closes its device.
-
-    clock_ns  the host's monotonic clock
-    """
+    """A camera that comes back after it was lost; a subclass opens, reads and closes its device."""
 
     def __init__(
         self, name: str, options: Options, retry_s: float, clock_ns: Callable[[], int] = time.monotonic_ns

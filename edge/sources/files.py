@@ -97,17 +97,14 @@ def growing(frames: Iterable[Frame], rate_hz: float) -> Iterator[Frame]:
 
 
 class FileSource(FrameSource, ABC):
-    """What all recordings have in common. Each iteration starts from the beginning.
-
-    faults  how often each kind of damage was met, in the last reading
-    """
+    """What all recordings have in common. Each iteration starts from the beginning."""
 
     live = False
 
     def __init__(self, kind: str, path: str | Path) -> None:
         self.path = Path(path)
         self.name = f"{kind} {self.path}"
-        self.faults: Counter[str] = Counter()
+        self.faults: Counter[str] = Counter()  # how often each damage was met, in the last reading
         self._bits = 0  # of a pixel, by the first image
         self._closed = False
 

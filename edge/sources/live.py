@@ -195,10 +195,7 @@ class ThreadedSource(FrameSource, ABC):
             self._changed.notify_all()
 
     def measure_rate(self, least_hz: float, patience_s: float) -> float:
-        """Measured frames a second; the frames are discarded. 0: their times give no rate.
-
-        Raises SourceError: no frame in time, or slower than `least_hz`
-        """
+        """Frames a second, which are discarded; 0: unknown. Raises SourceError: none came, or too few."""
         self.start()
         with self._changed:
             # Counted where frames arrive: a late reader must not make the camera look slow.

@@ -267,10 +267,7 @@ class OakModule:
 
 
 class OakSource(CameraSource):
-    """Frames of one camera: of a module of its own, or of one that another process has open.
-
-    Raises  SourceError: no module, no such camera, no frames, too slow
-    """
+    """Frames of one camera, of an own module or fed by the process that has it open. Raises SourceError."""
 
     def __init__(self, module: OakModule | FedCamera, camera: OakCamera, name: str = "camera oak") -> None:
         super().__init__(name, camera.options, RUNTIME.announced_s)

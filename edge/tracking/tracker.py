@@ -19,10 +19,7 @@ from edge.types import Array, Pins, Rest, Tracks
 
 
 class Tracker:
-    """Keeps which blob is which pin. Row i of everything is pin i of the rest frame.
-
-    held  whether the identities are known, so that the pins of the next frame can be followed
-    """
+    """Keeps which blob is which pin. Row i of everything is pin i of the rest frame."""
 
     def __init__(self, rest: Rest, found: Pins | None = None, expected: Array | None = None) -> None:
         """The arrays that all frames share; None: arrays of its own.
@@ -43,7 +40,7 @@ class Tracker:
     def forget(self) -> None:
         """Treat the next frame on its own, as after a jump from rest."""
         self._follower.reset()
-        self.held = False
+        self.held = False  # whether the identities are known: the next frame's pins can be followed
         self._confidence = 0.0  # of the identities that are held, or were
         self._fresh = False  # the last positions are of the frame before: later they are no evidence
         self._fallback: Tracks | None = None  # what `follow` found and refused in this frame
@@ -107,10 +104,7 @@ class Tracker:
         self.held, self._fresh, self._fallback = True, True, None
 
     def _seen(self, pins: Pins, identity: Identity, searched: bool) -> tuple[Array, Array]:
-        """(n, 2) and (n,) px, place and sigma of each pin's blob; NaN where it has none, or an outlier.
-
-        searched  the result of the search is all that is known of the frame
-        """
+        """(n, 2) and (n,) px, place and sigma of each pin's blob; NaN where it has none, or an outlier."""
         n = self._n
         seen = identity.blob >= 0
         xy, sigma = np.full((n, 2), np.nan), np.full(n, np.nan)

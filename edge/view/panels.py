@@ -58,10 +58,7 @@ def _fixed(xy: Array) -> NDArray[np.int32]:
 
 
 def draw_touch(view: View, polygons: Sequence[Array], tracks: Tracks, features: Features | None) -> Canvas:
-    """Cells shaded by area change, pins, local and global shear, contact stars.
-
-    polygons  (k, 2) px, row i the cell of pin i; empty where there is none
-    """
+    """Cells (k, 2) px, row i of pin i, shaded by area change; pins, local and global shear, contact stars."""
     palette = view.palette
     canvas = np.full((view.size[1], view.size[0], 3), palette.paper, np.uint8)
     if features is not None:

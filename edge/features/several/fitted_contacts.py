@@ -242,10 +242,7 @@ class FittedContacts:
         return last if last is not None and last.overruled == overruled else None
 
     def _stands(self, last: _Decision, error: float) -> bool:
-        """Whether it would be decided the same again, whatever the others' errors are now.
-
-        error  squared pitches, of the shape that was decided for
-        """
+        """Whether it would be decided again, by its shape's error, whatever the others' errors are now."""
         alternative = max(last.alternative - self._moved, 0.0) ** 2
         return error < self._limit(alternative) if last.overruled else alternative >= self._limit(error)
 
