@@ -22,8 +22,6 @@ from edge.types import Array, Index, Mask
 class LostPins:
     """Predicts lost pins of one tip; keeps the equations for the last set of lost ones.
 
-    rest_img      (n, 2) px
-    pitch_px      distance of neighbours
     lost          (m,) int32, the lost pins, ascending
     gap, gap_img  as in `edge.types.Cells`
     """

@@ -126,10 +126,8 @@ def groups(rest: Rest) -> list[Index]:
 
 
 def settings_tried(source: FrameSource, frame: Frame, rest: Rest) -> dict[str, int]:
-    """Keys for the source's address that suit this image better, and how many pins each finds.
-
-    Tried are the other polarity, where none was asked for, and a rectangle round each group of pins that
-    stand apart from the others.
+    """Keys for the source's address that suit this image better, and how many pins each finds: the other
+    polarity, where none was asked for, and a rectangle round each group of pins.
     """
     found: dict[str, int] = {}
     if source.polarity is Polarity.FOUND:

@@ -103,18 +103,11 @@ def render_recording(
     progress: bool = False,
     rest: str | None = None,
 ) -> dict[str, Any]:
-    """Write the video.
+    """Write the video, with the options of `render`; height of a panel, px.
 
-    palette   a key of `PALETTES`
-    rate_hz   pictures a second; None: the recording's own
-    height    of a panel, px
-    progress  show a bar on stderr
-    rest      "auto", "none" or the number of an image; None: the rest frame is made of the first images,
-              if they do not show a touch
-    Returns   frames_n in the video; pins_n of the rest frame; rate_hz of the pictures; without_values, frames
-              by the fault that explains it
-    Raises    SourceError: no such recording, or no pins in its first frames; SinkError: cannot be written;
-              OSError: the disk is full; CalibrationError: of another tip
+    Returns  frames_n in the video; pins_n of the rest frame; rate_hz of the pictures; without_values, frames
+             by the fault that explains it
+    Raises   InputError: the recording, its first frames or the calibration; SinkError; OSError: a full disk
     """
     with closing(open_source(recording)) as source:
         rest_frame, seen_in = _rest_frame(source, rest, calibration)

@@ -77,12 +77,9 @@ _DARK_OR_BRIGHT = {F.IMAGE_DARK, F.IMAGE_BRIGHT}
 
 
 class FaultDetector:
-    """Checks one finger's frames and their results.
+    """Checks one finger's frames and their results, and reports to the registry.
 
-    source        reports the condition of its camera
-    registry      receives the faults
-    clock_ns      the host's monotonic clock
-    load_pitches  motion of a pin beyond which it counts as overloaded
+    load_pitches    motion of a pin beyond which it counts as overloaded
     without_values  images that gave none, by the name of the fault that explains it
     """
 

@@ -41,9 +41,8 @@ def pitch_of(xy: Array) -> float:
 
 
 def nearest(xy: Array, k: int) -> Index:
-    """Each pin itself and its k nearest ones.
+    """Each pin itself and its k nearest ones, of xy (n, 2).
 
-    xy       (n, 2) any unit
     Returns  (n, k + 1) int32, nearest first, the lower row first of two at one distance; fewer columns
              where there are fewer pins
     """

@@ -172,15 +172,12 @@ def aligned(calibration: Calibration, rest: Rest) -> Rest:
 
 @dataclass(frozen=True, slots=True)
 class GivenRest:
-    """The rest frame of a recording, the frame it is taken from, and a message for people.
-
-    untouched  whether the frame shows the untouched tip; None: that was not looked at
-    """
+    """The rest frame of a recording, the frame it is taken from, and a message for people."""
 
     rest: Rest
     frame: Frame
     message: str
-    untouched: bool | None
+    untouched: bool | None  # whether the frame shows the untouched tip; None: that was not looked at
 
 
 def rest_of_source(source: FrameSource, how: str, calibration: Calibration | None = None) -> GivenRest:

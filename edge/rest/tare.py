@@ -172,10 +172,7 @@ def _touch_shown(reference: Rest, tracks: Tracks, whose: str) -> TareRefused | N
 
 
 def _seen_from_before(reference: Rest, tracks: Tracks) -> Tracks:
-    """The tracks as seen by a camera at its place for the reference.
-
-    The homography is fitted to the half of the pins that fit it best: a touch must not bias it.
-    """
+    """The tracks as the reference's camera would see them, by a homography of the half that fits it best."""
     seen = tracks.seen
     wanted, found = reference.xy_img[seen], tracks.xy_img[seen]
     best = np.ones(len(found), dtype=np.bool_)

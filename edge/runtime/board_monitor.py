@@ -53,11 +53,8 @@ def free_space_problem(directory: Path, least_bytes: int = STORED_BYTES) -> str:
 class BoardMonitor:
     """Checks temperature and storage regularly, and reports to `registry`.
 
-    thermometer  gives degC, or NaN
-    storage      each gives "" or why something cannot be written: a folder, a recorder, settings
-    hot_degc     from here on the board is too hot
-    period_s     between checks
-    checks       called each time; each reports on its own
+    storage  each gives "" or why something cannot be written: a folder, a recorder, settings
+    checks   called each time; each reports on its own
     """
 
     def __init__(

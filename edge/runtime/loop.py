@@ -54,16 +54,9 @@ ResultCallback = Callable[[Result, State], None]
 
 
 class Loop:
-    """One finger.
+    """One finger: a source's frames, measured as the configuration says, to the sinks.
 
-    source       where frames come from
-    sinks        where samples go
-    calibration  of this tip, or None: values that need one are sent as invalid
-    config       what is computed, and limits
-    faults       the active faults; None: a new registry
-    board        the board's temperature and storage; None: not monitored
-    notifier     the service manager; None: there is none
-    clock_ns     the host's monotonic clock
+    None  no calibration; a new registry; a board that is not monitored; no service manager
     """
 
     def __init__(

@@ -67,7 +67,5 @@ class StatisticsCollector:
 
 def _quantiles(values: Array) -> Quantiles:
     """Zeros while there are none."""
-    if not values.size:
-        return (0.0, 0.0, 0.0)
-    median, rare, rarest = np.quantile(values, (0.5, 0.99, 0.999)).tolist()
+    median, rare, rarest = np.quantile(values if values.size else 0.0, (0.5, 0.99, 0.999)).tolist()
     return median, rare, rarest

@@ -81,9 +81,8 @@ def read_image(path: str | Path) -> Image:
 
 
 def growing(frames: Iterable[Frame], rate_hz: float) -> Iterator[Frame]:
-    """The frames with times that grow: their own, shifted as long as they are not later than those before.
-
-    A time that is repeated becomes half a period later, so that the next one may be as it is.
+    """The frames with times that grow: shifted while they are not later than those before, a repeated one by
+    half a period, so that the next one may be as it is.
     """
     last_ns, shift_ns = -1, 0
     for frame in frames:

@@ -121,10 +121,7 @@ _FORMATS: dict[bytes, Callable[[memoryview], tuple[int, int]]] = {
 
 
 def is_cut_off(path: Path) -> bool:
-    """Whether an AVI or Matroska file ends before its container does.
-
-    The number of images that a header states is no proof: it may be an estimate, or count what is not shown.
-    """
+    """Whether an AVI or Matroska file ends before its container does: stated images may be an estimate."""
     with path.open("rb") as file:
         head = file.read(256)
     if head.startswith(b"RIFF"):

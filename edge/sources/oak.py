@@ -187,10 +187,7 @@ class OakCamera(NamedTuple):
 
 
 def camera_at(where: str, options: Options) -> OakCamera:
-    """The camera that an address asks for. Raises SourceError.
-
-    Unasked it has the size that its maker's mono sensors give fastest, and a rate that each of them gives.
-    """
+    """The camera that an address asks for; unasked, of a size and rate of its maker's mono sensors."""
     keys = options.own(f"oak:{where}", OakKeys)
     options = options.or_own(LIVE.size_px, RATE_HZ)
     return OakCamera(options, keys, Crop.parse(keys.crop, options.size_px) if keys.crop else None)
