@@ -229,7 +229,7 @@ def _known(kind: inspect.Type) -> list[str]:
 
 
 def _wanted(kind: inspect.Type) -> str:
-    """What a place takes, with its whole range."""
+    """The values that a place takes, with their whole range."""
     match kind:
         case inspect.UnionType(types=types):
             return " or ".join(dict.fromkeys(map(_wanted, types)))

@@ -291,7 +291,7 @@ class Cells:
 
 
 class Feature(StrEnum):
-    """What can be demanded, a row each. The demand is a `frozenset[Feature]`; nothing outside it is computed.
+    """A feature that can be demanded. The demand is a `frozenset[Feature]`; nothing outside it is computed.
 
     needs    quantities of `edge.features` that it depends on
     outputs  of calibration models that it depends on

@@ -51,7 +51,7 @@ def load_calibration(path: str | Path | None) -> Calibration | None:
 
 
 def rest_given(source: FrameSource, how: str | None, calibration: Calibration | None) -> GivenRest | None:
-    """What --rest asks for; else what a recording that begins touched needs. Raises InputError."""
+    """The rest frame of --rest; else one for a recording that begins touched. Raises InputError."""
     return rest_if_touched(source, calibration) if how is None else rest_of_source(source, how, calibration)
 
 

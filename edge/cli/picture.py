@@ -1,4 +1,4 @@
-"""What is judged of a picture and its pins: `inspect` and `doctor` say the same of it, by this code.
+"""Judges a picture and its pins: `inspect` and `doctor` say the same of it, by this code.
 
 Evidence for the limits: docs/tuning.md, "Doctor".
 """
@@ -155,7 +155,7 @@ def _pins_n(frame: Frame, polarity: Polarity, lens: Lens | None) -> int:
 
 
 def better_settings(tried: dict[str, int]) -> Line:
-    """What `settings_tried` found, for people."""
+    """Says to people which settings `settings_tried` found."""
     apart = "pins stand in separate groups: " if any(key.startswith("roi") for key in tried) else ""
     named = ", ".join(f"?{key} finds {n}" for key, n in tried.items())
     return Line("settings", "warn", apart + named, "add one of them to the address, or the key to [source]")

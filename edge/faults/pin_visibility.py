@@ -70,7 +70,7 @@ class PinVisibility:
         return why + "; a contact hides them" if self.explained else why
 
     def _judge(self, tracks: Tracks, features: Features | None, hole_n: int) -> str:
-        """What is wrong with a frame that lacks pins, and whether a contact explains it."""
+        """The fault of a frame that lacks pins, and whether a contact explains it."""
         bad, new = (np.asarray(pins).view(np.bool_) for pins in (self.counts.bad, self.counts.new))
         why = self._why(tracks, self._seen_n, hole_n, bad, new)
         if why and features is not None and features.contacts:

@@ -344,7 +344,7 @@ class PeakFinder:
         return self.n_peaks
 
     def forget_searches(self) -> cython.void:
-        """What is asked next does not depend on what was asked before. Each peak is asked about once."""
+        """The next question does not depend on those before. Each peak is asked about once."""
         self.mark[:] = _UNKNOWN
 
     def first_connected(

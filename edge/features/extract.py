@@ -56,7 +56,7 @@ _NO_PINS: _OfPins = (None, None, None, None, None)
 @cython.final
 @cython.cclass
 class FeaturePlan:
-    """What is computed of a frame for a demand: what its features need (`Feature.needs`).
+    """The quantities that are computed for a demand: its features need them (`Feature.needs`).
 
     moments        False: the contacts' moments are not wanted; they are NaN
     fits           the contacts that are wanted as fitted to the pins' motion

@@ -18,8 +18,8 @@ CONTACTS_MAX = 14
 
 
 def largest_noise(n: int) -> float:
-    """What n values of normal noise hardly exceed, in standard deviations; so high that one among n passes a
-    level `hypot(a, largest_noise(n))` as rarely as a single one passes a.
+    """The level that n values of normal noise hardly exceed, in standard deviations: one among n passes
+    `hypot(a, largest_noise(n))` as rarely as a single one passes a.
 
     Source  Donoho and Johnstone, "Ideal spatial adaptation by wavelet shrinkage", Biometrika 81, 1994
     """

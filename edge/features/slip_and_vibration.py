@@ -1,5 +1,5 @@
 # cython: infer_types=True
-"""What the contact's pins do from frame to frame: slip and vibration.
+"""Slip and vibration: the contact's pins from frame to frame.
 
 Slip: how probable it is that most of the contact slides, and how fast its parts move against each other.
 

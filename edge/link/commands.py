@@ -1,4 +1,4 @@
-"""What a master commands and a host asks for, as each kind of link brings it, and how answers go back."""
+"""A master's commands and a host's requests, as each kind of link brings them, and how answers go back."""
 
 import time
 from collections import Counter
@@ -42,7 +42,7 @@ class CanCommands:
         sink.on_message = self.receive
 
     def item(self, kind: Kind, data: bytes) -> CanFrame:
-        """What carries a heartbeat or an emergency."""
+        """The item that carries a heartbeat or an emergency."""
         return CanFrame(self._ids.of(kind, self._node.number), data)
 
     def receive(self, frame: CanFrame) -> None:
@@ -74,7 +74,7 @@ class SerialCommands:
         sink.on_frame = self.receive
 
     def item(self, kind: Kind, data: bytes) -> bytes:
-        """What carries a heartbeat or an emergency."""
+        """The item that carries a heartbeat or an emergency."""
         message = Message[kind.name]
         self._sent_n[message] += 1
         return self._line.frame(message, data, self._sent_n[message])

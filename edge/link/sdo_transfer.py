@@ -1,4 +1,4 @@
-"""What an SDO server keeps of a value that takes several frames: in segments, or in blocks of them.
+"""The transfer of a value that takes an SDO server several frames: in segments, or in blocks of them.
 
 In a block transfer (CiA 301, 7.2.4.3.9 to 7.2.4.3.16) up to 127 numbered segments, a sub-block, have one
 acknowledgement, and what it does not cover is sent again. Our sub-blocks of a download are shorter: then the

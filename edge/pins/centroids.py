@@ -335,7 +335,7 @@ class CentroidKernel:
 
     @cython.cfunc
     def _begin_to_fetch(self) -> cython.void:
-        """What lies round the predictions is to be fetched while windows are read: pins come in rows."""
+        """Begin to fetch the image round the predictions, while windows are read: pins come in rows."""
         left: cython.double = self._columns
         right: cython.double = 0.0
         top: cython.double = self._rows

@@ -1,4 +1,4 @@
-"""What no image shows: the board's temperature, free space, and whether camera and links still respond.
+"""Watches what no image shows: temperature, free space, and whether camera and links still respond.
 
 It has a thread of its own: sysfs takes milliseconds, and a dead camera must be announced during a search,
 too.

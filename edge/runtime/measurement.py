@@ -31,7 +31,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True)
 class LoopConfig:
-    """What is computed, and limits; `edge.config` is the user's side of it."""
+    """The features that are computed, and limits; `edge.config` is the user's side of it."""
 
     demand: frozenset[Feature] = frozenset(Feature) - {Feature.SURFACE}  # features that are computed
     several: bool = True  # whether contacts of one frame are fitted together

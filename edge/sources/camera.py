@@ -33,7 +33,7 @@ class CameraSource(ThreadedSource):
 
     @property
     def terms(self) -> str:
-        """What was asked for, and what the camera gives."""
+        """The size and rate that were asked for, and those that the camera gives."""
         o, (width, height) = self._options, self.size_px
         asked = f"{o.width}x{o.height}" if o.width else "its own size"
         asked += f" at {o.rate_hz:g}/s" if o.rate_hz else " at its own rate"

@@ -96,7 +96,7 @@ def growing(frames: Iterable[Frame], rate_hz: float) -> Iterator[Frame]:
 
 
 class FileSource(FrameSource, ABC):
-    """What all recordings have in common. Each iteration starts from the beginning."""
+    """The base of all recordings. Each iteration starts from the beginning."""
 
     live = False
 

@@ -1,4 +1,4 @@
-"""What the header of a file says: width and height of an image, and whether a video was cut off.
+"""Reads the header of a file: width and height of an image, and whether a video was cut off.
 
 Size comes before memory is allocated for the pixels: a 15 MB PNG may stand for 32000 x 32000 of 8 bytes.
 Sources: PNG (RFC 2083), JPEG (ITU T.81, B.2.2), BMP (BITMAPINFOHEADER), Netpbm, TIFF 6.0, WebP (RFC 9649);

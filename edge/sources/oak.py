@@ -83,7 +83,7 @@ class Crop(NamedTuple):
 
     @classmethod
     def parse(cls, text: str, size_px: tuple[int, int]) -> Crop:
-        """Of "x,y,width,height". Raises SourceError: not that, or not within an image of this size."""
+        """Read "x,y,width,height". Raises SourceError: not that, or not within an image of this size."""
         width, height = size_px
         match = re.fullmatch(r"\d{1,5}(,\d{1,5}){3}", text)
         crop = cls(*map(int, text.split(","))) if match else cls(0, 0, 0, 0)
@@ -161,7 +161,7 @@ class OakKeys(msgspec.Struct):
 
 
 class OakCamera(NamedTuple):
-    """What is asked of a camera of a module."""
+    """A camera of a module, as it is asked for."""
 
     options: Options
     keys: OakKeys
@@ -236,7 +236,7 @@ class OakModule:
         return pipeline, queues
 
     def read(self, opened: Opened) -> dict[int, Frame] | None:
-        """What came within a moment, by the camera's place; None: lost, or at the end of the stream."""
+        """The frames of the last moment, by the camera's place; None: lost, or at the end of the stream."""
         queues = opened[1]
         try:
             messages = self._dai.MessageQueue.getAny(queues, _READ)

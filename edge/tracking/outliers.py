@@ -1,5 +1,5 @@
 # cython: infer_types=True
-"""What the neighbours of a pin say of it: the motion that they predict for it, and whether it is an outlier.
+"""The neighbours of a pin predict its motion, and tell whether it is an outlier.
 
 A kernel: compiled by Cython, and the same when it is not.
 

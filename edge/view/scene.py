@@ -22,7 +22,7 @@ CHART = ("time_s", *CHARTED, "latency_ms", "volume_px2", "shear_x_px", "shear_y_
 
 
 def hello(source: str, serial: str) -> dict[str, Any]:
-    """What the page needs once."""
+    """The data that the page needs once."""
     return {
         "source": source,
         "serial": serial,

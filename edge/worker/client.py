@@ -202,7 +202,7 @@ class WorkerClient:
 
 
 def _messages(control: Connection) -> Iterator[Any]:
-    """What the worker sends, until its end."""
+    """The messages that the worker sends, until its end."""
     with suppress(EOFError, OSError):
         while True:
             yield control.recv()

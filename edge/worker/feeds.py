@@ -1,4 +1,4 @@
-"""What the loop's thread sends to the worker for viewers: new results."""
+"""Sends new results from the loop's thread to the worker, for viewers."""
 
 import time
 from collections import deque

@@ -134,7 +134,7 @@ def set_object(address: str, name: str, value: str, finger: int | None) -> None:
 
 
 def _range_of(obj: Object) -> str:
-    """What numbers an object takes, in words."""
+    """The numbers that an object takes, in words."""
     kind = "a number" if obj.type == "real32" else "a whole number"
     if obj.low is None or obj.high is None:
         return kind

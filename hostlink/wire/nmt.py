@@ -17,7 +17,7 @@ class NmtState(IntEnum):
 
 
 class NmtCommand(IntEnum):
-    """What a master may order."""
+    """A master's orders."""
 
     START = 1
     STOP = 2

@@ -313,7 +313,7 @@ class ContactFit:
         return self._solve()
 
     def last_error(self, points: cython.Py_ssize_t) -> float:
-        """What so many points, 0 a line, leave of the motion as they were fitted last, in whatever frame.
+        """The motion that so many points, 0 a line, leave as they were fitted last, in whatever frame.
 
         points   1 to FITS_MAX, or 0
         Returns  squared error, squared pitches; infinite: they were not fitted yet
@@ -469,7 +469,7 @@ class ContactFit:
 
     @cython.cfunc
     def _explain(self, parameters: cython.double[::1], derive: cython.bint) -> cython.double:
-        """What contacts and affine motion leave of the pins' motion, and its rows; the squared error."""
+        """The pins' motion that contacts and affine motion leave, and its rows; the squared error."""
         base = _OWN * self._m
         cost: cython.double = 0.0
         rows: cython.double[:, ::1] = self._rows

@@ -1,4 +1,4 @@
-"""What fits of contacts decide in a frame: one long contact or two, the direction of a long one, and what
+"""Decides by fits of contacts in a frame: one long contact or two, the direction of a long one, and what
 each of several contacts does alone.
 
     regions --one, long, or of two peaks--> line or two points? --two--> two points or a line?
@@ -46,7 +46,7 @@ class Fits(IntEnum):
 
 
 class FrameRegions(Protocol):
-    """What a fit reads and changes of `edge.features.contacts.Regions`, which says what each is."""
+    """The part of `edge.features.contacts.Regions` that a fit reads and changes."""
 
     n_contacts: int
     middle: Array
@@ -60,7 +60,7 @@ class FrameRegions(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class _Decision:
-    """What was decided on the motion that the fit has marked.
+    """The decision on the motion that the fit has marked.
 
     overruled    the regions were
     alternative  pitches, the least root of the squared errors of the shapes that were decided against
@@ -283,7 +283,7 @@ class FittedContacts:
         return angle - math.pi * round(angle / math.pi)
 
     def _columns(self, n: int) -> list[Array]:
-        """What `FittedContact` has, of the n points fitted last."""
+        """The fields of `FittedContact`, of the n points fitted last."""
         return [column[:n].copy() for column in self._fitted]
 
     def _limit(self, error: float) -> float:

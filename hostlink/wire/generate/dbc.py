@@ -256,7 +256,7 @@ def _message(
 
 
 def _service_messages(sender: Sender) -> list[Message]:
-    """What a node sends on either bus."""
+    """The messages that a node sends on either bus."""
     ids, period = CanIds(), object_named("heartbeat_ms").default
     assert isinstance(period, int)  # the table has a number there
     heartbeat = [_whole("nmt_state", 0, 7, "CiA 301 NMT state", choices=_NMT)]
