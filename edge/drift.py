@@ -56,11 +56,7 @@ class Drift:
         return replace(tracks, xy_img=tracks.xy_img - self._offset)
 
     def learn(self, tracks: Tracks, capture_ns: int, quiet: bool) -> None:
-        """Learn from one frame, if it is suitable.
-
-        tracks  as seen, not corrected
-        quiet   untouched, no gap since the frame before, and no fault is present
-        """
+        """Learn from one frame, as seen, if it is quiet: untouched, without a gap before it or a fault."""
         p = self._params
         if p.limit_px == 0.0:
             return

@@ -109,11 +109,7 @@ def _check_size(table: dict[str, Any]) -> None:
 
 
 def read_toml_as(path: Path, kind: type[T], **added: object) -> tuple[dict[str, Any], T]:
-    """A TOML file's table, and the same decoded as a type.
-
-    added   keys that follow from the file's name
-    Raises  BadContent: it cannot be read, or what is wrong in it
-    """
+    """A TOML file's table with keys from its name, `added`, and the same as a type. Raises BadContent."""
     try:
         table = read_toml(path)
         for name in added.keys() & table.keys():

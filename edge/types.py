@@ -101,12 +101,9 @@ class Lens(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Region:
-    """The part of a source's images that shows the skin: `edge.sources.region`.
+    """The part of a source's images that shows the skin: `edge.sources.region`."""
 
-    nearest_px  (h, w, 2) x, y of the pixel of the skin that is nearest to each: its own on the skin
-    """
-
-    nearest_px: NDArray[np.int16]
+    nearest_px: NDArray[np.int16]  # (h, w, 2) x, y of the pixel of the skin that is nearest to each
 
 
 @per_frame
@@ -218,14 +215,10 @@ class PinPattern:
 
 @dataclass(frozen=True, slots=True)
 class Rest:
-    """The untouched tip: the frame of reference of everything after it.
+    """The untouched tip: the frame of reference of everything after it."""
 
-    pins     row i defines pin i
-    pattern  their appearance
-    """
-
-    pins: Pins
-    pattern: PinPattern
+    pins: Pins  # row i defines pin i
+    pattern: PinPattern  # their appearance
 
     @property
     def xy_img(self) -> Array:

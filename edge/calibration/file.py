@@ -152,10 +152,7 @@ Model = Curve | Polynomial | Process
 
 
 class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """The tip and camera that the file belongs to.
-
-    lens  whose distortion is removed from places, centre, radius and pitch here; None: none
-    """
+    """The tip and camera that the file belongs to."""
 
     serial: Name
     size_px: tuple[ImageSide, ImageSide]
@@ -169,7 +166,7 @@ class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
     rest_xy_px: Annotated[
         list[tuple[Pixels, Pixels]], msgspec.Meta(min_length=limits.PINS_MIN, max_length=limits.PINS_MAX)
     ]
-    lens: Lens | None = None
+    lens: Lens | None = None  # whose distortion is removed from places, centre, radius and pitch here
 
 
 class Data(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

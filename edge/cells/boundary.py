@@ -81,10 +81,7 @@ def make_boundary(xy: Array, pitch_px: float) -> tuple[Array, Index]:
 
 
 def _ways_of_the_ball(xy: Array, ball: float) -> tuple[Index, Array, Array]:
-    """Arcs of the ball's centre while it touches one pin: (a,) pin, start rad, length rad.
-
-    They are what no interval middle +- half covers, in which the ball would touch another pin.
-    """
+    """Arcs of the ball's centre while it touches one pin alone: (a,) pin, start rad, length rad."""
     pairs = pairs_within(xy, 2 * ball)
     pin, other = np.concatenate([pairs, pairs[:, ::-1]]).T
     to_other = xy[other] - xy[pin]

@@ -77,11 +77,7 @@ class Summary:
             self._displacement_mm = state.displacement_mm
 
     def report(self) -> dict[str, Any]:
-        """Numbers over all frames. Shear is the pins' mean motion, px; its angle from x right to y down.
-
-        shear_mean_px, shear_mean_deg    mean over the frames, and its direction
-        shear_peak_px, shear_peak_deg    in the frame with the largest
-        """
+        """Numbers over all frames. Shear is the pins' mean motion, px; its angle from x right to y down."""
         if not self._held:
             return {"pins_held_median": 0}
         table: dict[str, Any] = {

@@ -77,11 +77,7 @@ _DARK_OR_BRIGHT = {F.IMAGE_DARK, F.IMAGE_BRIGHT}
 
 
 class FaultDetector:
-    """Checks one finger's frames and their results, and reports to the registry.
-
-    load_pitches    motion of a pin beyond which it counts as overloaded
-    without_values  images that gave none, by the name of the fault that explains it
-    """
+    """Checks one finger's frames and their results, and reports to the registry."""
 
     def __init__(
         self,
@@ -94,7 +90,7 @@ class FaultDetector:
         self._live = source if isinstance(source, ThreadedSource) else None
         self._load_pitches = load_pitches
         self._facts = Facts()
-        self.without_values: Counter[str] = Counter()
+        self.without_values: Counter[str] = Counter()  # images that gave none, by the fault that explains it
         self._gap_ns = stalled_after_s(None) * 1e9  # no camera's is shorter
         self._calibrated = False
         self._verdict = Judge(fault_checks(), registry)
@@ -172,10 +168,7 @@ class FaultDetector:
             self.gaps_n += frame.sequence - before.sequence - 1
 
     def judge(self, frame: Frame, result: Result, drifted_share: float) -> Result:
-        """Judge a frame that was computed; returns of its result all, the tracks, or not even identities.
-
-        drifted_share  of the pins whose learnt drift is at its limit
-        """
+        """Judge a frame that was computed; returns of its result all, the tracks, or not even identities."""
         facts, pins = self._facts, self._pins
         assert pins is not None
         facts.why_missing = pins.problem(result.tracks, result.features)
@@ -224,10 +217,7 @@ class FaultDetector:
         self._verdict(facts)
 
     def slow(self, begun_ns: int | None) -> None:
-        """Whether the current frame takes long, and the brightness of the next one. For another thread.
-
-        begun_ns  when work on it began, our clock; None: there is none, or it need not be timed
-        """
+        """Whether the frame begun then takes long, and how bright the next one is. For another thread."""
         if begun_ns is not None and self._clock_ns() - begun_ns >= RUNTIME.wait_s * 1e9:
             self._registry.report(F.TRACKER_LOST, True, "the pins are being searched for")
             waiting = self._live.peek() if self._live is not None else None

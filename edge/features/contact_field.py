@@ -190,10 +190,7 @@ class ContactField:
             blend[p] = self._divergence_rel * divergence[p] + self._heights_rel * heights[p]
 
     def find_curl(self, which: Index, n: cython.Py_ssize_t) -> None:
-        """The first n of `curl`: the motion's rotation per length at the first n of these points.
-
-        which    (n or more,) int32, of the k points
-        """
+        """The first n of `curl`: the motion's rotation per length at the first n of these points, int32."""
         # The rows make, of motion (u, v), du/dx + dv/dy; with (v, -u) they make dv/dx - du/dy.
         u: cython.float
         motion: cython.float[::1] = self._detrended
@@ -311,10 +308,7 @@ class PeakFinder:
         self._around = np.array([-w - 1, -w, -w + 1, -1, 1, w - 1, w, w + 1], np.int32)
 
     def set_field(self, field: Heights, active: Index, n_active: cython.Py_ssize_t) -> None:
-        """The field (k,) float32 at the points, row by row.
-
-        active   (n_active or more,) int32, points, ascending; elsewhere the field is zero
-        """
+        """The field (k,) float32 at the points; it is zero but at the first n_active of these, ascending."""
         place: cython.int[::1] = self.place
         grid: cython.float[::1] = self.grid
         mine: cython.int[::1] = self.active

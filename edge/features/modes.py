@@ -58,10 +58,7 @@ def mode_basis(rest: Rest) -> Complex:
 
 
 class Modes:
-    """Fits the modes of one tip by least squares.
-
-    of_all  (21, n) coefficients from the motion of all pins, which `ModeProduct` takes
-    """
+    """Fits the modes of one tip by least squares; of_all (21, n), from the motion of all its pins."""
 
     def __init__(self, rest: Rest) -> None:
         self._basis = mode_basis(rest)

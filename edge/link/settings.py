@@ -39,11 +39,7 @@ class NodeSettings:
 
 
 class SettingsFile:
-    """Loads and stores the settings.
-
-    path       None: in memory only
-    is_stored  whether values survive a restart: there is a file for them
-    """
+    """Loads and stores the settings; path None: in memory only."""
 
     def __init__(self, path: Path | None = None, defaults: NodeSettings | None = None) -> None:
         self._path, self.is_stored = path, path is not None

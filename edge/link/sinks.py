@@ -65,11 +65,7 @@ class MemorySink:
 
 
 class CanSink(LinkSink):
-    """A node on a CAN bus. Items and incoming messages are `CanFrame`.
-
-    node  CANopen node number, 1..127
-    ids   bases of the identifiers
-    """
+    """A node, 1..127, on a CAN bus. Items and incoming messages are `CanFrame`."""
 
     bitrate, dbitrate = BITRATE, DBITRATE  # of the bus, where the address names them
 

@@ -31,11 +31,7 @@ PARAMS = RecordingParams()
 
 
 class McapWriter:
-    """One open file; used by one thread.
-
-    written_n  messages by topic, in chunks that are closed or open
-    Raises     SinkError: the file exists and `overwrite` is not set, or it cannot be created
-    """
+    """One open file; used by one thread. Raises SinkError: it exists already, or cannot be created."""
 
     def __init__(
         self, path: Path, compression: Compression, metadata: Mapping[str, str], overwrite: bool
@@ -45,7 +41,7 @@ class McapWriter:
         except ImportError as error:
             raise SinkError(f"recording: {error}; install voronoi-touch[edge]") from error
         proto("RawImage")
-        self.written_n: Counter[str] = Counter()
+        self.written_n: Counter[str] = Counter()  # messages by topic, in chunks that are closed or open
         try:
             self._file: Any = path.open("wb" if overwrite else "xb")
         except FileExistsError as error:

@@ -141,11 +141,7 @@ def _points(xy_img: Array) -> NDArray[np.uint8]:
 
 
 def _doubles(values: Array, field: int) -> NDArray[np.uint8]:
-    """Messages of doubles, numbered from 1, as a field: one a row.
-
-    values   (n, k), k < 14
-    Returns  (n, 2 + 9 k) bytes
-    """
+    """(n, 2 + 9 k) bytes of messages of k < 14 doubles (n, k), numbered from 1, as a field: one a row."""
     n, k = values.shape
     rows = np.empty((n, 2 + 9 * k), np.uint8)
     rows[:, 0], rows[:, 1] = field, 9 * k

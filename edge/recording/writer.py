@@ -160,10 +160,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         self._put(frame, parts, n_bytes)
 
     def sample(self, frame: Frame, finger: int, state: Callable[[], State]) -> bool:
-        """Record the sample sent to the bus: its values, and its contacts as a scene.
-
-        state  gives it as the host receives it; called in the recorder's thread
-        """
+        """Record the sample as the host receives it, which `state` gives in the thread; and its scene."""
         log_ns = self._clock.of(frame)
 
         def scene() -> bytes:

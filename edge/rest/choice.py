@@ -150,11 +150,7 @@ def _cells(images: Sequence[Image], rest: Rest) -> tuple[Array, Array, Array]:
 
 
 def aligned(calibration: Calibration, rest: Rest) -> Rest:
-    """The calibration's rest pins where this camera would see them; row i is pin i of the calibration.
-
-    rest    of an image that may show a touch
-    Raises  CalibrationError: another image size, another tip
-    """
+    """A calibration's rest pins, in its order, where this camera would see them. Raises CalibrationError."""
     made_with = calibration.rest
     matched, tracks = match_rest(made_with, rest)
     z, w = made_with.xy_img @ (1, 1j), tracks.xy_img @ (1, 1j)

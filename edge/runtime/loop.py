@@ -54,10 +54,7 @@ ResultCallback = Callable[[Result, State], None]
 
 
 class Loop:
-    """One finger: a source's frames, measured as the configuration says, to the sinks.
-
-    None  no calibration; a new registry; a board that is not monitored; no service manager
-    """
+    """One finger: frames of a source, measured as the configuration says, go to sinks; None: without it."""
 
     def __init__(
         self,

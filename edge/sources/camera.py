@@ -116,10 +116,7 @@ class CameraSource(ThreadedSource):
         return self._long_n > 2
 
     def _steps(self, step_ns: int, period_ns: float) -> int:
-        """Frames from the last one to this: more than one if some were lost.
-
-        A camera that exposes longer in poor light gives fewer images and loses none.
-        """
+        """Frames from the last one to this: more than one if some were lost, one if poor light slows them."""
         was_slow, before_ns, self._step_ns = self._slow, self._step_ns, step_ns
         self._long_n = self._long_n + 1 if step_ns * PARAMS.slow_rel > period_ns else 0
         if self._slow:

@@ -134,11 +134,7 @@ class FileSource(FrameSource, ABC):
 
 
 class FolderSource(FileSource):
-    """A folder of images in natural order, or one image.
-
-    rate_hz  nominal rate of the stills
-    Raises   SourceError: does not exist, empty, the first file is not an image
-    """
+    """A folder of images in natural order, or one image. Raises SourceError: none to begin with."""
 
     def __init__(self, path: str | Path, rate_hz: float = 0.0) -> None:
         super().__init__("images", path)

@@ -134,11 +134,7 @@ class FittedContacts:
         return self._divide(xy, seen, (x, y, half_x, half_y), is_line=long_px >= self._close_px)
 
     def split_round(self, xy: Array, seen: Mask, ridge: Array) -> None:
-        """Split a single round region that is two contacts.
-
-        xy, seen  as of `fit`
-        ridge     (m, 2) px, its peaks: two may be two contacts, one none, many a flat one
-        """
+        """Split a single round region that is two contacts; ridge (m, 2) px: only two peaks may be two."""
         if len(ridge) != 2:
             return
         (x0, y0), (x1, y1) = ridge.tolist()
