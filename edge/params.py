@@ -26,27 +26,37 @@ class RuntimeParams:
 
     @property
     def check_s(self) -> float:
-        """Between checks of what changes slowly, and samples without images: stalls are announced in time."""
+        """Between checks of what changes slowly, and between samples without images: what has stalled for as
+        long as counts is then announced in time.
+        """
         return self.announced_s - self.stall_s
 
     @property
     def wait_s(self) -> float:
-        """A thread looks so often for something else to do: it has to see a stall, and to announce it."""
+        """Longest time in which a thread looks whether there is something else to do: half of what a stall
+        leaves to see it, half to announce it.
+        """
         return 0.5 * self.check_s
 
     @property
     def close_s(self) -> float:
-        """For a thread or driver to return: board, a link's queue, its threads, camera have `patience_s`."""
+        """How long a thread or driver that does not return is waited for: the board's checks, a link's queue,
+        its threads and the camera, together for `patience_s`.
+        """
         return 0.25 * self.patience_s
 
     @property
     def most_rel(self) -> float:
-        """Nearly all pins, where two frames or tips are compared: in each some are astray."""
+        """Share of the pins, or more: nearly all, where two frames or tips are compared. In each of the two,
+        some are beyond a limit for reasons of their own.
+        """
         return 1.0 - 2.0 * self.astray_rel
 
     @property
     def sample_n(self) -> int:
-        """One of so many may be astray: of rows, columns, windows, a window's levels, camera periods."""
+        """Number of which one may be beyond a limit for reasons of its own: of an image's rows and columns,
+        of windows in it, of a window's levels to one that is noise or glare at each end, of camera periods.
+        """
         return round(1.0 / self.astray_rel)
 
     @property

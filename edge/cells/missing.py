@@ -39,7 +39,7 @@ class LostPins:
         return precision(self._rest_img, self._pitch_px, PREDICTING)
 
     def update(self, seen: Mask) -> None:
-        """Prepare for the pins that are not seen. Raises DegenerateLayout: fewer than 3 are, or a line."""
+        """Prepare for the pins that are not seen. Raises DegenerateLayout: the others span no plane."""
         key = seen.tobytes()
         if key == self._seen:
             return

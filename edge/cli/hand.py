@@ -78,7 +78,11 @@ def _cameras(configs: Sequence[Path]) -> tuple[str, list[OakCamera]]:
 
 
 def hand_on(module: OakModule, opened: Opened | None, outboxes: Sequence[Outbox]) -> Opened | None:
-    """Hand lens and frames to each finger for a moment; a lost module is None, and opened when it is back."""
+    """Hand on what comes within a moment: to each finger the lens and frame of its camera.
+
+    opened   None: the module was lost, and is opened if it is back
+    Returns  the same for the next time
+    """
     try:
         opened = opened or module.open()
     except (SourceError, RuntimeError):  # still away, or booting

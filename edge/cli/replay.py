@@ -116,7 +116,10 @@ def _print_samples(loop: Loop) -> list[OSError]:
 
 
 def _lost_to_tare(loop: Loop, skipped_n: int | None, tare_n: int) -> str:
-    """Message on images that passed while the rest frame was taken, None: all; "": none did, or a stop."""
+    """Message on the images that passed while the rest frame was taken; "": none did, or it was stopped.
+
+    skipped_n  images before the first result; None: there was no result
+    """
     paced = loop.source if isinstance(loop.source, ThreadedSource) else None
     if skipped_n == 0 or not loop.frames_n or (paced and not paced.ended):
         return ""

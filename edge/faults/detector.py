@@ -168,7 +168,7 @@ class FaultDetector:
             self.gaps_n += frame.sequence - before.sequence - 1
 
     def judge(self, frame: Frame, result: Result, drifted_share: float) -> Result:
-        """Judge a frame that was computed; returns of its result all, the tracks, or not even identities."""
+        """Judge a computed frame; returns what may be sent of it: all, the tracks, or not even identities."""
         facts, pins = self._facts, self._pins
         assert pins is not None
         facts.why_missing = pins.problem(result.tracks, result.features)
@@ -217,7 +217,7 @@ class FaultDetector:
         self._verdict(facts)
 
     def slow(self, begun_ns: int | None) -> None:
-        """Whether the frame begun then takes long, and how bright the next one is. For another thread."""
+        """Whether the frame begun at begun_ns takes long; how bright the next one is. For another thread."""
         if begun_ns is not None and self._clock_ns() - begun_ns >= RUNTIME.wait_s * 1e9:
             self._registry.report(F.TRACKER_LOST, True, "the pins are being searched for")
             waiting = self._live.peek() if self._live is not None else None

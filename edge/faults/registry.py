@@ -38,7 +38,10 @@ class FaultRegistry:
         self.changes_n = 0
 
     def report(self, code: FaultCode, active: bool, message: str | Callable[[], str] = "") -> None:
-        """Report whether a fault holds now; repeating it changes nothing. A reason is made if it appears."""
+        """Report whether a fault holds now; repeating it changes nothing.
+
+        message  the reason, or a function that gives it, called only when the fault appears
+        """
         if active == (code in self._active):  # without the lock: this is called a dozen times a frame
             return
         with self._lock:

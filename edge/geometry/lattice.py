@@ -166,7 +166,7 @@ class Lattice:
 
 
 def _edges(xy: Array, longest: float) -> Index:
-    """(e, 2) Delaunay edges and the hull's sides, each once, none longer. Raises DegenerateLayout: a line."""
+    """(e, 2) Delaunay edges and hull's sides, each once, none longer. Raises DegenerateLayout: on a line."""
     if not spans(xy):
         raise DegenerateLayout("all pins of the rest frame lie on one line")
     corner = np.floor(xy.min(axis=0))

@@ -175,7 +175,10 @@ def fills_gap(spots: Spots, pins: Spots, trend: Trend) -> Mask:
 
 
 def unevenness(spots: Spots, trend: Trend) -> float:
-    """How much neighbours differ: log scatter of size, depth and nearest distance, weighted by known tips."""
+    """How much neighbours differ: log scatter of size, of depth and of the nearest distance.
+
+    The weights separate the known tips best from textures.
+    """
     distance, near = nearest_of(spots.xy_img, spots.xy_img, N_RING + 1)
     radius, depth, spacing = trend.at(spots.xy_img)
     values = (spots.radius_px / radius, spots.depth / depth, distance[:, 1] / spacing)

@@ -56,7 +56,7 @@ def take_rest(images: Sequence[Image], polarity: Polarity = Polarity.FOUND, lens
 
 
 def _at_rest(greys: list[Image], polarity: Polarity) -> tuple[bool, list[Image], Rest] | None:
-    """Whether its pins are dark, its images with bright pins, and those of their mean; None: it moves."""
+    """A still tip: whether its pins are dark, images with bright ones, pins of their mean; None: it moves."""
     try:
         pattern, pins = learn(_mean(greys), polarity)
     except NoPins:

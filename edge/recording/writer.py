@@ -160,7 +160,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         self._put(frame, parts, n_bytes)
 
     def sample(self, frame: Frame, finger: int, state: Callable[[], State]) -> bool:
-        """Record the sample as the host receives it, which `state` gives in the thread; and its scene."""
+        """Record a sample, which `state` gives in the recorder's thread: its values, and a scene of it."""
         log_ns = self._clock.of(frame)
 
         def scene() -> bytes:

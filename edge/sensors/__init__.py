@@ -85,7 +85,7 @@ def known_sensors() -> list[KnownSensor]:
 
 
 def load_sensor(name: str) -> KnownSensor:
-    """A sensor by its name, or by the path of a file (*.toml). Raises ConfigError: none such, or why not."""
+    """A sensor by its name or its file's path (*.toml). Raises ConfigError: none such, or a fault in it."""
     path = Path(name) if name.endswith(".toml") else _FOLDER / f"{name}.toml"
     if not name.endswith(".toml") and name not in sensor_names():
         known = ", ".join(sensor_names())

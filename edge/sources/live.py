@@ -39,7 +39,9 @@ PARAMS = LiveParams()
 
 
 def stalled_after_s(rate_hz: float | None) -> float:
-    """Time without a frame after which a camera has stalled: two periods of one nearly too slow, or more."""
+    """Time without a frame after which a camera of this rate, if it is known, has stalled: two periods of
+    the slowest one that does not count as slow, or `stall_s` if that is longer.
+    """
     return max(RUNTIME.stall_s, 2.0 / (PARAMS.slow_rel * rate_hz) if rate_hz else 0.0)
 
 
@@ -195,7 +197,7 @@ class ThreadedSource(FrameSource, ABC):
             self._changed.notify_all()
 
     def measure_rate(self, least_hz: float, patience_s: float) -> float:
-        """Frames a second, which are discarded; 0: unknown. Raises SourceError: none came, or too few."""
+        """Measure the frames a second, and discard them; 0: unknown. Raises SourceError: none, or too few."""
         self.start()
         with self._changed:
             # Counted where frames arrive: a late reader must not make the camera look slow.

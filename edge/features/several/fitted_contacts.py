@@ -226,7 +226,7 @@ class FittedContacts:
         return self._line_direction()
 
     def _take_pins(self, xy: Array, seen: Mask, places: Array) -> bool:
-        """The motion of the pins chosen last, or of others where contacts moved; whether it is enough."""
+        """Take the motion of the pins chosen last, or of others if contacts moved; whether it is enough."""
         self._moved = self._fit.again(xy, seen, places)
         if math.isfinite(self._moved):
             return bool(self._fit.n_pins >= _PINS_MIN)
