@@ -28,7 +28,7 @@ from edge.limits import PINS_MAX
 from edge.pins.params import PARAMS
 from edge.types import Array, Image, Mask, Pins
 
-#: One a pixel round the smallest pin in the reduced image.
+#: There is one for each pixel round the smallest pin in the reduced image.
 RAYS = round(math.tau * PARAMS.reduced_radius_px)
 # Distances along a ray, in radii.
 STEPS = PARAMS.ray_step_radii * np.arange(PARAMS.ray_steps_n)

@@ -39,7 +39,7 @@ class CentroidRefiner:
                 "share_min": PARAMS.pin_share_min,
                 "reach_px": PARAMS.own_pitches * pattern.pitch_px,
                 "noise": pattern.noise,
-                # So few that one bit is left above the pins' brightness: the light may double.
+                # One bit is left above the pins' brightness, since the light may double.
                 "spare_bits": max(0.0, np.ceil(np.log2(pattern.brightness / STEP_MAX)) + 1.0),
             },
             pattern.dark,
