@@ -44,9 +44,10 @@ class Grip:
     def update(
         self, values: Mapping[str, float], sigmas: Mapping[str, float], area_mm2: float | None
     ) -> dict[str, float]:
-        """`friction` and `slip_margin` of a frame in contact, by its forces; empty if these are not known.
+        """`friction` and `slip_margin` of a frame in contact; empty if the forces are not known.
 
-        area_mm2  of the contact; None: not known, the torque is then left out
+        values, sigmas  of the frame: force_n, force_x_n, force_y_n, and torque_z_nmm if it is calibrated
+        area_mm2        of the contact; None: not known, the torque is then left out
         """
         if not values.keys() >= OF_GRIP:
             return {}
