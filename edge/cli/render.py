@@ -126,7 +126,9 @@ def render_recording(
         n_pins = len(rest_frame)
         lost = Tracks.of(np.full((n_pins, 2), np.nan), np.full(n_pins, np.nan), np.zeros(n_pins, np.bool_), 0)
         rate_hz = rate_hz or source.rate_hz or 30.0
-        total_n = source.frames_n if isinstance(source, FileSource) else 0
+        total_n = 0
+        if isinstance(source, FileSource):
+            total_n, source.keeps_colour = source.frames_n, True
         with counting(out.name, total_n, progress) as count:
 
             def pictures() -> Iterator[NDArray[np.uint8]]:

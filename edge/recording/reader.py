@@ -102,7 +102,7 @@ class RecordingSource(FileSource):
                 elif raw.topic == TOPICS["truth"].name:
                     truth, truth_ns = msgspec.json.decode(raw.data, type=_Truth).truth, raw.log_ns
                 elif self._is_image(raw):
-                    image = decode_image(raw, self.size_px)
+                    image, colour = decode_image(raw, self.size_px, self.keeps_colour)
                     self._topic = raw.topic
                     if about_ns != raw.log_ns:  # another tool's file
                         about = _About(raw.sequence or n, raw.log_ns)
@@ -110,7 +110,7 @@ class RecordingSource(FileSource):
                     if bits > bits_max or about.capture_ns > _TIME_MAX_NS:
                         raise ValueError(f"{bits} bits of {bits_max}, at {about.capture_ns} ns")
                     known = truth if truth_ns == raw.log_ns else None
-                    yield Frame(image, about.capture_ns, about.sequence, Clock.RECORDED, bits, known)
+                    yield Frame(image, about.capture_ns, about.sequence, Clock.RECORDED, bits, known, colour)
                     n += 1
             except OtherSize:
                 faults["other image size"] += 1

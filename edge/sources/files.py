@@ -23,7 +23,7 @@ from edge.sources.image_header import check_size, is_cut_off
 from edge.sources.live import PARAMS as LIVE
 from edge.sources.live import rate_of
 from edge.sources.options import NoKeys, Options
-from edge.sources.pixels import decode_picture, to_grey
+from edge.sources.pixels import decode_colour, decode_picture, to_grey
 from edge.types import Clock, Frame, FrameSource, Image
 from hostlink.input_file import read_bounded
 
@@ -100,10 +100,12 @@ def growing(frames: Iterable[Frame], rate_hz: float) -> Iterator[Frame]:
 class FileSource(FrameSource, ABC):
     """What all recordings have in common. Each iteration starts from the beginning.
 
-    faults  how often each kind of damage was met, in the last reading
+    faults        how often each kind of damage was met, in the last reading
+    keeps_colour  frames have their colour too
     """
 
     live = False
+    keeps_colour = False
 
     def __init__(self, kind: str, path: str | Path) -> None:
         self.path = Path(path)
@@ -183,7 +185,8 @@ class FolderSource(FileSource):
                     f"{self.size_px[0]}x{self.size_px[1]}; keep one size in a folder"
                 )
             capture_ns = round(n * 1e9 / self.rate_hz)
-            yield Frame(image, capture_ns, n, Clock.RECORDED, self._bits_of(image))
+            colour = decode_colour(read_bounded(path)) if self.keeps_colour else None
+            yield Frame(image, capture_ns, n, Clock.RECORDED, self._bits_of(image), colour=colour)
 
 
 class VideoSource(FileSource):
@@ -260,7 +263,8 @@ class VideoSource(FileSource):
                 own_ms = float(capture.get(cv2.CAP_PROP_POS_MSEC))
                 capture_ns = round(own_ms * 1e6 if self._own_times else n * 1e9 / self.rate_hz)
                 grey = to_grey(image)
-                yield Frame(grey, capture_ns, n, Clock.RECORDED, self._bits_of(grey))
+                colour = image if self.keeps_colour and image.ndim == 3 else None
+                yield Frame(grey, capture_ns, n, Clock.RECORDED, self._bits_of(grey), colour=colour)
                 n += 1
         finally:
             capture.release()

@@ -53,6 +53,13 @@ def decode_picture(data: Pixels | bytes, check: Callable[[int, int], None] = che
     return to_grey(image)
 
 
+def decode_colour(data: Pixels | bytes) -> Image | None:
+    """A picture that `decode_picture` has taken, in BGR; None: it has no colour."""
+    flags = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
+    image = np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), flags))
+    return image if image.ndim == 3 else None
+
+
 class Layout(NamedTuple):
     """How rows of bytes become pixels.
 
@@ -60,17 +67,20 @@ class Layout(NamedTuple):
     pixel_bytes  of a pixel in its row, on average
     to_grey      of (h, bytes of a row) uint8
     planes       rows of all planes to one of the first, which has the luma
+    to_bgr       as `to_grey`; None: it has no colour, or keeps it in other planes
     """
 
     bits: int
     pixel_bytes: float
     to_grey: Callable[[Pixels], Any]
     planes: float = 1.0
+    to_bgr: Callable[[Pixels], Any] | None = None
 
 
-def _colour(dtype: str, values_n: int, code: int, rows: Pixels) -> Any:
+def _colour(dtype: str, values_n: int, code: int | None, rows: Pixels) -> Any:
     pixels = rows.view(dtype)
-    return cv2.cvtColor(pixels.reshape(len(rows), -1, values_n) if values_n > 1 else pixels, code)
+    pixels = pixels.reshape(len(rows), -1, values_n) if values_n > 1 else pixels
+    return pixels if code is None else cv2.cvtColor(pixels, code)
 
 
 def _deep(rows: Pixels) -> Pixels:
@@ -94,32 +104,41 @@ for _names, _layout in {
     "Y12": Layout(12, 2, _deep),
     "Y10P": Layout(10, 1.25, partial(_packed, 10)),
     "Y12P": Layout(12, 1.5, partial(_packed, 12)),
-    "yuyv yuv422_yuy2 YUYV": Layout(8, 2, lambda rows: rows[:, ::2]),
-    "uyvy yuv422 UYVY": Layout(8, 2, lambda rows: rows[:, 1::2]),
+    "yuyv yuv422_yuy2 YUYV": Layout(
+        8, 2, lambda rows: rows[:, ::2], to_bgr=partial(_colour, "u1", 2, cv2.COLOR_YUV2BGR_YUYV)
+    ),
+    "uyvy yuv422 UYVY": Layout(
+        8, 2, lambda rows: rows[:, 1::2], to_bgr=partial(_colour, "u1", 2, cv2.COLOR_YUV2BGR_UYVY)
+    ),
     "nv12 nv21 NV12 NV21 YU12 YV12": Layout(8, 1, lambda rows: rows, 1.5),
     "nv24": Layout(8, 1, lambda rows: rows, 3),
 }.items():
     LAYOUTS |= dict.fromkeys(_names.split(), _layout)
-for _names, _n, _code in (
-    ("rgb8 RGB3", 3, cv2.COLOR_RGB2GRAY),
-    ("bgr8 8UC3 BGR3", 3, cv2.COLOR_BGR2GRAY),
-    ("rgba8", 4, cv2.COLOR_RGBA2GRAY),
-    ("bgra8 8UC4", 4, cv2.COLOR_BGRA2GRAY),
-    ("bayer_rggb8 RGGB", 1, cv2.COLOR_BayerRGGB2GRAY),
-    ("bayer_bggr8", 1, cv2.COLOR_BayerBGGR2GRAY),
-    ("bayer_gbrg8 GBRG", 1, cv2.COLOR_BayerGBRG2GRAY),
-    ("bayer_grbg8 GRBG", 1, cv2.COLOR_BayerGRBG2GRAY),
+for _names, _n, _kind in (
+    ("rgb8 RGB3", 3, "RGB"),
+    ("bgr8 8UC3 BGR3", 3, "BGR"),
+    ("rgba8", 4, "RGBA"),
+    ("bgra8 8UC4", 4, "BGRA"),
+    ("bayer_rggb8 RGGB", 1, "BayerRGGB"),
+    ("bayer_bggr8", 1, "BayerBGGR"),
+    ("bayer_gbrg8 GBRG", 1, "BayerGBRG"),
+    ("bayer_grbg8 GRBG", 1, "BayerGRBG"),
 ):
     for _dtype, _bits in (("<u2", 16), ("u1", 8)):
-        _layout = Layout(_bits, _n * _bits / 8, partial(_colour, _dtype, _n, _code))
+        _to_grey, _to_bgr = (
+            partial(_colour, _dtype, _n, getattr(cv2, f"COLOR_{_kind}2{_to}", None))  # None: is so already
+            for _to in ("GRAY", "BGR")
+        )
+        _layout = Layout(_bits, _n * _bits / 8, _to_grey, to_bgr=_to_bgr)
         LAYOUTS |= dict.fromkeys(_names.replace("8", str(_bits)).split(), _layout)
 LAYOUTS["BA81"] = LAYOUTS["bayer_bggr8"]
 
 
 def unpack(
-    layout: Layout, data: Pixels | bytes, size_px: tuple[int, int], step: int = 0, big_endian: bool = False
-) -> Image:
-    """Grey image of raw pixels.
+    layout: Layout, data: Pixels | bytes, size_px: tuple[int, int], step: int = 0, big_endian: bool = False,
+    convert: Callable[[Pixels], Any] | None = None,
+) -> Image:  # fmt: skip
+    """Grey image of raw pixels, or what `convert` of the layout makes of them.
 
     step    bytes from row to row; 0: found from the length of the data
     Raises  ValueError: too few bytes
@@ -135,4 +154,4 @@ def unpack(
     rows = np.ascontiguousarray(raw[: step * height].reshape(height, step)[:, :row_bytes])
     if big_endian and layout.bits > 8:
         rows = rows.view(np.uint16).byteswap().view(np.uint8)
-    return np.ascontiguousarray(layout.to_grey(rows)[:, :width])
+    return np.ascontiguousarray((convert or layout.to_grey)(rows)[:, :width])
