@@ -170,21 +170,21 @@ def _rest_frame(source: FrameSource, how: str | None, calibration: Calibration |
 
 
 def caption(result: Result) -> str:
-    """The calibrated values of a frame in a line, some with their errors; empty without any."""
+    """The calibrated values of a frame in two lines, some with their errors; empty without any."""
     values, sigmas = result.reading.values, result.reading.sigmas
     shear_mm = hypot(values.get("shear_x_mm", nan), values.get("shear_y_mm", nan))
     tangential_n = hypot(values.get("force_x_n", nan), values.get("force_y_n", nan))
     rows = (
         ("depth", values.get("displacement_mm", nan), sigmas.get("displacement_mm", nan), "mm"),
         ("shear", shear_mm, nan, "mm"),
+        ("torsion", values.get("torsion_deg", nan), nan, "deg"),
         ("force", values.get("force_n", nan), nan, "N"),
         ("tangential", tangential_n, nan, "N"),
         ("torque", values.get("torque_z_nmm", nan), sigmas.get("torque_z_nmm", nan), "N mm"),
-        ("torsion", values.get("torsion_deg", nan), nan, "deg"),
     )
     parts = []
     for name, value, sigma, unit in rows:
         if not isnan(value):
             spread = "" if isnan(sigma) else f" +-{sigma:.2f}"
             parts.append(f"{name} {value:.2f}{spread} {unit}")
-    return "   ".join(parts)
+    return "\n".join("   ".join(parts[k : k + 3]) for k in (0, 3)).strip()

@@ -211,7 +211,9 @@ def picture(
     features: Features | None,
     caption: str = "",
 ) -> Canvas:
-    """Both panels side by side, with legend, scale bar and caption; BGR, same size for every frame."""
+    """Both panels side by side, with legend, scale bar and a caption of two lines at most; BGR, same size for
+    every frame.
+    """
     width, height = view.size
     gap, foot = max(4, height // 80), round(0.12 * height)
     canvas = np.full((height + foot, 2 * width + gap, 3), view.palette.paper, np.uint8)
@@ -221,8 +223,8 @@ def picture(
     )
     _legend(canvas[height:, :width], view)
     size = 0.17 * foot
-    for line, text in enumerate((*_about(frame, tracks, features), caption)):
-        at = (width + gap + 0.02 * width, height + (0.30 + 0.29 * line) * foot)
+    for line, text in enumerate((*_about(frame, tracks, features), *caption.splitlines())):
+        at = (width + gap + 0.02 * width, height + (0.20 + 0.24 * line) * foot)
         _text(canvas, at, text, min(size, 1.5 * width / max(1, len(text))), view.palette.ink)
     return canvas
 
