@@ -56,7 +56,7 @@ DRAWN = frozenset(Feature) - {Feature.SURFACE}
     help="safe: orange and blue, for colour-blind readers.",
 )
 @click.option("--rate", "rate_hz", type=FiniteFloat(1, 240), help="Pictures a second; else as recorded.")
-@click.option("--height", type=WholeNumber(120, 2160), default=640, show_default=True, help="Of a panel, px.")
+@click.option("--height", type=WholeNumber(120, 2160), default=640, show_default=True, help="A panel's, px.")
 @rest_option
 @overwrite_option
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
