@@ -13,8 +13,7 @@ Rules
 - `friction` is the largest load held in this touch, less its standard deviation: a lower bound, and the
   coefficient of friction itself once the contact has slid.
 - `slip_margin` is 1 - load / friction, 0 at the least: also while a load grows beyond all that was held.
-- A load within its noise has been held by no friction. Before the first one beyond it, as while the tip is
-  only pressed, neither value is known.
+- A load within its noise does not count. Before the first beyond it, as in a mere press, neither is known.
 - A contact that slides with less friction than it stuck with shows a margin; `slip_probability` shows the
   slip.
 - A new touch may be another object: it begins without knowledge.

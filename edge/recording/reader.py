@@ -10,6 +10,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Annotated, Any
 
+import cv2
 import msgspec
 
 from edge.errors import SourceError
@@ -94,7 +95,7 @@ class RecordingSource(FileSource):
         about_ns = truth_ns = -1  # log times of the data beside an image
         about, truth = _About(0, 0), None
         n = 0
-        broken = damage(TypeError, msgspec.DecodeError)
+        broken = damage(TypeError, msgspec.DecodeError, cv2.error)  # YUV of an odd width has no colour
         for raw in self._messages(faults):
             try:
                 if raw.topic == TOPICS["frame"].name:

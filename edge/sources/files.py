@@ -100,12 +100,11 @@ def growing(frames: Iterable[Frame], rate_hz: float) -> Iterator[Frame]:
 class FileSource(FrameSource, ABC):
     """What all recordings have in common. Each iteration starts from the beginning.
 
-    faults        how often each kind of damage was met, in the last reading
-    keeps_colour  frames have their colour too
+    faults  how often each kind of damage was met, in the last reading
     """
 
     live = False
-    keeps_colour = False
+    keeps_colour = False  # in `Frame.colour`
 
     def __init__(self, kind: str, path: str | Path) -> None:
         self.path = Path(path)

@@ -104,29 +104,25 @@ for _names, _layout in {
     "Y12": Layout(12, 2, _deep),
     "Y10P": Layout(10, 1.25, partial(_packed, 10)),
     "Y12P": Layout(12, 1.5, partial(_packed, 12)),
-    "yuyv yuv422_yuy2 YUYV": Layout(
-        8, 2, lambda rows: rows[:, ::2], to_bgr=partial(_colour, "u1", 2, cv2.COLOR_YUV2BGR_YUYV)
-    ),
-    "uyvy yuv422 UYVY": Layout(
-        8, 2, lambda rows: rows[:, 1::2], to_bgr=partial(_colour, "u1", 2, cv2.COLOR_YUV2BGR_UYVY)
-    ),
     "nv12 nv21 NV12 NV21 YU12 YV12": Layout(8, 1, lambda rows: rows, 1.5),
     "nv24": Layout(8, 1, lambda rows: rows, 3),
 }.items():
     LAYOUTS |= dict.fromkeys(_names.split(), _layout)
-for _names, _n, _kind in (
-    ("rgb8 RGB3", 3, "RGB"),
-    ("bgr8 8UC3 BGR3", 3, "BGR"),
-    ("rgba8", 4, "RGBA"),
-    ("bgra8 8UC4", 4, "BGRA"),
-    ("bayer_rggb8 RGGB", 1, "BayerRGGB"),
-    ("bayer_bggr8", 1, "BayerBGGR"),
-    ("bayer_gbrg8 GBRG", 1, "BayerGBRG"),
-    ("bayer_grbg8 GRBG", 1, "BayerGRBG"),
+for _names, _n, _code in (
+    ("yuyv yuv422_yuy2 YUYV", 2, "YUV2{}_YUYV"),
+    ("uyvy yuv422 UYVY", 2, "YUV2{}_UYVY"),
+    ("rgb8 RGB3", 3, "RGB2{}"),
+    ("bgr8 8UC3 BGR3", 3, "BGR2{}"),
+    ("rgba8", 4, "RGBA2{}"),
+    ("bgra8 8UC4", 4, "BGRA2{}"),
+    ("bayer_rggb8 RGGB", 1, "BayerRGGB2{}"),
+    ("bayer_bggr8", 1, "BayerBGGR2{}"),
+    ("bayer_gbrg8 GBRG", 1, "BayerGBRG2{}"),
+    ("bayer_grbg8 GRBG", 1, "BayerGRBG2{}"),
 ):
     for _dtype, _bits in (("<u2", 16), ("u1", 8)):
         _to_grey, _to_bgr = (
-            partial(_colour, _dtype, _n, getattr(cv2, f"COLOR_{_kind}2{_to}", None))  # None: is so already
+            partial(_colour, _dtype, _n, getattr(cv2, "COLOR_" + _code.format(_to), None))  # None: is so
             for _to in ("GRAY", "BGR")
         )
         _layout = Layout(_bits, _n * _bits / 8, _to_grey, to_bgr=_to_bgr)
@@ -135,10 +131,9 @@ LAYOUTS["BA81"] = LAYOUTS["bayer_bggr8"]
 
 
 def unpack(
-    layout: Layout, data: Pixels | bytes, size_px: tuple[int, int], step: int = 0, big_endian: bool = False,
-    convert: Callable[[Pixels], Any] | None = None,
-) -> Image:  # fmt: skip
-    """Grey image of raw pixels, or what `convert` of the layout makes of them.
+    layout: Layout, data: Pixels | bytes, size_px: tuple[int, int], step: int = 0, big_endian: bool = False
+) -> Image:
+    """Grey image of raw pixels.
 
     step    bytes from row to row; 0: found from the length of the data
     Raises  ValueError: too few bytes
@@ -154,4 +149,4 @@ def unpack(
     rows = np.ascontiguousarray(raw[: step * height].reshape(height, step)[:, :row_bytes])
     if big_endian and layout.bits > 8:
         rows = rows.view(np.uint16).byteswap().view(np.uint8)
-    return np.ascontiguousarray((convert or layout.to_grey)(rows)[:, :width])
+    return np.ascontiguousarray(layout.to_grey(rows)[:, :width])
