@@ -211,10 +211,8 @@ RED = np.full((H, W, 3), (0, 0, 254), np.uint8)
 #: Red as each kind of file stores it: suffix, and what is in it.
 REDS: dict[str, np.ndarray[Any, Any]] = {
     ".png": RED, ".jpg": RED, "bgr8": RED, "rgb8": RED[..., ::-1], "rgb16": RED[..., ::-1].astype("<u2"),
-    "rgba8": np.insert(RED[..., ::-1], 3, 9, axis=2),
     "yuyv": np.tile(np.array([81, 90, 81, 240], np.uint8), (H, W // 2)),
     "bayer_rggb8": np.tile(np.array([[254, 0], [0, 0]], np.uint8), (H // 2, W // 2)),
-    "bayer_bggr8": np.tile(np.array([[0, 0], [0, 254]], np.uint8), (H // 2, W // 2)),
 }  # fmt: skip
 
 
@@ -237,6 +235,5 @@ def test_colour_is_kept_where_it_is_requested(tmp_path: Path, kind: str) -> None
         source.keeps_colour = True
         kept = next(iter(source))
     assert plain.colour is None
-    assert kept.colour is not None
-    assert np.abs(kept.colour.astype(int) - RED).max() <= 2
+    assert np.abs(np.asarray(kept.colour, int) - RED).max() <= 2
     assert np.array_equal(kept.image, plain.image)
