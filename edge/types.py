@@ -115,6 +115,7 @@ class Frame:
     capture_ns  int, start of exposure on `clock`
     sequence    int, the camera's own counter: a gap is a frame that never arrived
     truth       true state from a simulator or rig (JSON-able), else None
+    colour      (h, w, 3) BGR, to be shown, from a recording in colour that is asked for it; else None
     """
 
     image: Image
@@ -123,6 +124,7 @@ class Frame:
     clock: Clock = Clock.HOST
     bits: int = 8
     truth: dict[str, Any] | None = None
+    colour: Image | None = None
 
     def within(self, region: Region | None) -> Frame:
         """The frame that shows the region alone: a pixel outside is as the nearest one inside."""

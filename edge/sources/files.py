@@ -23,7 +23,7 @@ from edge.sources.image_header import check_size, is_cut_off
 from edge.sources.live import PARAMS as LIVE
 from edge.sources.live import rate_of
 from edge.sources.options import NoKeys, Options
-from edge.sources.pixels import decode_picture, to_grey
+from edge.sources.pixels import decode_colour, decode_picture, to_grey
 from edge.types import Clock, Frame, FrameSource, Image
 from hostlink.input_file import read_bounded
 
@@ -99,6 +99,7 @@ class FileSource(FrameSource, ABC):
     """The base of all recordings. Each iteration starts from the beginning."""
 
     live = False
+    keeps_colour = False  # in `Frame.colour`
 
     def __init__(self, kind: str, path: str | Path) -> None:
         self.path = Path(path)
@@ -174,7 +175,8 @@ class FolderSource(FileSource):
                     f"{self.size_px[0]}x{self.size_px[1]}; keep one size in a folder"
                 )
             capture_ns = round(n * 1e9 / self.rate_hz)
-            yield Frame(image, capture_ns, n, Clock.RECORDED, self._bits_of(image))
+            colour = decode_colour(read_bounded(path)) if self.keeps_colour else None
+            yield Frame(image, capture_ns, n, Clock.RECORDED, self._bits_of(image), colour=colour)
 
 
 class VideoSource(FileSource):
@@ -250,7 +252,8 @@ class VideoSource(FileSource):
                 own_ms = float(capture.get(cv2.CAP_PROP_POS_MSEC))
                 capture_ns = round(own_ms * 1e6 if self._own_times else n * 1e9 / self.rate_hz)
                 grey = to_grey(image)
-                yield Frame(grey, capture_ns, n, Clock.RECORDED, self._bits_of(grey))
+                colour = image if self.keeps_colour and image.ndim == 3 else None
+                yield Frame(grey, capture_ns, n, Clock.RECORDED, self._bits_of(grey), colour=colour)
                 n += 1
         finally:
             capture.release()

@@ -127,14 +127,14 @@ def _star(canvas: Canvas, centre: Array, arm_px: float, palette: Palette) -> Non
 
 
 def draw_camera(view: View, image: Image, bits: int = 8, tracks: Tracks | None = None) -> Canvas:
-    """The camera's image in the same view, with a ring round every pin that is tracked."""
-    grey = image if image.dtype == np.uint8 else (image >> max(0, bits - 8)).astype(np.uint8)
+    """The camera's image, grey or BGR, in the same view, with a ring round every pin that is tracked."""
+    levels = image if image.dtype == np.uint8 else (image >> max(0, bits - 8)).astype(np.uint8)
     s = view.scale
     # canvas = s * image + t; pixel centres on integers in both
     t = view.canvas(np.zeros((1, 2)))[0]
     affine = np.array([[s, 0.0, t[0]], [0.0, s, t[1]]])
-    warped = cv2.warpAffine(grey, affine, view.size, flags=cv2.INTER_LINEAR, borderValue=0.0)
-    canvas = np.asarray(cv2.cvtColor(warped, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
+    warped = cv2.warpAffine(levels, affine, view.size, flags=cv2.INTER_LINEAR, borderValue=0.0)
+    canvas = np.asarray(warped if warped.ndim == 3 else cv2.cvtColor(warped, cv2.COLOR_GRAY2BGR), np.uint8)
     if tracks is not None:
         radius = round(0.009 * view.size[1] * _ONE)
         for x, y in view.fixed(tracks.xy_img[tracks.seen]).tolist():
@@ -201,16 +201,17 @@ def picture(
     features: Features | None,
     caption: str = "",
 ) -> Canvas:
-    """Both panels side by side, with legend, scale bar and caption; BGR, same size for every frame."""
+    """Both panels, with legend, scale bar and a caption of two lines; BGR, same size for every frame."""
     width, height = view.size
     gap, foot = max(4, height // 80), round(0.12 * height)
     canvas = np.full((height + foot, 2 * width + gap, 3), view.palette.paper, np.uint8)
     canvas[:height, :width] = draw_touch(view, polygons, tracks, features)
-    canvas[:height, width + gap :] = draw_camera(view, frame.image, frame.bits, tracks)
+    shown = frame.image if frame.colour is None else frame.colour
+    canvas[:height, width + gap :] = draw_camera(view, shown, frame.bits, tracks)
     _legend(canvas[height:, :width], view)
     size = 0.17 * foot
-    for line, text in enumerate((*_about(frame, tracks, features), caption)):
-        at = (width + gap + 0.02 * width, height + (0.30 + 0.29 * line) * foot)
+    for line, text in enumerate((*_about(frame, tracks, features), *caption.splitlines())):
+        at = (width + gap + 0.02 * width, height + (0.20 + 0.24 * line) * foot)
         _text(canvas, at, text, min(size, 1.5 * width / max(1, len(text))), view.palette.ink)
     return canvas
 

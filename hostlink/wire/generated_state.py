@@ -48,7 +48,7 @@ class StateFields:
     # largest tangential over normal load that this contact has held, its torque included
     friction: float = nan
     # 1 less the present tangential over normal load in units of `friction`; 0: nothing more has been
-    # held
+    # held; not known before the first tangential load of a contact
     slip_margin: float = nan
     # force over contact area [kPa]
     pressure_kpa: float = nan
