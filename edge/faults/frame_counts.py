@@ -209,8 +209,8 @@ class FocusWindows:
     corners: cython.int[:, ::1]
     image8: cython.const[cython.uchar][:, :]  # in hand, or
     image16: cython.const[cython.ushort][:, :]
-    levels: cython.int[::1]  # of a window, row by row
-    counts: cython.int[::1]
+    levels: cython.double[::1]
+    counts: cython.Py_ssize_t[::1]
 
     def __init__(self, corners: Index, side: int, tail: int) -> None:
         if corners.ndim != 2 or corners.shape[1] != 2 or not 1 < side <= IMAGE_SIDE_PX or tail < 2:
@@ -219,7 +219,8 @@ class FocusWindows:
             )
         self.corners = np.array(corners, np.int32, order="C")
         self.side, self.tail = side, tail
-        self.levels, self.counts = np.empty(side * side, np.int32), np.empty(256, np.int32)
+        self.levels = np.empty(side * side)
+        self.counts = np.empty(256, np.intp)
 
     def measure(self, image: Image, out: cython.double[:, ::1]) -> float:
         """Mean level of the windows; 0 where there is none.
@@ -249,37 +250,31 @@ class FocusWindows:
 
     @cython.cfunc
     def _measure(self, out: cython.double[:, ::1], wide: cython.bint) -> cython.double:
-        side: cython.Py_ssize_t = self.side
-        n: cython.Py_ssize_t = side * side
-        levels: cython.int[::1] = self.levels
-        sum_: cython.longlong
-        energy: cython.ulonglong
-        step: cython.uint  # its square, of 16 bits, fits 32
+        n: cython.Py_ssize_t = self.side * self.side
+        k: cython.Py_ssize_t
         total = 0.0
         for w in range(self.corners.shape[0]):
-            column, row = self.corners[w, 0], self.corners[w, 1]
-            sum_ = energy = 0
-            for y in range(side):
-                for x in range(side):
-                    levels[y * side + x] = (
-                        self.image16[row + y, column + x] if wide else self.image8[row + y, column + x]
-                    )
-                    sum_ += levels[y * side + x]
-                for x in range(1, side):
-                    step = levels[y * side + x] - levels[y * side + x - 1]
-                    energy += step * step
-                for x in range(side if y else 0):
-                    step = levels[y * side + x] - levels[(y - 1) * side + x]
-                    energy += step * step
-            out[w, 0] = cython.cast(cython.double, energy) / (side * (side - 1))
+            sum_ = 0.0
+            energy = 0.0
+            k = 0
+            for y in range(self.side):
+                for x in range(self.side):
+                    column, row = self.corners[w, 0] + x, self.corners[w, 1] + y
+                    self.levels[k] = self.image16[row, column] if wide else self.image8[row, column]
+                    dx = self.levels[k] - self.levels[k - 1] if x else 0.0
+                    dy = self.levels[k] - self.levels[k - self.side] if y else 0.0
+                    energy += dx * dx + dy * dy
+                    sum_ += self.levels[k]
+                    k += 1
+            out[w, 0] = energy / (self.side * (self.side - 1))
             out[w, 1] = self._span_wide(n) if wide else self._span(n)
-            total += cython.cast(cython.double, sum_) / n
+            total += sum_ / n
         return total / self.corners.shape[0]
 
     @cython.cfunc
     def _span_wide(self, n: cython.Py_ssize_t) -> cython.double:
-        ordered = np.sort(np.asarray(self.levels))
-        return float(ordered[n - 1 - n // self.tail] - ordered[n // self.tail])
+        low = select_kth(self.levels, n, n // self.tail)
+        return select_kth(self.levels, n, n - 1 - n // self.tail) - low
 
     @cython.cfunc
     def _span(self, n: cython.Py_ssize_t) -> cython.double:
@@ -290,7 +285,7 @@ class FocusWindows:
         for i in range(256):
             self.counts[i] = 0
         for i in range(n):
-            self.counts[self.levels[i]] += 1
+            self.counts[cython.cast(cython.Py_ssize_t, self.levels[i])] += 1
         below = self.counts[low]
         while below <= n // self.tail:
             low += 1
