@@ -165,6 +165,7 @@ def play() -> None:
     contact_inputs(features.contacts[0], features, rest.pattern)
     image, motion = frames[-1].image, result.tracks.xy_img - rest.xy_img
     frame_counts.sample_levels(image, 8, 255)
+    frame_counts.which_reach((0.1, 0.9, True), [0.2, 0.5], 1)
     counts = frame_counts.PinCounts(rest.xy_img, np.arange(len(rest), dtype=np.int32)[:, None])
     counts.seen(result.tracks.xy_img, result.tracks.sigma_px, 0.05, 1.0)
     counts.moved(motion, 1.0, 0.0, True)
