@@ -25,7 +25,6 @@ from hostlink.wire import Status
 
 STEP_S = 0.5  # by which an image comes too early where its clock was set, and not late before
 _NOWHERE = np.empty((0, 3))
-_NO_OFFSET = np.zeros(2)
 NO_CALIBRATION = "values are in px; to get mm and N, calibrate (docs/from-camera-to-newtons.md)"
 _MOVED = "the pins stand {off_px:.1f} px off the rest frame, all alike; tare"
 
@@ -99,7 +98,7 @@ class FaultDetector:
         self._pins: PinVisibility | None = None
         self._pitch_px = 0.0
         self._motion_px: Array = np.empty((0, 2))  # of the last frame that gave it
-        self._offset_px: Array = _NO_OFFSET  # by which the camera moved, as last known
+        self._offset_px: Array = np.zeros(2)  # by which the camera moved, as last known
         self._skipped_n = 0
         self._least_age_ns = 0.0  # of an image when work on it begins, since the capture clock last stepped
         self.gaps_n = 0  # in the frames' numbers, since the start
@@ -117,7 +116,7 @@ class FaultDetector:
         """Take `rest`, seen in `frame`, as the untouched tip from now on."""
         self._pins = PinVisibility(rest)
         self._pitch_px = rest.pattern.pitch_px
-        self._motion_px, self._offset_px = np.zeros_like(rest.xy_img), _NO_OFFSET
+        self._motion_px, self._offset_px = np.zeros_like(rest.xy_img), np.zeros(2)
         self._image.learn(rest, frame)
         self._facts.forget_pins()
         self._calibrated = calibrated
@@ -250,7 +249,7 @@ class FaultDetector:
         else:
             facts.off_px = middle_px
             off = middle_px > limit_px or self._registry.holds(F.CAMERA_MOVED)
-            self._offset_px = np.nanmedian(self._motion_px, axis=0) if off else _NO_OFFSET
+            self._offset_px = np.nanmedian(self._motion_px, axis=0) if off else np.zeros(2)
         facts.off_pitches, facts.drifted_share = facts.off_px / self._pitch_px, drifted_share
 
     def status(self, result: Result | None, skipped_n: int) -> int:
