@@ -42,6 +42,7 @@ from calib.ridge import (
     Terms,
     as_candidate,
     cross_validate,
+    error_of_mean,
     folds_of,
     input_noise,
     pose_numbers,
@@ -130,6 +131,7 @@ class Choice:
     allowed   largest rms error on held-out frames of the candidates as good as the best, of which the one
               with fewest terms is chosen
     held_out  (n,) prediction of each frame by a model fitted without it
+    truth     (n,) of these frames; share (n,) what each counts
     """
 
     outputs: tuple[str, ...]
@@ -139,6 +141,8 @@ class Choice:
     tried: tuple[Candidate, ...]
     allowed: float
     held_out: Complex
+    truth: Complex
+    share: Array
 
     @property
     def best_of_kinds(self) -> dict[str, Candidate]:
@@ -616,8 +620,9 @@ def _best(
         known = simple is not None and _explained(simple, whole.y[:, i]) >= PARAMS.explained_min
         of_light_touch = of_all_frames(simple.name) if simple is not None and known else None
     if mirror is _mirrored:
-        predicted = predicted.conj()
-    return Choice(outputs, model, of_light_touch, chosen, tuple(t[0] for t in tried), allowed, predicted)
+        predicted, y = predicted.conj(), y.conj()
+    all_tried = tuple(t[0] for t in tried)
+    return Choice(outputs, model, of_light_touch, chosen, all_tried, allowed, predicted, y, problem.share)
 
 
 def _curve(problem: _Problem, i: int) -> tuple[Curve, Candidate, Complex] | None:
@@ -671,9 +676,7 @@ def _as_good(tried: _Tried, best: Candidate, predicted: Complex, y: Complex, sha
     Frames that are hard for all models are in the errors of each, not in their difference.
     """
     more = np.abs(tried[2] - y) ** 2 - np.abs(predicted - y) ** 2
-    off = more - np.average(more, weights=share)
-    error = float(np.sqrt(np.average(off**2, weights=share) / share.sum()))
-    return tried[0].rms ** 2 - best.rms**2 <= error
+    return tried[0].rms ** 2 - best.rms**2 <= error_of_mean(more, share)
 
 
 def _polynomial(

@@ -26,6 +26,7 @@ __all__ = [
     "blocks",
     "cross_validate",
     "cross_validated_terms",
+    "error_of_mean",
     "folds_of",
     "input_noise",
     "pose_numbers",
@@ -250,6 +251,12 @@ def pose_numbers(poses: Array) -> Index:
 def share_of_pose(pose: Index) -> Array:
     """(n,) what each row counts: those of one pose 1 together, because they share what set it apart."""
     return np.asarray(1.0 / np.bincount(pose)[pose])
+
+
+def error_of_mean(values: Array, share: Array) -> float:
+    """Standard error of the mean of values (n,) of which each counts its share."""
+    off = values - np.average(values, weights=share)
+    return float(np.sqrt(np.average(off**2, weights=share) / share.sum()))
 
 
 def rounded(value: float, digits: int = 6) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from calib.commands.evaluate import print_report
 from calib.commands.options import PATH, Frames, frames_options, overwrite_option, progress_bar
 from calib.extract import executor
 from calib.fit import Choice, Prefer, Search, fit, groups_of
+from calib.fit_warnings import fit_warnings
 from calib.hold_out import evaluate_held_out
 from edge.calibration import Calibration
 from edge.calibration.checks import is_of_contact, outputs_of
@@ -114,17 +116,17 @@ def fit_command(
             search=search,
             pool=pool,
         )
+    warnings = _warned(list(fit_warnings(targets, extract, choices)))
     with writing(output, overwrite) as unfinished:
         unfinished.write_bytes(calibration.encoded)
     if as_json:
-        fitted = {"output": str(output), "models": [_row(c) for c in choices]}
+        fitted = {"output": str(output), "models": [_row(c) for c in choices], "warnings": warnings}
         click.echo(json.dumps(fitted if held_out_errors is None else fitted | {"held_out": held_out_errors}))
         return
     print_choices(choices, output)
     if held_out_errors is not None:
-        print_report(
-            held_out_errors, f"a fit to the other frames, on held-out ones ({hold_out:g}, seed {seed})"
-        )
+        title = f"a fit to the other frames, on held-out ones ({hold_out:g}, seed {seed})"
+        print_report(held_out_errors, title)
         click.echo(f"{output} is fitted to all frames.")
 
 
@@ -159,8 +161,14 @@ def _known_models(prior: Path) -> dict[tuple[str, ...], KnownModel]:
 def _print_axes(axes: Axes) -> None:
     for line in axes.lines:
         click.echo(f"axes: {line}", err=True)
-    for line in axes.warnings:
+    _warned(axes.warnings)
+
+
+def _warned(lines: Sequence[str]) -> Sequence[str]:
+    """The same, printed."""
+    for line in lines:
         click.echo(f"warning: {line}", err=True)
+    return lines
 
 
 def _row(choice: Choice) -> dict[str, Any]:

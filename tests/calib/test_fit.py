@@ -12,6 +12,7 @@ from calib.evaluate import predict
 from calib.extract import Extract
 from calib.fit import Choice, ModelKind, Prefer, Search, fit
 from calib.fit_params import PARAMS
+from calib.fit_warnings import fit_warnings
 from edge.calibration import Calibration
 from edge.calibration.file import Curve, Polynomial
 from edge.calibration.inputs import FRAME_INPUTS
@@ -257,3 +258,26 @@ def test_a_faint_mode_that_explains_everything_is_not_trusted() -> None:
     for seen, limit in ((fresh, 0.03), (noisy, 0.05)):
         read, _ = predict(calibration, seen)
         assert np.abs(read["displacement_mm"] - true)[inside].mean() < limit
+
+
+def test_presses_that_read_as_untouched_are_counted() -> None:
+    extract, values = make(40)
+    values["displacement_mm"] = np.linspace(-0.3, 3.6, 40)  # the first four: not pressed
+    touched = np.arange(40) >= 10
+    extract = replace(extract, in_contact=touched)
+    (line,) = fit_warnings(targets(values), extract, [])
+    assert line.startswith("6 of 36 pressed frames read as untouched")
+    assert "displacement_mm = 0.6 (image_9.png)" in line
+    assert not list(fit_warnings(targets(values), replace(extract, in_contact=touched | True), []))
+
+
+@pytest.mark.parametrize("sticks", [True, False])
+def test_a_fit_notices_that_shear_is_a_direction(sticks: bool) -> None:
+    extract, values = make(100)
+    rng = np.random.default_rng(5)
+    felt = extract.inputs[:, FRAME_INPUTS.index("c00")]
+    dragged = 50.0 * felt if sticks else felt / np.abs(felt) * rng.uniform(1.0, 5.0, 100)
+    values = {"shear_x_mm": dragged.real, "shear_y_mm": dragged.imag}
+    _, choices = fit(REST, targets(values), extract, mm_per_px=None, search=POLYNOMIALS)
+    lines = list(fit_warnings(targets(values), extract, choices))
+    assert [line.startswith("shear is read as a direction") for line in lines] == [True] * (not sticks)
