@@ -70,6 +70,7 @@ RELEASE = {
     "auto_pickle": False,
     "binding": False,
 }
+ALL = ["-std=c11", "-g0", "-fno-plt", "-Werror=incompatible-pointer-types"]  # the last is GCC 14's default
 CHECKED = RELEASE | {"boundscheck": True, "initializedcheck": True}
 SANITIZE = ("-fsanitize=address,undefined", "-fno-sanitize-recover=undefined")
 VARIANTS = {
@@ -88,7 +89,7 @@ def extensions(variant: Variant) -> list[Extension]:
             [name.replace(".", "/") + suffix],
             define_macros=LIMITED_API,
             include_dirs=[str(Path(*name.split(".")[:-1]))],
-            extra_compile_args=["-std=c11", "-g0", "-fno-plt", *flags, *variant.compile_args],
+            extra_compile_args=[*ALL, *flags, *variant.compile_args],
             extra_link_args=list(variant.link_args),
             py_limited_api=True,
         )

@@ -82,7 +82,7 @@ class Progress:
 
 
 def progress_of(path: Path, plan: AnyPlan) -> Progress:
-    """What is on disk. Raises CaptureError: the recording belongs to another protocol."""
+    """The recording on disk. Raises CaptureError: the recording belongs to another protocol."""
     in_parts: list[list[dict[str, Any]]] = []
     for part in parts(path):
         noted = read_metadata(part).get("capture", {})

@@ -1,4 +1,4 @@
-"""What a calibration of one tip tells of another one: its models are the prior of the other tip's.
+"""A calibration of one tip tells of another one: its models are the prior of the other tip's.
 
 Inputs are modes of motion over the tip's radius, so that they mean the same on both, whatever the number and
 the places of the pins. What differs (gel, dome, lens) changes the first tip's weights m to
@@ -106,7 +106,7 @@ class KnownModel:
         return replace(self, weights=weights, open_rows=rows, sigma=sigma, noise=along, across=across)
 
     def lost_over(self, sigma: float) -> Lost | None:
-        """What lost pins add, over the square of another sigma."""
+        """The variance that lost pins add, over the square of another sigma."""
         if self.lost is None:
             return None
         return msgspec.structs.replace(self.lost, scale=self.lost.scale + 2.0 * math.log(self.sigma / sigma))

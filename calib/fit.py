@@ -107,7 +107,7 @@ class Prefer(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """What is tried, and which of several sufficient models is taken.
+    """The models that are tried, and which of several sufficient ones is taken.
 
     terms_max  of a process: more are left out, those with the smallest prior variance first
     known      another tip's models, by their outputs
@@ -217,7 +217,7 @@ def fit(
 
 
 def _data(targets: Targets, usable: Mask) -> Data:
-    """What the file says of the frames."""
+    """The file's statement on the frames."""
     return Data(
         source=", ".join(Path(part).name for part in targets.where.split(", ")),
         sha256=targets.sha256,
@@ -648,7 +648,7 @@ def _explained(candidate: Candidate, y: Complex) -> float:
 
 
 def _sufficient(tried: list[_Tried], y: Complex, share: Array, prefer: Prefer) -> list[_Tried]:
-    """Those as good as the best. One carried over is as fast as the user chose for the other tip."""
+    """The models as good as the best. One carried over is as fast as the user chose for the other tip."""
     if not tried:
         return []
     best, _, predicted = min(tried, key=lambda t: t[0].rms)

@@ -117,7 +117,7 @@ class FittedProcess:
 
 @dataclass(frozen=True, slots=True)
 class Uncertainty:
-    """What the weights leave open, and how two inputs share it."""
+    """The variation that the weights leave open, and how two inputs share it."""
 
     features: _Features
     root: Complex
@@ -198,14 +198,14 @@ def _pin_noise(features: _Features, weights: Complex, inputs: Complex, moved: Se
 def _effect_of_loss(
     features: _Features, weights: Complex, inputs: Complex, lossy: Complex, names: Sequence[str]
 ) -> Lost | None:
-    """What lost pins add to the variance, over the unit of the weights; None: there are too few losses."""
+    """The variance that lost pins add, over the unit of the weights; None: there are too few losses."""
     rows = lossy.reshape(-1, len(names))
     change = features.values(rows, weights) - np.repeat(features.values(inputs, weights), lossy.shape[1])
     return fit_lost(rows, names, change, turning=features.turning)
 
 
 def _standardised(y: Complex, symmetry: Symmetry, volume: Array) -> tuple[float, float, Complex]:
-    """What is subtracted, the unit, and y in these terms.
+    """The part that is subtracted, the unit, and y in these terms.
 
     At rest all inputs and values are 0; only a depth may be counted from elsewhere (the arm's position).
     Where most of its mean remains without a volume it is subtracted, as the process expects 0 at rest.

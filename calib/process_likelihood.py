@@ -65,7 +65,7 @@ STARTS = ((0.18, 1e-3, 1.0, 1.0, 1.0), (0.5, 0.02, 1.0, 0.3, 0.1))
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """What the likelihood decides.
+    """The choices that the likelihood decides.
 
     weight      (k,) w of each input
     symmetric   (3,) a1, a2, a3

@@ -45,7 +45,7 @@ WITHIN = ((1.0, 0.6827), (2.0, 0.9545))
 
 
 def scale_of(standardised: Sequence[Array]) -> Array:
-    """What sigma of each part must be multiplied by to cover as many errors as it should."""
+    """The factor of each part's sigma with which it covers as many errors as it should."""
     return np.array(
         [np.mean([np.quantile(np.abs(z), share) / k for k, share in WITHIN]) for z in standardised]
     )

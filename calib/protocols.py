@@ -58,7 +58,7 @@ class Step:
 
 
 class AnyPlan(Protocol):
-    """What a capture runs: steps that are fixed, or that follow from the frames so far.
+    """The steps that a capture runs: they are fixed, or that follow from the frames so far.
 
     name      of the protocol
     digest    identifies its recordings

@@ -138,7 +138,7 @@ def _rows_of(path: Path, text: str) -> Iterator[tuple[int, list[str]]]:
 
 
 def _other_separator(names: tuple[str, ...], wanted: str) -> str:
-    """What is wrong where the heading is there, within a cell."""
+    """The fault within a cell, where the heading is there."""
     head = names[0] if names else ""
     for separator, name in _OTHER_SEPARATORS.items():
         if wanted in (part.strip().strip('"') for part in head.split(separator)) and separator in head:

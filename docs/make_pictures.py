@@ -38,7 +38,7 @@ def moving(path: Path) -> None:
         made = render_recording("example:press", video, calibration, height=300)
         capture = cv2.VideoCapture(str(video))
         pictures = [capture.read()[1][..., ::-1] for _ in range(made["frames_n"])][::EACH]
-    colours = Image.fromarray(np.vstack(pictures[::5])).quantize(64)
+    colours = Image.fromarray(np.vstack(pictures[::5])).quantize(96, Image.Quantize.MAXCOVERAGE)
     images = [Image.fromarray(p).quantize(palette=colours, dither=Image.Dither.NONE) for p in pictures]
     shown_ms = round(1000 * EACH / made["rate_hz"])
     images[0].save(path, save_all=True, append_images=images[1:], duration=shown_ms, loop=0, optimize=True)

@@ -100,10 +100,7 @@ class Config(_Table, frozen=True, kw_only=True):
 
 
 def load_config(path: str | Path | None) -> Config:
-    """Read and check a file; without one, the defaults.
-
-    Raises  ConfigError, one line: file, key, what would be right
-    """
+    """Read and check a file; None: the defaults. Raises ConfigError: file, key, what would be right."""
     if path is None:
         return Config()
     try:

@@ -35,19 +35,15 @@ PERIOD_S = RUNTIME.check_s  # of learning: faster has no benefit
 
 
 class Drift:
-    """The learnt offset of each pin of one rest frame.
-
-    limit_share  of the pins that would need a larger offset than is allowed
-    learnt       whether anything is subtracted
-    """
+    """The learnt offset of each pin of one rest frame."""
 
     def __init__(self, rest: Rest, params: DriftParams = PARAMS) -> None:
         self._rest = rest
         self._params = params
         self._near_px = RUNTIME.still_pitches * rest.pattern.pitch_px
-        self.limit_share = 0.0
+        self.limit_share = 0.0  # of the pins that would need a larger offset than is allowed
         self._offset = np.zeros_like(rest.xy_img)
-        self.learnt = False
+        self.learnt = False  # whether anything is subtracted
         self._last_ns: int | None = None  # the last untouched frame; None: the one before was none
 
     @property
@@ -60,11 +56,7 @@ class Drift:
         return replace(tracks, xy_img=tracks.xy_img - self._offset)
 
     def learn(self, tracks: Tracks, capture_ns: int, quiet: bool) -> None:
-        """Learn from one frame, if it is suitable.
-
-        tracks  as seen, not corrected
-        quiet   untouched, no gap since the frame before, and no fault is present
-        """
+        """Learn from one frame, as seen, if it is quiet: untouched, without a gap before it or a fault."""
         p = self._params
         if p.limit_px == 0.0:
             return

@@ -46,10 +46,7 @@ class FramePlan:
 
 
 def plan_of(demand: frozenset[Feature], calibration: Calibration | None, several: bool = True) -> FramePlan:
-    """The one place where a demand becomes steps.
-
-    several  whether contacts of one frame are fitted together
-    """
+    """The one place where a demand becomes steps; several: contacts of one frame are fitted together."""
     if calibration is None:
         features = FeaturePlan(demand, fits=Fits.ALL if several else Fits.NONE)
         return FramePlan(not OF_CELLS.isdisjoint(demand), True, features, False)
@@ -114,10 +111,7 @@ class Pipeline:
         return judged
 
     def process(self, frame: Frame, *, even_untrusted: bool = False) -> Result:
-        """Compute what the plan says of one frame.
-
-        even_untrusted  give values for identities that are not trusted too: for statistics
-        """
+        """Compute what the plan says of a frame; even_untrusted: of unsure identities too, for statistics."""
         plan = self._plan
         tracks, searched = self._locate(frame.image)
         if searched:
@@ -161,17 +155,12 @@ class Pipeline:
         return reading
 
     def prepare(self, demand: frozenset[Feature]) -> None:
-        """Make now what otherwise the first contacts and lost pins would wait for (100 ms); before the first
-        frame.
-        """
+        """Before the first frame: make what the first contacts and lost pins would wait for (100 ms)."""
         self._tessellator.prepare()
         self._extractor.prepare(plan_of(demand, self.calibration, self._several).features)
 
     def features(self, tracks: Tracks) -> Features:
-        """Features of pins at given places; contacts do not follow from the last frame's.
-
-        Raises   DegenerateLayout: they span no plane
-        """
+        """Features of pins at these places, on their own. Raises DegenerateLayout: they span no plane."""
         plan = plan_of(self._demand, None, self._several)
         cells = self._tessellator.cells(tracks) if plan.cells else None
         self._extractor.forget_contacts()

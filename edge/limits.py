@@ -51,10 +51,7 @@ class BadContent(ValueError):
 
 
 def read_bounded(path: Path, bytes_max: int) -> bytes:
-    """A file's bytes, if there are not too many.
-
-    Raises  BadContent: it is larger, or not an ordinary file; OSError: it cannot be read
-    """
+    """A file's bytes. Raises BadContent: too many, or it is no ordinary file; OSError: it cannot be read."""
     try:
         return input_file.read_bounded(path, bytes_max)
     except IsADirectoryError:
@@ -112,11 +109,7 @@ def _check_size(table: dict[str, Any]) -> None:
 
 
 def read_toml_as(path: Path, kind: type[T], **added: object) -> tuple[dict[str, Any], T]:
-    """A TOML file's table, and the same decoded as a type.
-
-    added   keys that follow from the file's name
-    Raises  BadContent: it cannot be read, or what is wrong in it
-    """
+    """A TOML file's table with keys from its name, `added`, and the same as a type. Raises BadContent."""
     try:
         table = read_toml(path)
         for name in added.keys() & table.keys():
@@ -232,7 +225,7 @@ def _known(kind: inspect.Type) -> list[str]:
 
 
 def _wanted(kind: inspect.Type) -> str:
-    """What a place takes, with its whole range."""
+    """The values that a place takes, with their whole range."""
     match kind:
         case inspect.UnionType(types=types):
             return " or ".join(dict.fromkeys(map(_wanted, types)))

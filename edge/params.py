@@ -61,9 +61,7 @@ class RuntimeParams:
 
     @property
     def latencies_n(self) -> int:
-        """Frames that the statistics of times look back on: `sample_n` of them lie beyond the 99.9 % that
-        they tell of.
-        """
+        """Frames that statistics of times look back on: `sample_n` of them lie beyond their 99.9 %."""
         return 1000 * self.sample_n
 
 

@@ -101,12 +101,9 @@ class Lens(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Region:
-    """The part of a source's images that shows the skin: `edge.sources.region`.
+    """The part of a source's images that shows the skin: `edge.sources.region`."""
 
-    nearest_px  (h, w, 2) x, y of the pixel of the skin that is nearest to each: its own on the skin
-    """
-
-    nearest_px: NDArray[np.int16]
+    nearest_px: NDArray[np.int16]  # (h, w, 2) x, y of the pixel of the skin that is nearest to each
 
 
 @per_frame
@@ -118,6 +115,7 @@ class Frame:
     capture_ns  int, start of exposure on `clock`
     sequence    int, the camera's own counter: a gap is a frame that never arrived
     truth       true state from a simulator or rig (JSON-able), else None
+    colour      (h, w, 3) BGR, to be shown, from a recording in colour that is asked for it; else None
     """
 
     image: Image
@@ -126,6 +124,7 @@ class Frame:
     clock: Clock = Clock.HOST
     bits: int = 8
     truth: dict[str, Any] | None = None
+    colour: Image | None = None
 
     def within(self, region: Region | None) -> Frame:
         """The frame that shows the region alone: a pixel outside is as the nearest one inside."""
@@ -218,14 +217,10 @@ class PinPattern:
 
 @dataclass(frozen=True, slots=True)
 class Rest:
-    """The untouched tip: the frame of reference of everything after it.
+    """The untouched tip: the frame of reference of everything after it."""
 
-    pins     row i defines pin i
-    pattern  their appearance
-    """
-
-    pins: Pins
-    pattern: PinPattern
+    pins: Pins  # row i defines pin i
+    pattern: PinPattern  # their appearance
 
     @property
     def xy_img(self) -> Array:
@@ -291,7 +286,7 @@ class Cells:
 
 
 class Feature(StrEnum):
-    """What can be demanded, a row each. The demand is a `frozenset[Feature]`; nothing outside it is computed.
+    """A feature that can be demanded. The demand is a `frozenset[Feature]`; nothing outside it is computed.
 
     needs    quantities of `edge.features` that it depends on
     outputs  of calibration models that it depends on

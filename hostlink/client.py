@@ -49,6 +49,7 @@ from hostlink.subscription import End, Subscription
 from hostlink.window import MEASURED, Window, WindowCollector
 from hostlink.wire import CanIds, Kind
 from hostlink.wire.address import Address, AddressError, parse_address
+from hostlink.wire.nmt import NmtState
 
 __all__ = ["Connection", "Finger", "Info", "Sample", "connect"]
 
@@ -353,7 +354,7 @@ class Connection:
 
     def _note_state(self, finger: Finger, state: int) -> None:
         is_new, finger.state_nmt = finger.state_nmt is None, state
-        if state == 0:  # boot-up: earlier faults are cleared
+        if state == NmtState.BOOT_UP:  # earlier faults are cleared
             finger.faults.clear()
         if is_new:
             with self._changed:

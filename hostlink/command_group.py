@@ -63,4 +63,7 @@ class CommandGroup(click.Group):
         except ImportError as error:
             if not self._extra:
                 raise
+            if error.name == "cython":  # a folder of the source comes before what is installed
+                way_out = "`pip install -e .` compiles it, or start the command in another folder"
+                raise click.ClickException(f"the source in this folder is not compiled; {way_out}") from error
             raise click.ClickException(f"{error}; install voronoi-touch[{self._extra}]") from error

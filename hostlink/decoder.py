@@ -431,6 +431,10 @@ def _answer(node: _Node, payload: bytes, arrival_s: float) -> list[Event]:
     return [ObjectAnswer(node.node, counter, ObjectReply.unpack(body), arrival_s)]
 
 
+def _state(node: _Node, payload: bytes, arrival_s: float) -> list[Event]:
+    return node.state_frame(payload, arrival_s)  # the method itself is a C function of another type
+
+
 def _heartbeat(node: _Node, payload: bytes, arrival_s: float) -> list[Event]:
     return node.heartbeat(unpack_message(Message.HEARTBEAT, payload)[1], arrival_s)
 
@@ -440,7 +444,7 @@ def _emergency(node: _Node, payload: bytes, arrival_s: float) -> list[Event]:
 
 
 _HANDLERS: Final[dict[int, Callable[[_Node, bytes, float], list[Event]]]] = {
-    Message.STATE: _Node.state_frame,
+    Message.STATE: _state,
     Message.DETAIL: _Node.detail_segment,
     Message.REPLY: _answer,
     Message.HEARTBEAT: _heartbeat,

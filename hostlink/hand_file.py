@@ -118,7 +118,7 @@ class HandFile:
 
 
 class _KeyRule(NamedTuple):
-    """What a key takes: as a sentence, and as a test."""
+    """The values that a key takes: as a sentence, and as a test."""
 
     what: str
     fits: Callable[[Any], bool]

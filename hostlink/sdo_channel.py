@@ -47,7 +47,7 @@ class Whose(Enum):
 
 
 class SdoChannel:
-    """What was asked and is not answered.
+    """The request that is not answered yet.
 
     idle_s   after this without a word others' requests and transfers count as abandoned
     grace_s  the same for a transfer without a segment so far

@@ -45,7 +45,7 @@ VALUES = tuple(UNTOUCHED)
     "goals",
     multiple=True,
     metavar="VALUE=ERROR",
-    help=f"End protocol {ADAPTIVE} when the expected error is so small, e.g. tilt_x_deg=0.3; repeatable.",
+    help=f"End protocol {ADAPTIVE} when the expected error is this or less, e.g. tilt_x_deg=0.3; repeatable.",
 )
 @click.option(
     "-o",

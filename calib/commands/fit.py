@@ -57,7 +57,7 @@ from hostlink.output_file import check_output, writing
     type=WholeNumber(0, 2**31 - 1),
     default=0,
     show_default=True,
-    help="Another one holds out other poses.",
+    help="Decides which poses are held out.",
 )
 @click.option(
     "--prior",

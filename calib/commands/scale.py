@@ -167,7 +167,14 @@ def record(camera: SettledCamera, loads: Loads, folder: Path, frames_n: int) -> 
     show_default=True,
     help="How many loads are asked for.",
 )
-@click.option("--frames", "frames_n", type=WholeNumber(1, 100), default=10, show_default=True, help="A load.")
+@click.option(
+    "--frames",
+    "frames_n",
+    type=WholeNumber(1, 100),
+    default=10,
+    show_default=True,
+    help="Pictures of each load.",
+)
 @click.option("--depth", is_flag=True, help="Type the depth too, in mm: by a ruler, or a stack of paper.")
 def scale_command(
     folder: Path, camera: str, port: str | None, baud: int, unit: str, most: int, frames_n: int, depth: bool

@@ -31,7 +31,9 @@ from hostlink.output_file import check_output, writing
     help="What presses: a ball of 3 mm radius, or a flat surface, which is tilted too.",
 )
 @click.option("--presses", type=WholeNumber(50, 2000), default=150, show_default=True, help="Random poses.")
-@click.option("--seed", type=WholeNumber(0, 2**31 - 1), default=0, show_default=True, help="Of the poses.")
+@click.option(
+    "--seed", type=WholeNumber(0, 2**31 - 1), default=0, show_default=True, help="Decides the poses."
+)
 @click.option("-q", "--quiet", is_flag=True, help="No progress bar.")
 def simulate_command(
     sensor_name: str, output: Path, overwrite: bool, tool: str, presses: int, seed: int, quiet: bool

@@ -48,10 +48,10 @@ calibration.save("tip.json")
 
 # %% What it reads of the others
 values, sigmas = predict(calibration, extract.rows(np.flatnonzero(held)))
-figure, axes = plt.subplots(1, len(values), figsize=(4 * len(values), 4), squeeze=False)
+figure, axes = plt.subplots(1, len(values), figsize=(4 * len(values), 4), squeeze=False, layout="constrained")
 for axis, (name, read) in zip(axes[0], values.items(), strict=True):
     truth = data.targets.values[name][held]
     axis.errorbar(truth, read - truth, sigmas[name], fmt="o")
     axis.set(xlabel=f"true {name}", ylabel=f"error of {name}")
     print(f"{name}: mean absolute error {np.nanmean(abs(read - truth)):.3f} on {len(truth)} pictures")
-figure.savefig("errors.png", bbox_inches="tight")
+figure.savefig("errors.png")

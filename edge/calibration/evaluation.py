@@ -422,10 +422,7 @@ class ModelKernel:
 
 
 class _Tree:
-    """Products of inputs, each its parent times one input; node 0 is 1.
-
-    products  of each node: the parent, the input's column, -1 for its conjugate, else 1
-    """
+    """Products of inputs, each its parent times one input; node 0 is 1."""
 
     def __init__(self, inputs: Sequence[str]) -> None:
         self._letter = {
@@ -434,7 +431,7 @@ class _Tree:
             for column, name in enumerate(inputs)
         }
         self._node: dict[tuple[tuple[int, int], ...], int] = {(): 0}
-        self.products = [(0, 0, 1)]
+        self.products = [(0, 0, 1)]  # of each node: its parent, the input's column, -1: its conjugate, else 1
 
     def nodes(self, terms: Sequence[Sequence[str]]) -> tuple[Index, Array]:
         """Numbers of the products that terms are, added with their parents if new; and what their imaginary

@@ -81,15 +81,13 @@ class Curve(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="curve"
     sigma: Sigma
 
 
-class Polynomial(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="moments"):
+class _WeightedTerms(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A polynomial in complex inputs: one output (real part) or two (real and imaginary part).
 
-    terms     each a list of input names, multiplied; [] is the constant
-    weights   one (real, imaginary) pair a term
-    valid     [low, high] of each output in the data it was fitted to
-    sigma     of each output, from held-out frames
-    spread    how the sigma widens away from the data: rows (real, imaginary) of a factor L over the terms,
-              variance = sigma^2 (1 + |L psi|^2); empty: not known
+    terms    each a list of input names, multiplied; [] is the constant
+    weights  one (real, imaginary) pair a term; the mean, where they are known with their covariance
+    valid    [low, high] of each output in the data it was fitted to
+    sigma    of each output, from held-out frames
     """
 
     outputs: Annotated[list[Name], msgspec.Meta(min_length=1, max_length=2)]
@@ -97,6 +95,15 @@ class Polynomial(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="m
     weights: Row
     valid: Annotated[list[tuple[Output, Output]], msgspec.Meta(max_length=2)]
     sigma: Annotated[list[Sigma], msgspec.Meta(max_length=2)]
+
+
+class Polynomial(_WeightedTerms, frozen=True, forbid_unknown_fields=True, tag="moments"):
+    """A polynomial with the same noise in every frame.
+
+    spread  how the sigma widens away from the data: rows (real, imaginary) of a factor L over the terms,
+            variance = sigma^2 (1 + |L psi|^2); empty: not known
+    """
+
     spread: Annotated[list[Row], msgspec.Meta(max_length=TERMS_MAX)] = []
 
 
@@ -117,11 +124,9 @@ class Lost(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     weights: Annotated[list[Number], msgspec.Meta(max_length=TERMS_MAX)] = []
 
 
-class Process(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="process"):
+class Process(_WeightedTerms, frozen=True, forbid_unknown_fields=True, tag="process"):
     """A Gaussian process with a symmetric kernel: `edge.calibration.evaluation` has the formulas.
 
-    terms          each a list of input names, multiplied; [] is the constant
-    weights        mean of the weights, one (real, imaginary) pair a term
     factor         rows (real, imaginary) of L over the terms, L^H L the covariance of the weights in units
                    of sigma^2
     far            largest |L psi|^2 that is not reported as out of range
@@ -131,14 +136,8 @@ class Process(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag="proc
     across_weights, across_range  the same for the noise across the direction of a value with two outputs, the
                    others are then for the noise along it; empty: it is the same in all directions
     lost           None: the effect of lost pins is not known
-    valid, sigma   as of a polynomial
     """
 
-    outputs: Annotated[list[Name], msgspec.Meta(min_length=1, max_length=2)]
-    terms: Annotated[list[Term], msgspec.Meta(min_length=1, max_length=TERMS_MAX)]
-    weights: Row
-    valid: Annotated[list[tuple[Output, Output]], msgspec.Meta(max_length=2)]
-    sigma: Annotated[list[Sigma], msgspec.Meta(max_length=2)]
     factor: Annotated[list[Row], msgspec.Meta(max_length=TERMS_MAX)]
     far: Annotated[float, msgspec.Meta(ge=0, le=1e12)]
     noise_terms: Annotated[list[Term], msgspec.Meta(max_length=TERMS_MAX)] = []
@@ -153,10 +152,7 @@ Model = Curve | Polynomial | Process
 
 
 class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """The tip and camera that the file belongs to.
-
-    lens  whose distortion is removed from places, centre, radius and pitch here; None: none
-    """
+    """The tip and camera that the file belongs to."""
 
     serial: Name
     size_px: tuple[ImageSide, ImageSide]
@@ -170,7 +166,7 @@ class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
     rest_xy_px: Annotated[
         list[tuple[Pixels, Pixels]], msgspec.Meta(min_length=limits.PINS_MIN, max_length=limits.PINS_MAX)
     ]
-    lens: Lens | None = None
+    lens: Lens | None = None  # whose distortion is removed from places, centre, radius and pitch here
 
 
 class Data(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -218,10 +214,7 @@ def read_file(path: Path) -> CalibrationFile:
 
 
 def decode(raw: bytes, where: str) -> CalibrationFile:
-    """A file's bytes (read from disk, or uploaded over the bus) as far as structure and ranges go.
-
-    Raises  CalibrationError, as `read_file`
-    """
+    """A file's bytes, from disk or bus, as far as structure and ranges go. Raises CalibrationError."""
     if len(raw) > limits.FILE_BYTES:
         raise CalibrationError(f"{where}: larger than {limits.FILE_BYTES >> 10} KiB")
     try:

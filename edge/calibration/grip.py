@@ -12,7 +12,8 @@ known is the largest load that it has held.
 Rules
 - `friction` is the largest load held in this touch, less its standard deviation: a lower bound, and the
   coefficient of friction itself once the contact has slid.
-- `slip_margin` is 1 - load / friction, 0 at the least. A first load has no margin: nothing was held before.
+- `slip_margin` is 1 - load / friction, 0 at the least: also while a load grows beyond all that was held.
+- A load within its noise does not count. Before the first beyond it, as in a mere press, neither is known.
 - A contact that slides with less friction than it stuck with shows a margin; `slip_probability` shows the
   slip.
 - A new touch may be another object: it begins without knowledge.
@@ -23,6 +24,8 @@ Sources  Howe, Cutkosky, "Practical force-motion models for sliding manipulation
 
 import math
 from collections.abc import Mapping
+
+from edge.params import PARAMS as RUNTIME
 
 #: The values without which nothing is known.
 OF_GRIP = frozenset({"force_n", "force_x_n", "force_y_n"})
@@ -44,7 +47,7 @@ class Grip:
     def update(
         self, values: Mapping[str, float], sigmas: Mapping[str, float], area_mm2: float | None
     ) -> dict[str, float]:
-        """`friction` and `slip_margin` of a frame in contact; empty if the forces are not known.
+        """`friction` and `slip_margin` of a frame in contact; empty if they are not known.
 
         values, sigmas  of the frame: force_n, force_x_n, force_y_n, and torque_z_nmm if it is calibrated
         area_mm2        of the contact; None: not known, the torque is then left out
@@ -64,7 +67,8 @@ class Grip:
         tangential = math.sqrt(square)
         load = tangential / normal
         noise = math.sqrt(variance) / tangential if tangential else 0.0  # of the tangential load, N
-        self._held = max(self._held, load - math.hypot(noise, load * sigmas["force_n"]) / normal)
+        if tangential > RUNTIME.noise_sigma * noise:
+            self._held = max(self._held, load - math.hypot(noise, load * sigmas["force_n"]) / normal)
         if not self._held > 0.0:
-            return {"slip_margin": 0.0}
+            return {}
         return {"friction": self._held, "slip_margin": max(0.0, 1.0 - load / self._held)}

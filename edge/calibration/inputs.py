@@ -1,4 +1,4 @@
-"""What the models of a calibration depend on: inputs made of a frame's features, or of one contact.
+"""Inputs of the models of a calibration, made of a frame's features, or of one contact.
 
 Rules
 - Inputs are named and dimensionless: lengths are divided by the tip's radius, areas by its square, so that

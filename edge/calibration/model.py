@@ -130,11 +130,9 @@ class Calibration:
         return cls(content)
 
     def save(self, path: str | Path, through_link: bool = True) -> None:
-        """Write the file so that a reader, or a loss of power, finds either the old file or the new one,
-        complete.
+        """Write the file so that a reader, or a loss of power, finds the old one or the new one, complete.
 
-        through_link  as of `hostlink.output_file.writing`
-        Raises  hostlink.output_file.OutputError: cannot be written
+        through_link, Raises  as of `hostlink.output_file.writing`
         """
         with writing(path, overwrite=True, through_link=through_link) as unfinished:
             unfinished.write_bytes(self.encoded)
@@ -266,9 +264,6 @@ def _outputs_in(demand: frozenset[Feature]) -> frozenset[str]:
 
 
 def uncalibrated(features: Features | None = None) -> Reading:
-    """The reading of a tip without a calibration: nothing in mechanical units but the number of contacts.
-
-    features  None: nothing is known of this frame
-    """
+    """The reading without a calibration: the number of contacts alone; None: nothing is known of a frame."""
     contacts = features.contacts if features is not None else None
     return Reading({}, {}, np.full((len(contacts or ()), 3), np.nan))

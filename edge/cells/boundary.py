@@ -45,15 +45,11 @@ class CellsParams:
 PARAMS = CellsParams()
 
 
-def make_boundary(xy: Array, pitch_px: float, params: CellsParams = PARAMS) -> tuple[Array, Index]:
-    """Artificial points, in order round the tip (or round each of its parts), and the rim pins that move
-    them.
-
-    Returns  (b, 2) px; (r,) indices of the rim pins
-    """
+def make_boundary(xy: Array, pitch_px: float) -> tuple[Array, Index]:
+    """Artificial points, in order round the tip or each of its parts, (b, 2) px; (r,) the rim pins' rows."""
     # A pitch further out, so that a rim cell ends half a pitch from its pin, as an inner cell does.
-    ball, offset = params.ball_pitches * pitch_px, pitch_px
-    step = params.step_pitches * pitch_px
+    ball, offset = PARAMS.ball_pitches * pitch_px, pitch_px
+    step = PARAMS.step_pitches * pitch_px
     pin, start, length = _ways_of_the_ball(xy, ball)
     comes = xy[pin] + ball * _direction(start)  # ball's centre where it first touches this pin
     leaves = xy[pin] + ball * _direction(start + length)  # and where it touches the next one as well
@@ -85,10 +81,7 @@ def make_boundary(xy: Array, pitch_px: float, params: CellsParams = PARAMS) -> t
 
 
 def _ways_of_the_ball(xy: Array, ball: float) -> tuple[Index, Array, Array]:
-    """Arcs of the ball's centre while it touches one pin: (a,) pin, start rad, length rad.
-
-    They are what no interval middle +- half covers, in which the ball would touch another pin.
-    """
+    """Arcs of the ball's centre while it touches one pin alone: (a,) pin, start rad, length rad."""
     pairs = pairs_within(xy, 2 * ball)
     pin, other = np.concatenate([pairs, pairs[:, ::-1]]).T
     to_other = xy[other] - xy[pin]
@@ -122,8 +115,7 @@ def _arc(centre: Array, radius: float, start: float, turn: float, step: float) -
     """(k, 2) points on an arc, at most `step` apart, half of that from its ends."""
     k = max(1, int(np.ceil(abs(turn) * radius / step - 1e-6)))  # 1e-6: rounding must not add a point
     angle = start + turn * (np.arange(k) + 0.5) / k
-    points: Array = centre + radius * _direction(angle)
-    return points
+    return np.asarray(centre + radius * _direction(angle))
 
 
 def make_fence(boundary: Array) -> Array:
@@ -131,8 +123,7 @@ def make_fence(boundary: Array) -> Array:
     centre = boundary.min(axis=0) + np.ptp(boundary, axis=0) / 2
     reach = float(np.hypot(*(boundary - centre).T).max())
     steps = int(np.ceil(2 * np.pi * 2))
-    fence: Array = centre + 2 * reach * _direction(2 * np.pi * np.arange(steps) / steps)
-    return fence
+    return np.asarray(centre + 2 * reach * _direction(2 * np.pi * np.arange(steps) / steps))
 
 
 class RimMotion(NamedTuple):

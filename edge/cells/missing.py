@@ -22,8 +22,6 @@ from edge.types import Array, Index, Mask
 class LostPins:
     """Predicts lost pins of one tip; keeps the equations for the last set of lost ones.
 
-    rest_img      (n, 2) px
-    pitch_px      distance of neighbours
     lost          (m,) int32, the lost pins, ascending
     gap, gap_img  as in `edge.types.Cells`
     """
@@ -41,10 +39,7 @@ class LostPins:
         return precision(self._rest_img, self._pitch_px, PREDICTING)
 
     def update(self, seen: Mask) -> None:
-        """Prepare for the pins that are not seen.
-
-        Raises   DegenerateLayout: fewer than 3 pins seen, or all on a line
-        """
+        """Prepare for the pins that are not seen. Raises DegenerateLayout: the others span no plane."""
         key = seen.tobytes()
         if key == self._seen:
             return
@@ -72,7 +67,6 @@ class LostPins:
         motion = xy_img - self._rest_img - left
         motion[self.lost] = 0.0
         filled = xy_img.copy()
-        filled[self.lost] = (self._rest_img + left)[self.lost] + (self._weights @ motion.ravel()).reshape(
-            -1, 2
-        )
+        off = (self._weights @ motion.ravel()).reshape(-1, 2)
+        filled[self.lost] = (self._rest_img + left)[self.lost] + off
         return filled

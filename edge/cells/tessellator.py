@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from edge.cells.boundary import PARAMS, CellsParams, make_boundary, make_fence, rim_motion
+from edge.cells.boundary import make_boundary, make_fence, rim_motion
 from edge.cells.mesh import Mesh
 from edge.cells.missing import LostPins
 from edge.errors import DegenerateLayout
@@ -19,11 +19,11 @@ class Tessellator:
     Raises         DegenerateLayout
     """
 
-    def __init__(self, rest: Rest, params: CellsParams = PARAMS) -> None:
+    def __init__(self, rest: Rest) -> None:
         xy = np.ascontiguousarray(rest.xy_img, dtype=np.float64)
         must_span(xy, "rest frame")
         pitch_px = _side_length(xy)
-        boundary, rim = make_boundary(xy, pitch_px, params)
+        boundary, rim = make_boundary(xy, pitch_px)
         fence = make_fence(boundary)
         rest_img = np.concatenate([xy, boundary, fence])
         # The last frame's. The points are the pins, the boundary and the fence.
@@ -109,10 +109,7 @@ def _side_length(xy: Array) -> float:
 
 
 def cell_polygons(cells: Cells) -> list[Array]:
-    """Corners of each pin's cell, for drawings.
-
-    Returns  one (k, 2) px array a pin, going round the pin; (0, 2) where the area is NaN
-    """
+    """Corners of each pin's cell in turn, (k, 2) px, for drawings; (0, 2) where the area is NaN."""
     points = np.concatenate([cells.xy_img, cells.boundary_img])
     centre = circumcentres(points, cells.triangles)
     pin = cells.triangles.ravel()

@@ -51,10 +51,7 @@ def load_calibration(path: str | Path | None) -> Calibration | None:
 
 
 def rest_given(source: FrameSource, how: str | None, calibration: Calibration | None) -> GivenRest | None:
-    """The rest frame that --rest asks for; without it, one for a recording that is seen to begin touched.
-
-    Raises  SourceError, CalibrationError
-    """
+    """The rest frame of --rest; else one for a recording that begins touched. Raises InputError."""
     return rest_if_touched(source, calibration) if how is None else rest_of_source(source, how, calibration)
 
 

@@ -102,7 +102,7 @@ def inspect(
 
 @dataclass(frozen=True, slots=True)
 class _Seen:
-    """What one source shows.
+    """The findings on one source.
 
     settings  keys of its address that suit it better, and the pins that each finds
     about     of the choice of the rest frame
@@ -150,10 +150,7 @@ class _Seen:
 def _seen_of(
     address: str, how: str | None, calibration: Calibration | None, named: KnownSensor | None
 ) -> _Seen:
-    """Of a picture or camera its first images, of a recording the rest frame as `replay` takes it.
-
-    Raises  SourceError, NoPins, CalibrationError
-    """
+    """Look at a picture or camera, or at a recording as replayed. Raises InputError, NoPins."""
     with closing(open_source(address)) as source:
         if named is not None:
             look_as(source, named)

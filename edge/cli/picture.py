@@ -1,4 +1,4 @@
-"""What is judged of a picture and its pins: `inspect` and `doctor` say the same of it, by this code.
+"""Judges a picture and its pins: `inspect` and `doctor` say the same of it, by this code.
 
 Evidence for the limits: docs/tuning.md, "Doctor".
 """
@@ -59,9 +59,7 @@ def clipped(frame: Frame, rest: Rest) -> Mask:
 
 
 def smear_px(frame: Frame, rest: Rest) -> tuple[float, float]:
-    """By how much the pins are longer in one direction than across, px, as the length of a motion that
-    makes it; and the direction, degrees from x towards y.
-    """
+    """By how much pins are longer than across, px, as a motion makes it; the direction, deg from x to y."""
     radii = np.arange(0.0, 2.0, 0.1)
     level = np.median(_levels(frame.image, rest, radii), axis=0)  # (directions, radii): the typical pin
     profile = (level - level[:, -5:].mean()) * (-1.0 if rest.pattern.dark else 1.0)
@@ -89,9 +87,7 @@ def holes(rest: Rest) -> Array:
 
 
 def _holes(xy: Array) -> Array:
-    """Of pins in one group. A pin between two neighbours of a lattice stands in the middle: so each pair of
-    pins says where the next one is.
-    """
+    """The same of pins in one group: each pair of neighbours says where the next pin of a lattice is."""
     ring = nearest(xy, N_RING)[:, 1:]
     step = np.hypot(*(xy[ring] - xy[:, None]).transpose(2, 0, 1))
     pitch = np.median(step[:, :3], axis=1)
@@ -130,10 +126,8 @@ def groups(rest: Rest) -> list[Index]:
 
 
 def settings_tried(source: FrameSource, frame: Frame, rest: Rest) -> dict[str, int]:
-    """Keys for the source's address that suit this image better, and how many pins each finds.
-
-    Tried are the other polarity, where none was asked for, and a rectangle round each group of pins that
-    stand apart from the others.
+    """Keys for the source's address that suit this image better, and how many pins each finds: the other
+    polarity, where none was asked for, and a rectangle round each group of pins.
     """
     found: dict[str, int] = {}
     if source.polarity is Polarity.FOUND:
@@ -161,7 +155,7 @@ def _pins_n(frame: Frame, polarity: Polarity, lens: Lens | None) -> int:
 
 
 def better_settings(tried: dict[str, int]) -> Line:
-    """What `settings_tried` found, for people."""
+    """Says to people which settings `settings_tried` found."""
     apart = "pins stand in separate groups: " if any(key.startswith("roi") for key in tried) else ""
     named = ", ".join(f"?{key} finds {n}" for key, n in tried.items())
     return Line("settings", "warn", apart + named, "add one of them to the address, or the key to [source]")

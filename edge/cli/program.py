@@ -36,8 +36,8 @@ def cli(verbose: bool) -> None:
 
     \b
     First steps without hardware:
-      python -m edge inspect IMAGE                    which pins are seen in a picture of a tip
-      python -m edge replay RECORDING --sink memory:  a recording through the whole chain
+      python -m edge replay example:press --sink memory:  a recording through the whole chain
+      python -m edge inspect IMAGE                        which pins are seen in a picture of a tip
     With a camera and a bus:
       python -m edge run --source v4l2:0 --sink can:can0 --calibration tip.json
     """

@@ -24,11 +24,7 @@ def waiting(what: str, shown: bool) -> Iterator[None]:
 
 @contextmanager
 def counting(what: str, total_n: int, shown: bool) -> Iterator[Callable[[int], None]]:
-    """A bar with counts and the remaining time, drawn by calls of the returned function.
-
-    total_n  0: not known
-    Returns  function to be called with the number done, at any rate
-    """
+    """A bar with counts and remaining time, drawn by calls of what is returned; total_n 0: not known."""
     if not (shown and sys.stderr.isatty()):
         yield lambda done_n: None
         return

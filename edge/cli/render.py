@@ -56,7 +56,7 @@ DRAWN = frozenset(Feature) - {Feature.SURFACE}
     help="safe: orange and blue, for colour-blind readers.",
 )
 @click.option("--rate", "rate_hz", type=FiniteFloat(1, 240), help="Pictures a second; else as recorded.")
-@click.option("--height", type=WholeNumber(120, 2160), default=640, show_default=True, help="Of a panel, px.")
+@click.option("--height", type=WholeNumber(120, 2160), default=640, show_default=True, help="A panel's, px.")
 @rest_option
 @overwrite_option
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
@@ -103,18 +103,11 @@ def render_recording(
     progress: bool = False,
     rest: str | None = None,
 ) -> dict[str, Any]:
-    """Write the video.
+    """Write the video, with the options of `render`; height of a panel, px.
 
-    palette   a key of `PALETTES`
-    rate_hz   pictures a second; None: the recording's own
-    height    of a panel, px
-    progress  show a bar on stderr
-    rest      "auto", "none" or the number of an image; None: the rest frame is made of the first images,
-              if they do not show a touch
-    Returns   frames_n in the video; pins_n of the rest frame; rate_hz of the pictures; without_values, frames
-              by the fault that explains it
-    Raises    SourceError: no such recording, or no pins in its first frames; SinkError: cannot be written;
-              OSError: the disk is full; CalibrationError: of another tip
+    Returns  frames_n in the video; pins_n of the rest frame; rate_hz of the pictures; without_values, frames
+             by the fault that explains it
+    Raises   InputError: the recording, its first frames or the calibration; SinkError; OSError: a full disk
     """
     with closing(open_source(recording)) as source:
         rest_frame, seen_in = _rest_frame(source, rest, calibration)
@@ -126,7 +119,9 @@ def render_recording(
         n_pins = len(rest_frame)
         lost = Tracks.of(np.full((n_pins, 2), np.nan), np.full(n_pins, np.nan), np.zeros(n_pins, np.bool_), 0)
         rate_hz = rate_hz or source.rate_hz or 30.0
-        total_n = source.frames_n if isinstance(source, FileSource) else 0
+        total_n = 0
+        if isinstance(source, FileSource):
+            total_n, source.keeps_colour = source.frames_n, True
         with counting(out.name, total_n, progress) as count:
 
             def pictures() -> Iterator[NDArray[np.uint8]]:
@@ -168,21 +163,21 @@ def _rest_frame(source: FrameSource, how: str | None, calibration: Calibration |
 
 
 def caption(result: Result) -> str:
-    """The calibrated values of a frame in a line, some with their errors; empty without any."""
+    """The calibrated values of a frame in two lines, some with their errors; empty without any."""
     values, sigmas = result.reading.values, result.reading.sigmas
     shear_mm = hypot(values.get("shear_x_mm", nan), values.get("shear_y_mm", nan))
     tangential_n = hypot(values.get("force_x_n", nan), values.get("force_y_n", nan))
     rows = (
         ("depth", values.get("displacement_mm", nan), sigmas.get("displacement_mm", nan), "mm"),
         ("shear", shear_mm, nan, "mm"),
+        ("torsion", values.get("torsion_deg", nan), nan, "deg"),
         ("force", values.get("force_n", nan), nan, "N"),
         ("tangential", tangential_n, nan, "N"),
         ("torque", values.get("torque_z_nmm", nan), sigmas.get("torque_z_nmm", nan), "N mm"),
-        ("torsion", values.get("torsion_deg", nan), nan, "deg"),
     )
     parts = []
     for name, value, sigma, unit in rows:
         if not isnan(value):
             spread = "" if isnan(sigma) else f" +-{sigma:.2f}"
             parts.append(f"{name} {value:.2f}{spread} {unit}")
-    return "   ".join(parts)
+    return "\n".join("   ".join(parts[k : k + 3]) for k in (0, 3)).strip()

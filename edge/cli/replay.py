@@ -88,10 +88,7 @@ def replay(
 
 
 def _use_rest(loop: Loop, recording: str, how: str | None, quiet: bool) -> None:
-    """Use another rest frame than the first images, if one is asked for or they show a touch.
-
-    Raises  SourceError, CalibrationError
-    """
+    """Take another rest frame if one is asked for or the first images show a touch. Raises InputError."""
     with closing(open_source(recording)) as source:
         source.polarity, source.lens = loop.source.polarity, loop.source.lens
         source.region = loop.source.region
@@ -103,10 +100,7 @@ def _use_rest(loop: Loop, recording: str, how: str | None, quiet: bool) -> None:
 
 
 def _print_samples(loop: Loop) -> list[OSError]:
-    """Print each sample; stop the loop if stdout is closed (`| head -1`) or its disk is full.
-
-    Returns  the error of stdout, once there was one
-    """
+    """Print each sample; stop the loop, and give the error, where stdout fails (`| head -1`, a full disk)."""
     failures: list[OSError] = []
 
     def print_one(result: Result, state: State) -> None:

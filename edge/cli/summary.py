@@ -49,14 +49,11 @@ def damage_of(source: FrameSource) -> str:
 
 
 class Summary:
-    """Numbers over all frames; its memory does not grow with them. `add` is a result callback of the loop.
-
-    skipped_n  images that passed before the first result; None: there was none
-    """
+    """Numbers over all frames, in bounded memory. `add` is a result callback of the loop."""
 
     def __init__(self, source: FrameSource) -> None:
         self._source = source
-        self.skipped_n: int | None = None
+        self.skipped_n: int | None = None  # images that passed before the first result; None: there was none
         self._held: Counter[int] = Counter()
         self._confidence: Counter[float] = Counter()  # rounded as it is shown
         self._shear_n = 0
@@ -80,11 +77,7 @@ class Summary:
             self._displacement_mm = state.displacement_mm
 
     def report(self) -> dict[str, Any]:
-        """Numbers over all frames. Shear is the pins' mean motion, px; its angle from x right to y down.
-
-        shear_mean_px, shear_mean_deg    mean over the frames, and its direction
-        shear_peak_px, shear_peak_deg    in the frame with the largest
-        """
+        """Numbers over all frames. Shear is the pins' mean motion, px; its angle from x right to y down."""
         if not self._held:
             return {"pins_held_median": 0}
         table: dict[str, Any] = {

@@ -1,4 +1,4 @@
-"""What every installation has to try things with, made by `tests/data/make.py`.
+"""Recordings that every installation has to try things with, made by `tests/data/make.py`.
 
 example:press    as a source, a recording; its calibration is used where none is given
 example:sim      after --calibration: a calibration, here that of the simulator's own tip

@@ -26,8 +26,6 @@ from hostlink.wire import Status
 STEP_S = 0.5  # by which an image comes too early where its clock was set, and not late before
 _NOWHERE = np.empty((0, 3))
 NO_CALIBRATION = "values are in px; to get mm and N, calibrate (docs/from-camera-to-newtons.md)"
-
-
 _MOVED = "the pins stand {off_px:.1f} px off the rest frame, all alike; tare"
 
 
@@ -79,14 +77,7 @@ _DARK_OR_BRIGHT = {F.IMAGE_DARK, F.IMAGE_BRIGHT}
 
 
 class FaultDetector:
-    """Checks one finger's frames and their results.
-
-    source        reports the condition of its camera
-    registry      receives the faults
-    clock_ns      the host's monotonic clock
-    load_pitches  motion of a pin beyond which it counts as overloaded
-    without_values  images that gave none, by the name of the fault that explains it
-    """
+    """Checks one finger's frames and their results, and reports to the registry."""
 
     def __init__(
         self,
@@ -99,7 +90,7 @@ class FaultDetector:
         self._live = source if isinstance(source, ThreadedSource) else None
         self._load_pitches = load_pitches
         self._facts = Facts()
-        self.without_values: Counter[str] = Counter()
+        self.without_values: Counter[str] = Counter()  # images that gave none, by the fault that explains it
         self._gap_ns = stalled_after_s(None) * 1e9  # no camera's is shorter
         self._calibrated = False
         self._verdict = Judge(fault_checks(), registry)
@@ -177,11 +168,7 @@ class FaultDetector:
             self.gaps_n += frame.sequence - before.sequence - 1
 
     def judge(self, frame: Frame, result: Result, drifted_share: float) -> Result:
-        """Judge a frame that was computed; returns what may be sent of its result: all, nothing but the
-        tracks, or not even their identities.
-
-        drifted_share  of the pins whose learnt drift is at its limit
-        """
+        """Judge a computed frame; returns what may be sent of it: all, the tracks, or not even identities."""
         facts, pins = self._facts, self._pins
         assert pins is not None
         facts.why_missing = pins.problem(result.tracks, result.features)
@@ -230,10 +217,7 @@ class FaultDetector:
         self._verdict(facts)
 
     def slow(self, begun_ns: int | None) -> None:
-        """Whether the current frame takes long, and the brightness of the next one. For another thread.
-
-        begun_ns  when work on it began, our clock; None: there is none, or it need not be timed
-        """
+        """Whether the frame begun at begun_ns takes long; how bright the next one is. For another thread."""
         if begun_ns is not None and self._clock_ns() - begun_ns >= RUNTIME.wait_s * 1e9:
             self._registry.report(F.TRACKER_LOST, True, "the pins are being searched for")
             waiting = self._live.peek() if self._live is not None else None
@@ -269,10 +253,7 @@ class FaultDetector:
         facts.off_pitches, facts.drifted_share = facts.off_px / self._pitch_px, drifted_share
 
     def status(self, result: Result | None, skipped_n: int) -> int:
-        """The sample's status bits.
-
-        skipped_n  frames lost so far, for any reason
-        """
+        """The sample's status bits; skipped_n: frames lost so far, for any reason."""
         status = self._registry.status
         if result is not None:
             if self.frozen:
@@ -288,10 +269,7 @@ class FaultDetector:
 
 
 def common_step_px(step_px: Array) -> Array | None:
-    """The common step of all pins, as when the camera is knocked; None: they did not move alike.
-
-    step_px   (n, 2) from one frame to the next; NaN where lost in either
-    """
+    """The step (2,) of all pins from one frame to the next, as of a knock; None: they did not move alike."""
     common: Array = np.nanmedian(step_px, axis=0)
     off_px = np.hypot(*(step_px - common).T)
     alike = np.nanquantile(off_px, RUNTIME.most_rel) < HALF_REL * np.hypot(*common)

@@ -1,5 +1,5 @@
 # cython: infer_types=True
-"""What is counted of a frame's pins and image for its faults: each one pass over some hundred numbers.
+"""Counts over a frame's pins and image, for its faults: each is one pass over some hundred numbers.
 
 A kernel (`CONTRIBUTING.md`, "Kernels"). Meaning and limits are explained by the callers. NaN marks a lost
 pin; it does not count as far, and has no length.
@@ -56,7 +56,7 @@ def _sum_bytes(
 
 @cython.cclass
 class PinCounts:
-    """What is counted of the pins of each frame.
+    """Counts over the pins of each frame.
 
     rest_img  (n, 2) float64, px: where they are at rest
     near      (n, k) int32: each pin itself, and its neighbours

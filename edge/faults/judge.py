@@ -13,7 +13,7 @@ from hostlink.wire import FaultCode
 
 @dataclass
 class Facts:
-    """What the newest frame was measured to be; a number that was not measured anew keeps its last value.
+    """The newest frame as it was measured; a number that was not measured anew keeps its last value.
 
     The first group says what `Check.measure` may name; the rest only stands in the reasons for the log.
     """
@@ -64,7 +64,7 @@ class Check:
     below: bool = False  # the fault is below the limit
 
     def limit(self, holds: bool) -> float:
-        """What the number has to reach for the fault to appear, or to go on."""
+        """The level that a number has to reach for the fault to appear, or to go on."""
         assert self.raise_at is not None
         away = PARAMS.hysteresis_rel * self.raise_at if holds else 0.0
         return self.raise_at + (away if self.below else -away)
@@ -99,10 +99,7 @@ class Judge:
             self._registry.report(code, check is not None, reason)
 
     def would_hold(self, facts: Facts) -> dict[FaultCode, Check]:
-        """The faults that hold by these facts, each with the row that says so; reports nothing.
-
-        May be called from any thread.
-        """
+        """The faults that hold by these facts, each with its row; reports nothing. For any thread."""
         return self._first(self._compare(facts))
 
     def _compare(self, facts: Facts) -> list[bool]:

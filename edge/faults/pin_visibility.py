@@ -56,10 +56,7 @@ class PinVisibility:
         self.explained = False
 
     def problem(self, tracks: Tracks, features: Features | None = None) -> str:
-        """Count a frame's pins. What is wrong with them; empty: nothing.
-
-        features  of the frame; None: there are none
-        """
+        """Count a frame's pins, which gave these features, if any; what is wrong with them, or empty."""
         n = self._n
         self._seen_n, _, new_n, hole_n, far_n, self._noise_px = self.counts.seen(
             tracks.xy_img, tracks.sigma_px, FEATURES.noise_ratio_max * self._baseline_px, self._far_px
@@ -73,7 +70,7 @@ class PinVisibility:
         return why + "; a contact hides them" if self.explained else why
 
     def _judge(self, tracks: Tracks, features: Features | None, hole_n: int) -> str:
-        """What is wrong with a frame that lacks pins, and whether a contact explains it."""
+        """The fault of a frame that lacks pins, and whether a contact explains it."""
         bad, new = (np.asarray(pins).view(np.bool_) for pins in (self.counts.bad, self.counts.new))
         why = self._why(tracks, self._seen_n, hole_n, bad, new)
         if why and features is not None and features.contacts:

@@ -29,7 +29,7 @@ import cython
 import numpy as np
 from cython.cimports.libc.math import fabs, hypot, isfinite, isnan, sqrt
 
-from edge.features.params import CELL_NOISE, MEDIAN_NOISE, PARAMS, RING_NOISE, FeatureParams, largest_noise
+from edge.features.params import CELL_NOISE, MEDIAN_NOISE, PARAMS, RING_NOISE, largest_noise
 from edge.geometry.lattice import slope_stencil
 from edge.geometry.neighbours import short_rows
 from edge.types import Array, Rest
@@ -45,7 +45,7 @@ NAN = cython.declare(cython.double, float("nan"))
 class ContactDetector:
     """Decides frame by frame whether the n pins of one tip are in contact."""
 
-    def __init__(self, rest: Rest, params: FeatureParams = PARAMS) -> None:
+    def __init__(self, rest: Rest) -> None:
         ring, slope = slope_stencil(rest.xy_img, rest.pattern.pitch_px)
         n, width = ring.shape
         self._n, self._width = n, width
@@ -62,11 +62,11 @@ class ContactDetector:
         self._ring_x, self._ring_y = np.empty(width), np.empty(width)
         self._values, self._ring_values = np.empty(n), np.empty(n)
         self._cell_noise, self._ring_noise, self._median_noise = CELL_NOISE, RING_NOISE, MEDIAN_NOISE
-        self._clear_sigma = params.contact_sigma
-        self._raise_sigma = hypot(params.contact_sigma, largest_noise(n))
+        self._clear_sigma = PARAMS.contact_sigma
+        self._raise_sigma = hypot(PARAMS.contact_sigma, largest_noise(n))
         self._min_ring_known = width // 2 + 1
-        self._noise_ratio_max = params.noise_ratio_max
-        self._noise_frames_n = params.noise_frames_n
+        self._noise_ratio_max = PARAMS.noise_ratio_max
+        self._noise_frames_n = PARAMS.noise_frames_n
 
     def cell_noise(self, sigma_px: float) -> float:
         """One-sigma noise of a single cell's relative area change."""
@@ -165,10 +165,7 @@ class ContactDetector:
         return NAN if nothing else highest / self._width
 
     def _is_coherent(self, xy: Array, limit: float) -> bool:
-        """Whether the area still increases by enough when each pin moves as the median of its ring does.
-
-        The ring of the highest mean is tried first, then all.
-        """
+        """Whether the area still grows by enough with each pin moved as its ring's median; the peak first."""
         at_peak = self._clear_sigma / self._raise_sigma * limit
         self._forget_medians()
         for i in range(self._width):
@@ -230,9 +227,7 @@ class ContactDetector:
         return median(self._values, known) if known >= self._min_ring_known else NAN
 
     def _learn(self, area_change: Array, predicted: float) -> None:
-        """Move the learnt noise towards that of this untouched frame; `predicted` is the pins' own, in
-        pitches.
-        """
+        """Move the learnt noise towards that of this untouched frame; `predicted`: the pins' own, pitches."""
         known: cython.Py_ssize_t = 0
         known_rings: cython.Py_ssize_t = 0
         # Each frame takes as many rings as hold each cell about once, in turn. Their spread is about zero

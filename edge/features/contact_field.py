@@ -21,7 +21,7 @@ import cython
 import numpy as np
 from numpy.typing import NDArray
 
-from edge.features.params import PARAMS, FeatureParams
+from edge.features.params import PARAMS
 from edge.types import Array, Heights, Index, Mask
 
 _NOTHING = cython.declare(cython.float, -np.inf)
@@ -124,13 +124,7 @@ class ContactField:
     """
 
     def __init__(
-        self,
-        rest_xy: Array,
-        pitch_px: float,
-        points: Array,
-        interpolator: Array,
-        divergences: Array,
-        params: FeatureParams = PARAMS,
+        self, rest_xy: Array, pitch_px: float, points: Array, interpolator: Array, divergences: Array
     ) -> None:
         n, k = len(rest_xy), len(interpolator)
         shapes = rest_xy.shape, points.shape, interpolator.shape, divergences.shape
@@ -152,13 +146,13 @@ class ContactField:
         self.blend = np.zeros(k, np.float32)
         self.active, self.n_active = np.zeros(k, np.int32), 0
         self._is_active = np.zeros(k, np.uint8)
-        self._min_area_change = params.min_area_change
+        self._min_area_change = PARAMS.min_area_change
         self._near_start, self._near = _points_near(rest_xy, points, pitch_px)
         self.plane_divergence = self.plane_curl = 0.0
         self.points = np.array(points, np.float64, order="C")
         terms = np.column_stack([np.ones(n), rest_xy - rest_xy[0]])
         self._inverse = np.linalg.inv(terms.T @ terms)
-        self._divergence_rel, self._heights_rel = params.divergence_rel, 1.0 - params.divergence_rel
+        self._divergence_rel, self._heights_rel = PARAMS.divergence_rel, 1.0 - PARAMS.divergence_rel
 
     def set_area_change(self, change: Array) -> None:
         """The area changes of a frame, (n,) float64, relative; finite. Raises ValueError: another number."""
@@ -196,10 +190,7 @@ class ContactField:
             blend[p] = self._divergence_rel * divergence[p] + self._heights_rel * heights[p]
 
     def find_curl(self, which: Index, n: cython.Py_ssize_t) -> None:
-        """The first n of `curl`: the motion's rotation per length at the first n of these points.
-
-        which    (n or more,) int32, of the k points
-        """
+        """The first n of `curl`: the motion's rotation per length at the first n of these points, int32."""
         # The rows make, of motion (u, v), du/dx + dv/dy; with (v, -u) they make dv/dx - du/dy.
         u: cython.float
         motion: cython.float[::1] = self._detrended
@@ -249,9 +240,7 @@ class ContactField:
         self.n_active = n_active
 
     def _detrend(self, xy: Array) -> None:
-        """Motion less its plane: the plane's divergence is constant and added later, and the smaller values
-        quantize more finely.
-        """
+        """Motion less its plane, whose divergence is added later: the smaller values quantize more finely."""
         g: cython.double[:, ::1] = self._inverse
         rest: cython.const[cython.double][:, ::1] = self._rest
         detrended: cython.float[::1] = self._detrended
@@ -319,10 +308,7 @@ class PeakFinder:
         self._around = np.array([-w - 1, -w, -w + 1, -1, 1, w - 1, w, w + 1], np.int32)
 
     def set_field(self, field: Heights, active: Index, n_active: cython.Py_ssize_t) -> None:
-        """The field (k,) float32 at the points, row by row.
-
-        active   (n_active or more,) int32, points, ascending; elsewhere the field is zero
-        """
+        """The field (k,) float32 at the points; it is zero but at the first n_active of these, ascending."""
         place: cython.int[::1] = self.place
         grid: cython.float[::1] = self.grid
         mine: cython.int[::1] = self.active
@@ -352,7 +338,7 @@ class PeakFinder:
         return self.n_peaks
 
     def forget_searches(self) -> cython.void:
-        """What is asked next does not depend on what was asked before. Each peak is asked about once."""
+        """The next question does not depend on those before. Each peak is asked about once."""
         self.mark[:] = _UNKNOWN
 
     def first_connected(

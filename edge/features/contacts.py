@@ -28,7 +28,7 @@ from cython.cimports.libc.math import atan2, hypot, isfinite, isnan, sqrt
 from numpy.typing import NDArray
 
 from edge.features.contact_field import PeakFinder
-from edge.features.params import CONTACTS_MAX, PARAMS, FeatureParams
+from edge.features.params import CONTACTS_MAX, PARAMS
 from edge.features.pin_motion import PinNoise
 from edge.features.several import Fits, FittedContacts
 from edge.features.surface import Surface
@@ -58,9 +58,7 @@ class Regions:
     peaks        of the field
     """
 
-    def __init__(
-        self, peaks: PeakFinder, x0: float, y0: float, step_px: float, params: FeatureParams = PARAMS
-    ) -> None:
+    def __init__(self, peaks: PeakFinder, x0: float, y0: float, step_px: float) -> None:
         table = len(peaks.place) + 1  # the only peak of all may become two
         self.n_contacts, self._n_peaks = 0, 0
         self.middle = np.zeros((CONTACTS_MAX, 2))
@@ -76,8 +74,8 @@ class Regions:
         row, column = np.divmod(np.arange(len(peaks.grid), dtype=np.int32), peaks.width)
         self._row, self._column = row.astype(np.int16), column.astype(np.int16)
         self.x0, self.y0, self.step_px = x0 - step_px, y0 - step_px, step_px
-        self._shallow_rel = params.shallow_rel
-        self._min_prominence_sigma = 2.0 * params.contact_sigma
+        self._shallow_rel = PARAMS.shallow_rel
+        self._min_prominence_sigma = 2.0 * PARAMS.contact_sigma
 
     def merge(self, noise: Heights, noise_px: float) -> int:
         """Group the peaks into contacts by prominence, and measure their regions.
@@ -115,9 +113,7 @@ class Regions:
         return self.n_contacts
 
     def keep(self, kept: NDArray[np.uint8]) -> None:
-        """Drop the contacts that are not kept, (n_contacts or more,) uint8; the others take over their
-        points.
-        """
+        """Drop the contacts that are not kept, (n_contacts or more,) uint8; the others take their points."""
         n: cython.int = 0
         for i in range(self.n_contacts):
             for j in range(self._n_peaks):
@@ -129,9 +125,7 @@ class Regions:
         self._measure()
 
     def split(self, x0: cython.double, y0: cython.double, x1: cython.double, y1: cython.double) -> bool:
-        """Make two contacts of the only one, with their peaks at the grid's points nearest to two places, px;
-        False: that is one point.
-        """
+        """Make two of the only one, with peaks at the points nearest to two places, px; False: it is one."""
         first = self._nearest_point(x0, y0)
         second = self._nearest_point(x1, y1)
         if first == second:
@@ -169,9 +163,7 @@ class Regions:
         return self._n_points[i] * self.step_px * self.step_px
 
     def peak_height(self, i: cython.Py_ssize_t) -> float:
-        """Height of contact i's highest peak, interpolated between the grid's points by a parabola along each
-        axis.
-        """
+        """Height of contact i's highest peak, interpolated by a parabola along each axis of the grid."""
         at = self._at[self._highest(i)]
         top = cython.cast(cython.double, self._grid[at])
         height = top
@@ -194,8 +186,7 @@ class Regions:
                 self._ridge[n, 0] = self.x0 + self.step_px * self._column[self._at[j]]
                 self._ridge[n, 1] = self.y0 + self.step_px * self._row[self._at[j]]
                 n += 1
-        found: Array = self._ridge_array[:n].copy()
-        return found
+        return np.asarray(self._ridge_array[:n].copy())
 
     def _highest(self, i: cython.Py_ssize_t) -> int:
         """Which peak is the highest of contact i."""
@@ -297,15 +288,15 @@ class ContactFinder:
     xy        (n, 2) float64 px, into which where the pins are is written in each frame; finite
     """
 
-    def __init__(self, surface: Surface, xy: Array, params: FeatureParams = PARAMS) -> None:
+    def __init__(self, surface: Surface, xy: Array) -> None:
         """Raises ValueError: xy of another size."""
         if xy.shape != surface.rest_img.shape:
             raise ValueError(f"xy {surface.rest_img.shape} is wanted, not {xy.shape}")
         pitch_px, self.surface, self.field = surface.pitch_px, surface, surface.field
         self.peaks = PeakFinder(surface.inside)
         x0, y0 = float(surface.x_img[0]), float(surface.y_img[0])
-        self.regions = Regions(self.peaks, x0, y0, surface.step_px, params)
-        self.fitted = FittedContacts(surface, self.regions, params)
+        self.regions = Regions(self.peaks, x0, y0, surface.step_px)
+        self.fitted = FittedContacts(surface, self.regions)
         self._pin_noise = PinNoise(surface.rest_img, pitch_px)
         self._rest = surface.rest_img
         self._xy = self._xy_array = xy
@@ -317,11 +308,11 @@ class ContactFinder:
         self.place, self.divergence_moment, self.curl_moment = self._tables
         self._middles = np.asarray(self.regions.middle)
         self._n_before = 0
-        self._visibility_radius_px = params.close_pitch * pitch_px
-        self._place_radius_px = params.place_radius_pitch * pitch_px
-        self._place_radius_axis = params.place_radius_axis
-        self._contact_sigma, self._min_area_change = params.contact_sigma, params.min_area_change
-        self._min_oriented_elongation = params.min_oriented_elongation
+        self._visibility_radius_px = PARAMS.close_pitch * pitch_px
+        self._place_radius_px = PARAMS.place_radius_pitch * pitch_px
+        self._place_radius_axis = PARAMS.place_radius_axis
+        self._contact_sigma, self._min_area_change = PARAMS.contact_sigma, PARAMS.min_area_change
+        self._min_oriented_elongation = PARAMS.min_oriented_elongation
 
     def forget(self) -> None:
         """The next frame does not follow the last one."""
@@ -371,9 +362,7 @@ class ContactFinder:
         return tuple(contacts)
 
     def _look_closer(self, seen: Mask, sigma_px: float) -> None:
-        """Merge several regions by the noise of a pin, from its neighbours in this frame and from rest; drop
-        those with few seen pins around.
-        """
+        """Merge regions by the noise of a pin, of this frame and at rest; drop those with few seen pins."""
         mask: cython.const[cython.uchar][::1] = seen
         if mask.shape[0] != self._rest.shape[0]:
             raise ValueError(f"seen ({self._rest.shape[0]},) is wanted")

@@ -28,7 +28,7 @@ import numpy as np
 from cython.cimports.libc.math import sqrt
 
 from edge.features.modes import Modes
-from edge.features.params import PARAMS, FeatureParams, largest_noise
+from edge.features.params import PARAMS, largest_noise
 from edge.features.several import Fits
 from edge.features.surface import Surface
 from edge.types import Array, Cells, Complex, ContactRegion, Feature, Features, Mask, Rest, Tracks
@@ -56,7 +56,7 @@ _NO_PINS: _OfPins = (None, None, None, None, None)
 @cython.final
 @cython.cclass
 class FeaturePlan:
-    """What is computed of a frame for a demand: what its features need (`Feature.needs`).
+    """The quantities that are computed for a demand: its features need them (`Feature.needs`).
 
     moments        False: the contacts' moments are not wanted; they are NaN
     fits           the contacts that are wanted as fitted to the pins' motion
@@ -93,16 +93,10 @@ class FeaturePlan:
 @cython.final
 @cython.cclass
 class FeatureExtractor:
-    """Features of the frames of one tip.
-
-    rest_area_px2  (n,) float64 px2, area of each pin's cell at rest, by the current cells' own rule
-    grid           points along the surface's side; None: chosen from the pitch
-    """
+    """Features of the frames of one tip; rest_area_px2 (n,) of each pin's cell, by the same rule."""
 
     _n: cython.Py_ssize_t
     _rest: Rest
-    _grid: int | None
-    _params: FeatureParams
     _finder: ContactFinder
     _plan: FeaturePlan  # of the last frame
     _motion: PinMotion
@@ -125,24 +119,22 @@ class FeatureExtractor:
     _contact_sigma: cython.double
     _min_area_change: cython.double
 
-    def __init__(
-        self, rest: Rest, rest_area_px2: Array, *, grid: int | None = None, params: FeatureParams = PARAMS
-    ) -> None:
+    def __init__(self, rest: Rest, rest_area_px2: Array) -> None:
         n = len(rest)
-        self._n, self._rest, self._grid, self._params = n, rest, grid, params
+        self._n, self._rest = n, rest
         self._motion = PinMotion(rest)
         self._area_change = AreaChange(rest.xy_img, rest.pattern.pitch_px, rest_area_px2)
-        self._detector = ContactDetector(rest, params)
-        self._modes, self._vibration = Modes(rest), Vibration(rest.xy_img, params)
+        self._detector = ContactDetector(rest)
+        self._modes, self._vibration = Modes(rest), Vibration(rest.xy_img)
         self._mode_product = ModeProduct(self._modes.of_all)
-        self._slip = Slip(rest, self._motion, params)
+        self._slip = Slip(rest, self._motion)
         self._rest_xy = np.ascontiguousarray(rest.xy_img)
         self._filled_px, self._filled_change = np.empty((n, 2)), np.empty(n)
         self._change = self._change_array = np.empty(n)
         self._motion_array, self._mean_array = np.asarray(self._motion.motion), np.asarray(self._motion.mean)
         self._largest_noise = largest_noise(n)
         self._rest_variance = float(np.median(rest.pins.sigma_px)) ** 2
-        self._contact_sigma, self._min_area_change = params.contact_sigma, params.min_area_change
+        self._contact_sigma, self._min_area_change = PARAMS.contact_sigma, PARAMS.min_area_change
         self._finder, self._plan = None, FeaturePlan(frozenset())
 
     def prepare(self, plan: FeaturePlan) -> None:
@@ -154,8 +146,7 @@ class FeatureExtractor:
     def _made(self) -> ContactFinder:
         """The grid of the surface, and what finds contacts on it; made for the first contact."""
         if self._finder is None:
-            surface = Surface(self._rest, self._grid, self._params)
-            self._finder = ContactFinder(surface, np.asarray(self._motion.xy), self._params)
+            self._finder = ContactFinder(Surface(self._rest), np.asarray(self._motion.xy))
         return self._finder
 
     def forget_contacts(self) -> None:
@@ -166,10 +157,6 @@ class FeatureExtractor:
     def contact_holds(self, tracks: Tracks) -> bool:
         """Whether the last frame's contact goes on, by the motion of its pins; False: not known."""
         return self._detector.holds(tracks.xy_img)
-
-    def cell_noise(self, sigma_px: float) -> float:
-        """One-sigma noise of a single cell's relative area change, as learnt, of such noise of pins."""
-        return self._detector.cell_noise(sigma_px)
 
     def extract(
         self,

@@ -58,10 +58,7 @@ def mode_basis(rest: Rest) -> Complex:
 
 
 class Modes:
-    """Fits the modes of one tip by least squares.
-
-    of_all  (21, n) coefficients from the motion of all pins, which `ModeProduct` takes
-    """
+    """Fits the modes of one tip by least squares; of_all (21, n), from the motion of all its pins."""
 
     def __init__(self, rest: Rest) -> None:
         self._basis = mode_basis(rest)
@@ -77,8 +74,7 @@ class Modes:
         seen     (n,) bool
         Returns  (21,) complex128 px, terms `MODE_NAMES`
         """
-        coefficients: Complex = np.matmul(self._solution(self._basis[seen]), motion[seen] @ [1.0, 1j])
-        return coefficients
+        return np.asarray(self._solution(self._basis[seen]) @ (motion[seen] @ [1.0, 1j]))
 
     def _solution(self, basis: Complex) -> Complex:
         """(21, m) coefficients from the motion of the pins with these rows of the basis."""

@@ -18,8 +18,8 @@ CONTACTS_MAX = 14
 
 
 def largest_noise(n: int) -> float:
-    """What n values of normal noise hardly exceed, in standard deviations; so high that one among n passes a
-    level `hypot(a, largest_noise(n))` as rarely as a single one passes a.
+    """The level that n values of normal noise hardly exceed, in standard deviations: one among n passes
+    `hypot(a, largest_noise(n))` as rarely as a single one passes a.
 
     Source  Donoho and Johnstone, "Ideal spatial adaptation by wavelet shrinkage", Biometrika 81, 1994
     """
@@ -28,9 +28,7 @@ def largest_noise(n: int) -> float:
 
 @dataclass(frozen=True, slots=True)
 class FeatureParams:
-    """Parameters by name. Units: sigma, in standard deviations of the noise; rel, a share; pitch, in pin
-    pitches; n, a number.
-    """
+    """Parameters by name. Units: sigma, standard deviations of noise; rel, a share; pitch; n, a number."""
 
     # --- contact: a ring's mean area change, a cell's, a height, a motion
     contact_sigma: float = RUNTIME.noise_sigma

@@ -156,10 +156,7 @@ class PinMotion:
         return n_pins
 
     def torsion(self) -> float:
-        """Rotation of the contact's pins about their own centre.
-
-        Returns    rad, positive from x towards y (clockwise on the screen); NaN for fewer than two seen pins
-        """
+        """Rotation of the contact's pins about their centre, rad, from x to y; NaN for fewer than two."""
         rows: cython.int[::1] = self.pins
         motion: cython.double[:, ::1] = self.motion
         used = 0

@@ -1,5 +1,5 @@
 # cython: infer_types=True
-"""What the contact's pins do from frame to frame: slip and vibration.
+"""Slip and vibration: the contact's pins from frame to frame.
 
 Slip: how probable it is that most of the contact slides, and how fast its parts move against each other.
 
@@ -48,7 +48,7 @@ import cython
 import numpy as np
 from cython.cimports.libc.math import exp, hypot, isnan, sqrt, tan
 
-from edge.features.params import PARAMS, FeatureParams
+from edge.features.params import PARAMS
 from edge.features.pin_motion import PinMotion
 from edge.types import Array, Index, Rest
 
@@ -74,11 +74,11 @@ class Slip:
     probability  0..1 that more than half of the contact's area slides
     """
 
-    def __init__(self, rest: Rest, motion: PinMotion, params: FeatureParams = PARAMS) -> None:
+    def __init__(self, rest: Rest, motion: PinMotion) -> None:
         n = len(rest)
         self._n, self._motion = n, motion
         self._rest = np.ascontiguousarray(rest.xy_img, np.float64)
-        self._span, self._pressing_rel = params.slip_span_frames, params.slip_pressing_rel
+        self._span, self._pressing_rel = PARAMS.slip_span_frames, PARAMS.slip_pressing_rel
         self._past_px, self._past_change = np.empty((self._span, n, 2)), np.empty((self._span, n))
         self._begin = np.empty((n, 2))
         self._core, self._around = np.empty(n, np.int32), np.empty(n, np.int32)
@@ -89,8 +89,8 @@ class Slip:
         self._s, self._q = np.empty(_SHARES + 1), np.empty(_SHARES + 1)
         self._weight, self._curve = np.empty(_SHARES + 1), np.empty(_SHARES + 1)
         self._square = np.empty(_SHARES)
-        self._turned_sigma = params.contact_sigma
-        self._model_rel, self._prior_odds = params.slip_model_rel, params.slip_prior_odds
+        self._turned_sigma = PARAMS.contact_sigma
+        self._model_rel, self._prior_odds = PARAMS.slip_model_rel, PARAMS.slip_prior_odds
         self.forget()
 
     def forget(self) -> None:
@@ -263,9 +263,9 @@ class Slip:
 class Vibration:
     """Follows the high-passed motion of the contact's pins, of those at rest_xy (n, 2)."""
 
-    def __init__(self, rest_xy: Array, params: FeatureParams = PARAMS) -> None:
+    def __init__(self, rest_xy: Array) -> None:
         n = len(rest_xy)
-        self._from_hz = params.vibration_from_hz
+        self._from_hz = PARAMS.vibration_from_hz
         self._before, self._once, self._twice = np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 2))
         self._frame_of = np.zeros(n, np.int64)
         self._frame = 1

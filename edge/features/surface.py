@@ -18,7 +18,7 @@ skin. `contacts` finds where a contact lies in the current image.
 import numpy as np
 
 from edge.features.contact_field import ContactField
-from edge.features.params import PARAMS, FeatureParams
+from edge.features.params import PARAMS
 from edge.geometry.thin_plate import thin_plate_operators
 from edge.types import Array, Heights, Mask, Rest
 
@@ -37,12 +37,12 @@ class Surface:
     Raises            DegenerateLayout: fewer than 3 pins, or all on a line
     """
 
-    def __init__(self, rest: Rest, size: int | None = None, params: FeatureParams = PARAMS) -> None:
+    def __init__(self, rest: Rest, size: int | None = None) -> None:
         pattern = rest.pattern
         radius = pattern.tip_radius_px
         if size is None:
-            wanted = round(2.0 * radius / pattern.pitch_px * params.grid_steps_per_pitch) + 1
-            size = max(wanted, params.grid_min)
+            wanted = round(2.0 * radius / pattern.pitch_px * PARAMS.grid_steps_per_pitch) + 1
+            size = max(wanted, PARAMS.grid_min)
         self.pitch_px = pattern.pitch_px
         self.rest_img = np.ascontiguousarray(rest.xy_img)
         line = np.linspace(-radius, radius, size)
@@ -55,7 +55,7 @@ class Surface:
         # x and y interleaved, like the motion's rows: one product.
         divergences = np.stack([along_x, along_y], axis=2).reshape(len(value), -1)
         self.divergence_noise: Heights = np.sqrt((divergences**2).sum(axis=1)).astype(np.float32)
-        self.field = ContactField(self.rest_img, self.pitch_px, self.points_img, value, divergences, params)
+        self.field = ContactField(self.rest_img, self.pitch_px, self.points_img, value, divergences)
 
     def picture(self) -> Array:
         """The surface through the area changes set in `field`: (g, g) float64, NaN beyond the circle; new."""

@@ -41,9 +41,8 @@ def pitch_of(xy: Array) -> float:
 
 
 def nearest(xy: Array, k: int) -> Index:
-    """Each pin itself and its k nearest ones.
+    """Each pin itself and its k nearest ones, of xy (n, 2).
 
-    xy       (n, 2) any unit
     Returns  (n, k + 1) int32, nearest first, the lower row first of two at one distance; fewer columns
              where there are fewer pins
     """
@@ -167,10 +166,7 @@ class Lattice:
 
 
 def _edges(xy: Array, longest: float) -> Index:
-    """(e, 2) Delaunay edges and sides of the hull, each once, none longer.
-
-    Raises  DegenerateLayout: all on a line
-    """
+    """(e, 2) Delaunay edges and hull's sides, each once, none longer. Raises DegenerateLayout: on a line."""
     if not spans(xy):
         raise DegenerateLayout("all pins of the rest frame lie on one line")
     corner = np.floor(xy.min(axis=0))

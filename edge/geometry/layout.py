@@ -79,10 +79,7 @@ def pin_layout(kind: str, n_pins: int) -> Array:
 
 
 def circumcentres(points: Array, triangles: Index) -> Array:
-    """(t, 2) centre of each triangle's circle; not finite where its corners are on a line.
-
-    points (n, 2); triangles (t, 3), rows of them
-    """
+    """(t, 2) centre of each triangle's circle, of rows (t, 3) of points; not finite where it is a line."""
     a, b, c = (points[triangles[:, corner]] for corner in range(3))
     u, v = b - a, c - a
     twice_cross = 2.0 * (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])

@@ -37,8 +37,7 @@ def nearest_of(points: Array, xy: Array, k: int = 1) -> tuple[Array, Index]:
 def pairs_within(xy: Array, reach: float) -> Index:
     """(p, 2) int32 rows of the points no further apart than `reach`, each pair once, the lower row first.
 
-    xy      (n, 2), same unit
-    Raises  ValueError: sizes that do not fit, a coordinate that is not finite
+    Raises  ValueError: not (n, 2), a coordinate that is not finite
     """
     xy = _checked(xy)
     counted: cython.Py_ssize_t = _pairs(xy, reach, np.empty((0, 2), np.int32))

@@ -6,17 +6,13 @@ import cython
 INFINITY = cython.declare(cython.double, float("inf"))
 NAN = cython.declare(cython.double, float("nan"))
 
-
 #: The median absolute deviation of normal noise, times this, is its standard deviation.
 SIGMA_OF_MAD = 1.4826
 _SIGMA_OF_MAD = cython.declare(cython.double, SIGMA_OF_MAD)
 
 
 def kth_smallest(values: cython.double[::1], k: cython.Py_ssize_t) -> float:
-    """k-th smallest, from 0, of values (n,) float64 without NaN, which change places.
-
-    Raises  ValueError: no such k
-    """
+    """k-th smallest, from 0, of (n,) float64 without NaN, which change places. Raises ValueError."""
     if not 0 <= k < values.shape[0]:
         raise ValueError(f"the {k}-th of {values.shape[0]} values: k must be 0 to {values.shape[0] - 1}")
     return select_kth(values, values.shape[0], k)

@@ -24,30 +24,19 @@ def thin_plate_operators(knots: Array, points: Array) -> tuple[Array, Array, Arr
     if not spread[-1] > 1e-9 * spread[0]:
         raise DegenerateLayout(f"a surface needs three pins that are not on one line; {n} given")
     x, p = (knots - centre) / scale, (points - centre) / scale
-    system = _system(x)
+    system = np.zeros((n + 3, n + 3))  # its solution are the weights of the kernels and of a plane
+    system[:n, :n] = _kernel(x, x)[0]
+    system[:n, n:] = np.column_stack([np.ones(n), x])
+    system[n:, :n] = system[:n, n:].T
     one, zero = np.ones((len(p), 1)), np.zeros((len(p), 1))
     value, along_x, along_y = _kernel(p, x)
-    right = np.vstack(
-        [
-            np.hstack([value, one, p]),
-            np.hstack([along_x, zero, one, zero]) / scale,
-            np.hstack([along_y, zero, zero, one]) / scale,
-        ]
-    )
+    along_x = np.hstack([along_x, zero, one, zero]) / scale
+    along_y = np.hstack([along_y, zero, zero, one]) / scale
+    right = np.vstack([np.hstack([value, one, p]), along_x, along_y])
     # The system is symmetric: right S^-1 = (S^-1 right^T)^T; values fill the first n rows of its input.
     solved = np.linalg.solve(system, right.T)[:n].T
     value, along_x, along_y = np.split(solved, 3)
     return value, along_x, along_y
-
-
-def _system(x: Array) -> Array:
-    """(n + 3, n + 3): its solution are the weights of the kernels and the plane of a spline with knots x."""
-    n = len(x)
-    system = np.zeros((n + 3, n + 3))
-    system[:n, :n] = _kernel(x, x)[0]
-    system[:n, n:] = np.column_stack([np.ones(n), x])
-    system[n:, :n] = system[:n, n:].T
-    return system
 
 
 def _kernel(a: Array, b: Array) -> tuple[Array, Array, Array]:

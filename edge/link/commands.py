@@ -1,60 +1,35 @@
-"""What a master commands and a host asks for, as each kind of link brings it, and how answers go back.
-
-A node's state is as an NMT master sees and sets it (CiA 301, 7.2.8 and 7.3.2). A node that boots is
-pre-operational; START and STOP make it operational and stopped, a reset boots it again.
-"""
-
-from __future__ import annotations
+"""A master's commands and a host's requests, as each kind of link brings them, and how answers go back."""
 
 import time
 from collections import Counter
-from enum import IntEnum
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from edge.link.medium import CanFrame
-from edge.link.object_server import Aborted
+from edge.link.object_server import Aborted, ObjectServer
 from edge.link.params import PARAMS
 from edge.link.sdo_server import DOWNLOAD_MAX, TOO_LONG, SdoServer
 from edge.link.sinks import CanSink, SerialSink
 from hostlink.wire import Abort, CorruptFrame, Kind, Message, ObjectReply, ObjectRequest, Op
+from hostlink.wire.nmt import NmtState
 from hostlink.wire.serial import CHUNK_MAX
 
-if TYPE_CHECKING:
-    from edge.link.node import Node
 
+class Commanded(Protocol):
+    """A node, as its commands see it."""
 
-class NmtState(IntEnum):
-    """A node's state, as its heartbeat has it."""
+    number: int
+    state: NmtState
+    objects: ObjectServer
 
-    INITIALISING = 0
-    STOPPED = 4
-    OPERATIONAL = 5
-    PRE_OPERATIONAL = 127
+    def command(self, number: int) -> None: ...
 
-
-class NmtCommand(IntEnum):
-    """What a master may order."""
-
-    START = 1
-    STOP = 2
-    ENTER_PRE_OPERATIONAL = 128
-    RESET_NODE = 129
-    RESET_COMMUNICATION = 130
-
-
-LEADS_TO = {
-    NmtCommand.START: NmtState.OPERATIONAL,
-    NmtCommand.STOP: NmtState.STOPPED,
-    NmtCommand.ENTER_PRE_OPERATIONAL: NmtState.PRE_OPERATIONAL,
-    NmtCommand.RESET_NODE: NmtState.INITIALISING,
-    NmtCommand.RESET_COMMUNICATION: NmtState.INITIALISING,
-}
+    def sync(self) -> None: ...
 
 
 class CanCommands:
     """CANopen's messages to the node at a CAN bus."""
 
-    def __init__(self, sink: CanSink, node: Node) -> None:
+    def __init__(self, sink: CanSink, node: Commanded) -> None:
         self._node, self._ids = node, sink.ids
         self._request = sink.ids.of(Kind.SDO_REQUEST, node.number)
         response = sink.ids.of(Kind.SDO_RESPONSE, node.number)
@@ -67,7 +42,7 @@ class CanCommands:
         sink.on_message = self.receive
 
     def item(self, kind: Kind, data: bytes) -> CanFrame:
-        """What carries a heartbeat or an emergency."""
+        """The item that carries a heartbeat or an emergency."""
         return CanFrame(self._ids.of(kind, self._node.number), data)
 
     def receive(self, frame: CanFrame) -> None:
@@ -89,7 +64,7 @@ class CanCommands:
 class SerialCommands:
     """The same at the end of a serial line, where requests and replies are `hostlink.wire.serial`'s."""
 
-    def __init__(self, sink: SerialSink, node: Node) -> None:
+    def __init__(self, sink: SerialSink, node: Commanded) -> None:
         self._line, self._node = sink, node
         self._sent_n = Counter[Message]()
         self._answered: tuple[int, bytes] | None = None
@@ -99,7 +74,7 @@ class SerialCommands:
         sink.on_frame = self.receive
 
     def item(self, kind: Kind, data: bytes) -> bytes:
-        """What carries a heartbeat or an emergency."""
+        """The item that carries a heartbeat or an emergency."""
         message = Message[kind.name]
         self._sent_n[message] += 1
         return self._line.frame(message, data, self._sent_n[message])

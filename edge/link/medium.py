@@ -1,4 +1,4 @@
-"""What a link talks over: an open bus or line, and the CAN frame.
+"""The medium of a link: an open bus or line; and the CAN frame.
 
 A failure means one of two things: MediumFull (drop, go on), or any other (reopen).
 """
@@ -47,7 +47,7 @@ class Medium(ABC):
 
     @abstractmethod
     def read(self, timeout_s: float) -> Any:
-        """What came in, or None. Raises one of `broken`."""
+        """The item that came in, or None. Raises one of `broken`."""
 
     @abstractmethod
     def close(self) -> None:

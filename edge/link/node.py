@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from edge.link.commands import LEADS_TO, CanCommands, NmtCommand, NmtState, SerialCommands
+from edge.link.commands import CanCommands, SerialCommands
 from edge.link.link_sink import LinkSink, SinkCounters
 from edge.link.object_server import Device, ObjectServer
 from edge.link.params import PARAMS
@@ -25,6 +25,7 @@ from edge.link.settings import SettingsFile
 from edge.link.sinks import CanClassicSink, CanFdSink, CanSink, SerialSink
 from hostlink.wire import FAULTS, FEATURE_BITS, FaultCode, Kind, State, Status, pack_detail, pack_emergency
 from hostlink.wire.canid import NODES_MAX
+from hostlink.wire.nmt import LEADS_TO, NmtCommand, NmtState
 
 _FAULTS = {fault.code: fault for fault in FAULTS}
 
@@ -50,7 +51,7 @@ class Node:
         self._next_us = 0.0
         self._active: set[FaultCode] = set()
         self._link_faults: frozenset[FaultCode] = frozenset()
-        self.number, self.state = sink.node, NmtState.INITIALISING
+        self.number, self.state = sink.node, NmtState.BOOT_UP
         self.objects = ObjectServer(
             device, self._settings, sink.node, sink.ids, self._changed, self._statistics,
             maps=isinstance(sink, CanClassicSink),
@@ -65,9 +66,7 @@ class Node:
         return self.sink.counters
 
     def send(self, state: State) -> bool:
-        """Send a sample if it is due; True: it was sent. A sample that is not due is neither sent nor
-        counted.
-        """
+        """Send a sample if it is due; True: it was sent. One that is not due is not counted either."""
         self.objects.newest = state
         if self.state is not NmtState.OPERATIONAL or not self._is_due(state.capture_time_us):
             return False
@@ -83,8 +82,7 @@ class Node:
         return self._settings.values.detail_divider
 
     def send_detail(self, sample: int, rows: Sequence[tuple[float, float, float]]) -> bool:
-        """Send every pin's (dx px, dy px, relative area change), if requested, due, and the link has
-        capacity.
+        """Send every pin's (dx px, dy px, relative area change), if asked for, due, and there is capacity.
 
         Classic CAN has no detail stream: at 6 bytes a frame it would take the samples' share of the bus.
         """
@@ -135,7 +133,7 @@ class Node:
     def _start(self) -> None:
         """Send the boot-up message, and be operational, with heartbeat."""
         self._set_heartbeat(0)
-        self.state = NmtState.INITIALISING
+        self.state = NmtState.BOOT_UP
         self.sink.post(self._heartbeat())
         self.state = NmtState.OPERATIONAL
         self._set_heartbeat(self._settings.values.heartbeat_ms)

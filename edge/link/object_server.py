@@ -16,20 +16,8 @@ from edge.errors import CalibrationError, RequestRefused
 from edge.link.params import PARAMS
 from edge.link.settings import NodeSettings, SettingsFile
 from hostlink.output_file import OutputError
-from hostlink.wire import (
-    OBJECTS,
-    Abort,
-    CanIds,
-    CorruptFrame,
-    Fault,
-    FaultCode,
-    Object,
-    State,
-    object_at,
-    pack_value,
-    unpack_value,
-)
-from hostlink.wire.objects import SAMPLE_INDEX, TYPES
+from hostlink.wire import Abort, CanIds, CorruptFrame, Fault, FaultCode, State
+from hostlink.wire.objects import OBJECTS, SAMPLE_INDEX, TYPES, Object, object_at, pack_value, unpack_value
 from hostlink.wire.state import quantise
 
 log = logging.getLogger(__name__)
@@ -49,13 +37,10 @@ class Aborted(Exception):
 
 
 class Device(Protocol):
-    """The application as a node needs it. Called from the link's thread; must return within some 50 ms,
-    because the host waits for the answer."""
+    """The application, called from the link's thread: the host waits, so it must return within some 50 ms."""
 
     def describe(self) -> Mapping[str, Value]:
-        """Read-only objects by name (`hostlink.wire.OBJECTS`): serial_number (required), hardware_version,
-        software_version, calibration_id, pin_n, camera, camera_rate_hz, uptime_s, samples_n, dropped_n,
-        latency_p50_us, latency_p99_us. Missing ones read as their default."""
+        """Read-only objects by name (`hostlink.wire.OBJECTS`): serial_number, and others or their default."""
 
     def clock_us(self) -> int | None:
         """The clock that stamps the images, now, us of any width; None where it cannot be read."""

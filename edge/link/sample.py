@@ -38,7 +38,7 @@ def to_state(
     """The sample of one frame.
 
     measured          None: there is no rest frame, or no image
-    sample            number of the measurement; continues over gaps, wraps on the wire
+    sample            number of the measurement; wraps on the wire
     status            bits known so far; SATURATED, UNCALIBRATED and TRACKER_LOST are added from the result
     capture_time_us   start of exposure on this device's monotonic clock
     latency_us        from capture to sending

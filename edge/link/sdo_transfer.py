@@ -1,4 +1,4 @@
-"""What an SDO server keeps of a value that takes several frames: in segments, or in blocks of them.
+"""The transfer of a value that takes an SDO server several frames: in segments, or in blocks of them.
 
 In a block transfer (CiA 301, 7.2.4.3.9 to 7.2.4.3.16) up to 127 numbered segments, a sub-block, have one
 acknowledgement, and what it does not cover is sent again. Our sub-blocks of a download are shorter: then the
@@ -75,24 +75,17 @@ class SegmentTransfer(Transfer):
 
 @dataclass(slots=True)
 class BlockTransfer(Transfer, ABC):
-    """The state common to both directions.
+    """The state common to both directions."""
 
-    has_crc  the client knows the CRC
-    n        segments of this sub-block that were sent, or received in order
-    """
-
-    has_crc: bool = False
-    n: int = 0
+    has_crc: bool = False  # the client knows the CRC
+    n: int = 0  # segments of this sub-block that were sent, or received in order
 
 
 @dataclass(slots=True)
 class BlockUpload(BlockTransfer):
-    """The client reads. Segments that are not acknowledged stay in `data`.
+    """The client reads. Segments that are not acknowledged stay in `data`."""
 
-    n_max  segments in the next sub-block, as the client wants
-    """
-
-    n_max: int = 0
+    n_max: int = 0  # segments in the next sub-block, as the client wants
     end: bytes = b""
 
     def __post_init__(self) -> None:
@@ -129,12 +122,9 @@ class BlockUpload(BlockTransfer):
 
 @dataclass(slots=True)
 class BlockDownload(BlockTransfer):
-    """The client writes.
+    """The client writes."""
 
-    whole  all segments have come
-    """
-
-    whole: bool = False
+    whole: bool = False  # all segments have come
 
     def take(self, frame: bytes) -> Sequence[bytes] | None:
         command, number = frame[0], frame[0] & ~Block.LAST

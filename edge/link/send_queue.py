@@ -22,10 +22,7 @@ class _Spaced:
 
 
 class SendQueue:
-    """The items that wait. Methods are called with the link's lock held.
-
-    samples_n, control_n  samples and answers that may wait; the oldest is dropped
-    """
+    """The items that wait, so many at most. Methods are called with the link's lock held."""
 
     def __init__(self, samples_n: int, control_n: int) -> None:
         self._samples_n = samples_n
@@ -59,7 +56,6 @@ class SendQueue:
         return kept
 
     def put_control(self, item: Any) -> None:
-        """Add an answer, an emergency or a heartbeat."""
         self._control.append(item)
 
     def put_spaced(self, kind: Spaced, items: Sequence[Any], spacing_s: float) -> None:
@@ -70,10 +66,7 @@ class SendQueue:
     def every(
         self, period_s: float, make: Callable[[], Any] | None, now_s: float, phase: float = 0.0
     ) -> None:
-        """Add `make()` as control each period from now on, and nothing else periodically; None: nothing.
-
-        phase  0..1, when in each period, counted from the clock's zero
-        """
+        """Add `make()` as control each period from now on, at this phase of the clock; None: nothing."""
         self._make, self._period_s = make, period_s
         if make is not None:
             self._due_s = (math.floor(now_s / period_s - phase) + 1.0 + phase) * period_s

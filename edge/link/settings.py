@@ -6,6 +6,7 @@ its limits and defaults: `stored` rows of `hostlink.wire.objects`.
 
 import logging
 import time
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -38,11 +39,7 @@ class NodeSettings:
 
 
 class SettingsFile:
-    """Loads and stores the settings.
-
-    path       None: in memory only
-    is_stored  whether values survive a restart: there is a file for them
-    """
+    """Loads and stores the settings; path None: in memory only."""
 
     def __init__(self, path: Path | None = None, defaults: NodeSettings | None = None) -> None:
         self._path, self.is_stored = path, path is not None
@@ -58,10 +55,10 @@ class SettingsFile:
             raw = limits.read_bounded(self._path, limits.FILE_BYTES)
             return _changed(self._defaults, limits.decode_json(raw, dict[str, int | float]))
         except FileNotFoundError:
-            return self._defaults
+            pass
         except (OSError, ValueError) as error:
             log.warning("%s: settings cannot be used (%s); starting with defaults", self._path, error)
-            return self._defaults
+        return self._defaults
 
     def change(self, **changes: float) -> None:
         """Change and store. Raises ValueError: out of limits; OutputError: not stored; nothing is changed."""
@@ -90,14 +87,16 @@ class SettingsFile:
         self._failed, self.values = None, values
 
 
-def _changed(values: NodeSettings, changes: dict[str, int | float]) -> NodeSettings:
+def _changed(values: NodeSettings, changes: Mapping[str, float]) -> NodeSettings:
     """Raises ValueError: out of limits, or no such setting."""
-    known: dict[str, Any] = {name: checked(name, value) for name, value in changes.items()}
+    for name, value in changes.items():
+        _check(name, value)
+    known: dict[str, Any] = dict(changes)
     return replace(values, **known)
 
 
-def checked(name: str, value: float) -> float:
-    """The value, if this setting may have it. Raises ValueError: it may not, or there is no such setting."""
+def _check(name: str, value: float) -> None:
+    """Raises ValueError: this setting may not have the value, or there is no such setting."""
     obj = _STORED.get(name)
     if obj is None:
         raise ValueError(f"no setting is called {limits.quote(name)}; known: {', '.join(_STORED)}")
@@ -111,4 +110,3 @@ def checked(name: str, value: float) -> float:
         raise ValueError(
             f"rate_hz is {value:g}, possible is 0 (every image) or {limits.RATE_MIN_HZ:g} to {obj.high:g}"
         )
-    return value

@@ -8,16 +8,7 @@ from edge.errors import SinkError
 from edge.link.link_sink import LinkSink, SinkCounters
 from edge.link.medium import CanFrame, Medium, MediumError
 from edge.link.state_packer import StatePacker
-from hostlink.wire import (
-    CanIds,
-    Kind,
-    Message,
-    State,
-    encode_frame,
-    pack_message,
-    pack_parts,
-    unpack_message,
-)
+from hostlink.wire import CanIds, Kind, Message, State, encode_frame, pack_message, pack_parts, unpack_message
 from hostlink.wire.address import DEFAULT_BAUD, Address, AddressError, parse_address
 from hostlink.wire.errors import CorruptFrame
 from hostlink.wire.open_errors import cannot_open
@@ -55,8 +46,9 @@ def packed(state: State, counter: int) -> bytes:
 class MemorySink:
     """Keeps the newest samples: for tests and for measuring without a bus."""
 
-    def __init__(self, name: str = "memory:", keep: int = 100_000) -> None:
-        self.name = name
+    name = "memory:"
+
+    def __init__(self, keep: int = 100_000) -> None:
         self.states: deque[State] = deque(maxlen=keep)
         self.counters = SinkCounters()
 
@@ -73,21 +65,16 @@ class MemorySink:
 
 
 class CanSink(LinkSink):
-    """A node on a CAN bus. Items and incoming messages are `CanFrame`.
+    """A node, 1..127, on a CAN bus. Items and incoming messages are `CanFrame`."""
 
-    node  CANopen node number, 1..127
-    ids   bases of the identifiers
-    """
+    bitrate, dbitrate = BITRATE, DBITRATE  # of the bus, where the address names them
 
     def __init__(
         self, name: str, open_it: Callable[[], Medium], node: int = NODE_DEFAULT, ids: CanIds | None = None
     ) -> None:
-        self.node = node
-        self.ids = ids or CanIds()
+        self.node, self.ids = node, ids or CanIds()
         self._state_id = self.ids.state(node)  # ValueError: no such node
         super().__init__(name, open_it)
-
-    bitrate, dbitrate = BITRATE, DBITRATE  # of the bus, where the address names them
 
     def frame_s(self, n_bytes: int, fd: bool = True) -> float:
         """How long a frame occupies the bus, at worst."""
@@ -123,6 +110,8 @@ class SerialSink(LinkSink):
     ids   the objects that ask for identifiers read these
     """
 
+    baud = DEFAULT_BAUD
+
     def __init__(self, name: str, open_medium: Callable[[], Medium], node: int = NODE_DEFAULT) -> None:
         self.node, self.ids = node, CanIds()
         self._buffer = bytearray()
@@ -133,8 +122,6 @@ class SerialSink(LinkSink):
 
     def encode(self, state: State, counter: int) -> Sequence[bytes]:
         return (encode_frame(Message.STATE, packed(state, counter)),)
-
-    baud = DEFAULT_BAUD
 
     def encode_detail(self, payload: bytes) -> bytes:
         """The frame of one detail segment."""
@@ -165,11 +152,9 @@ class SerialSink(LinkSink):
 
 
 def opener(address: Address, wanted: Sequence[int] = ()) -> Callable[[], Medium]:
-    """A function that opens the bus or serial port of an address, again and again. Whatever a driver raises,
-    it raises MediumError with one line for the user.
+    """A function that opens the bus or serial port of an address, again and again.
 
-    Each kind of medium is a module of its own, loaded when the first of it is opened: their libraries take a
-    part of the start and memory.
+    It raises MediumError, one line for the user. A medium's module and library are loaded when it is opened.
 
     wanted  identifiers of the messages that must be received on a bus; others may be
     """

@@ -11,15 +11,8 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from edge.link.medium import (
-    CAN_ERR_BUSOFF,
-    CAN_ERR_RESTARTED,
-    FULL,
-    CanFrame,
-    Medium,
-    MediumFull,
-    is_off_after,
-)
+from edge.link import medium
+from edge.link.medium import FULL, CanFrame, Medium, MediumFull, is_off_after
 
 INTERFACES = Path("/sys/class/net")
 
@@ -100,7 +93,8 @@ def open_socket(interface: str, fd: bool, wanted: Sequence[int]) -> SocketCanMed
         mask = CAN_SFF_MASK | CAN_EFF_FLAG | CAN_RTR_FLAG
         filters = b"".join(_FILTER.pack(can_id, mask) for can_id in wanted)
         bus.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, filters)
-        bus.setsockopt(socket.SOL_CAN_RAW, CAN_RAW_ERR_FILTER, CAN_ERR_BUSOFF | CAN_ERR_RESTARTED)
+        off_or_back = medium.CAN_ERR_BUSOFF | medium.CAN_ERR_RESTARTED
+        bus.setsockopt(socket.SOL_CAN_RAW, CAN_RAW_ERR_FILTER, off_or_back)
         if fd:
             bus.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FD_FRAMES, 1)
         # An interface that goes down reports it once, to the reader or to a writer: a reader that was woken

@@ -5,11 +5,9 @@
     take_rest        the untouched tip, from several images: row i defines pin i
     CentroidRefiner  where each pin of the rest is now, read from its neighbourhood alone: the hot path
 
-Rules
-- Nothing is configured: size, spacing and brightness come from the image.
-- Detection (`blobs`, `pattern`, `partial`, `detect`) may read every pixel; `refine` reads windows only.
-  Both end in the same estimator (`centroids`), so a pin has one position whichever way it was found; which
-  of the followed pins count is decided there, over all of them.
+Nothing is configured: size, spacing and brightness come from the image. Detection may read every pixel, the
+refiner reads windows only; both end in the same estimator (`centroids`), so a pin has one position whichever
+way it was found.
 """
 
 from edge.pins.detect import detect, learn_pattern, to_grey

@@ -28,7 +28,7 @@ from edge.limits import PINS_MAX
 from edge.pins.params import PARAMS
 from edge.types import Array, Image, Mask, Pins
 
-#: One a pixel round the smallest pin in the reduced image.
+#: There is one for each pixel round the smallest pin in the reduced image.
 RAYS = round(math.tau * PARAMS.reduced_radius_px)
 # Distances along a ray, in radii.
 STEPS = PARAMS.ray_step_radii * np.arange(PARAMS.ray_steps_n)
@@ -36,7 +36,6 @@ STEPS = PARAMS.ray_step_radii * np.arange(PARAMS.ray_steps_n)
 _ANGLES = 2.0 * np.pi * np.arange(RAYS) / RAYS
 _COS = np.cos(_ANGLES)[None, :, None]
 _SIN = np.sin(_ANGLES)[None, :, None]
-
 
 Places = NDArray[np.intp]
 Levels = NDArray[Any]  # grey levels, float32 or float64
@@ -154,8 +153,7 @@ def _crossing(profile: Levels, height: float) -> Array:
     after = np.maximum((profile < height).argmax(axis=1), 1)
     b = np.take_along_axis(profile, after[:, None], axis=1)[:, 0]
     a = np.take_along_axis(profile, after[:, None] - 1, axis=1)[:, 0]
-    place: Array = after - 1 + np.clip((a - height) / np.maximum(a - b, 1e-6), 0.0, 1.0)
-    return place
+    return np.asarray(after - 1 + np.clip((a - height) / np.maximum(a - b, 1e-6), 0.0, 1.0))
 
 
 def _rays(grey: Levels, r: float, xs: Places, ys: Places) -> Levels:

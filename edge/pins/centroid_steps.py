@@ -45,7 +45,7 @@ FETCH = np.dtype([(name, np.intp) for name in ("row", "end", "stride", "first", 
 
 
 class Windows(NamedTuple):
-    """What the windows of an 8-bit image share.
+    """The data that the windows of an 8-bit image share.
 
     fetch    (1,) `FETCH`; here of no use
     kinds    `KIND` of each kind of pins
@@ -112,7 +112,7 @@ def sum_window(windows: Windows, begin: int, kind: int, norm: int) -> None:
 
 
 class Steps(NamedTuple):
-    """What the steps of a frame share.
+    """The data that the steps of a frame share.
 
     norms               of the templates
     predicted           (n, 2) px

@@ -313,13 +313,13 @@ class CentroidKernel:
     @cython.inline
     def _far2_of(self, iteration: cython.int) -> cython.double:
         """Far off, slopes alone give a coarse step first."""
-        return self._far2 if iteration < self._steps_max - 3 else HUGE_VAL
+        return self._far2 if iteration + 3 < self._steps_max else HUGE_VAL
 
     @cython.cfunc
     @cython.inline
     def _near2_of(self, iteration: cython.int) -> cython.double:
         """The last step that is allowed ends everywhere."""
-        return self._near2 if iteration < self._steps_max - 1 else HUGE_VAL
+        return self._near2 if iteration + 1 < self._steps_max else HUGE_VAL
 
     @cython.cfunc
     @cython.exceptval(check=False)
@@ -335,7 +335,7 @@ class CentroidKernel:
 
     @cython.cfunc
     def _begin_to_fetch(self) -> cython.void:
-        """What lies round the predictions is to be fetched while windows are read: pins come in rows."""
+        """Begin to fetch the image round the predictions, while windows are read: pins come in rows."""
         left: cython.double = self._columns
         right: cython.double = 0.0
         top: cython.double = self._rows

@@ -130,7 +130,7 @@ class _Learnt:
 
 
 def _learn(grey: Image, dark: bool) -> _Learnt:
-    """Of an image whose pins are bright; `dark`: it is the inverted one."""
+    """The same of an image whose pins are bright; `dark`: it is the inverted one."""
     noise = noise_of(grey)
     radius_max = max(3.0, PARAMS.search_radius_max_side * min(grey.shape))
     step = PARAMS.search_radius_step

@@ -1,4 +1,4 @@
-"""What makes spots a pattern of pins: neighbours of the same size and brightness at an even pitch.
+"""Tells a pattern of pins from other spots: neighbours of the same size and brightness at an even pitch.
 
 Rules
 - A spot is compared with its neighbours, not with the whole: a fisheye or a tilted tip shows pins of very

@@ -6,7 +6,7 @@ import numpy as np
 
 from edge.pins.centroids import CentroidKernel
 from edge.pins.lens import corrected, magnification, rest_as_seen, seen
-from edge.pins.params import PARAMS, PinParams
+from edge.pins.params import PARAMS
 from edge.pins.templates import STEP_MAX, templates_of
 from edge.types import Array, Image, Pins, Rest
 
@@ -19,7 +19,7 @@ class CentroidRefiner:
     Both are the same arrays in all frames.
     """
 
-    def __init__(self, rest: Rest, params: PinParams = PARAMS) -> None:
+    def __init__(self, rest: Rest) -> None:
         self._lens = rest.pattern.lens
         rest = rest_as_seen(rest)
         pattern = rest.pattern
@@ -27,19 +27,19 @@ class CentroidRefiner:
             self._magnification = magnification(self._lens, rest.xy_img)
         radius = np.asarray(rest.pins.radius_px, np.float64)
         kinds, kind_of = np.unique(
-            np.rint(np.log(radius) / np.log(params.radius_kind_step)), return_inverse=True
+            np.rint(np.log(radius) / np.log(PARAMS.radius_kind_step)), return_inverse=True
         )
         self._kernel = CentroidKernel(
-            templates_of(tuple(params.radius_kind_step**kinds), pattern.edge_px, pattern.pitch_px),
+            templates_of(tuple(PARAMS.radius_kind_step**kinds), pattern.edge_px, pattern.pitch_px),
             kind_of.astype(np.int32),
             rest.pins.brightness,
             {
-                "steps_max": params.steps_max,
-                "near_phases": params.near_phases,
-                "share_min": params.pin_share_min,
-                "reach_px": params.own_pitches * pattern.pitch_px,
+                "steps_max": PARAMS.steps_max,
+                "near_phases": PARAMS.near_phases,
+                "share_min": PARAMS.pin_share_min,
+                "reach_px": PARAMS.own_pitches * pattern.pitch_px,
                 "noise": pattern.noise,
-                # So few that one bit is left above the pins' brightness: the light may double.
+                # One bit is left above the pins' brightness, since the light may double.
                 "spare_bits": max(0.0, np.ceil(np.log2(pattern.brightness / STEP_MAX)) + 1.0),
             },
             pattern.dark,

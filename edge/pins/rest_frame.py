@@ -56,9 +56,7 @@ def take_rest(images: Sequence[Image], polarity: Polarity = Polarity.FOUND, lens
 
 
 def _at_rest(greys: list[Image], polarity: Polarity) -> tuple[bool, list[Image], Rest] | None:
-    """Of a tip in which nothing moves: whether its pins are dark, its images with bright ones, and the pins
-    of their mean. None: something moves, or there are no pins.
-    """
+    """A still tip: whether its pins are dark, images with bright ones, pins of their mean; None: it moves."""
     try:
         pattern, pins = learn(_mean(greys), polarity)
     except NoPins:

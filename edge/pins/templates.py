@@ -121,9 +121,7 @@ _erfc = np.vectorize(erfc, otypes=[np.float64])
 
 @lru_cache(maxsize=64)
 def _templates(radius: float, edge_px: float, pitch_px: float) -> _Kind:
-    """Of each phase the disc, made orthogonal to a constant, and its slopes in x and y, made orthogonal to
-    both.
-    """
+    """The disc of each phase, orthogonal to a constant, and its slopes in x and y, orthogonal to both."""
     tight = _tight(radius, edge_px)
     support = min(radius + 3.0 * edge_px + 0.5, max(tight, 0.85 * pitch_px - tight))
     half = min(int(np.ceil(support + 0.5)), HALF_MAX)
@@ -158,7 +156,7 @@ def _templates(radius: float, edge_px: float, pitch_px: float) -> _Kind:
 def _norms(
     d: Array, tx: Array, ty: Array, px: Array, py: Array, scale: tuple[float, float]
 ) -> dict[str, Array | float]:
-    """Of NORM what depends on the phase.
+    """The part of NORM that depends on the phase.
 
     px, py  columns and rows, orthogonal to 1 and d
     scale   of the integers of d, of tx and ty

@@ -8,7 +8,7 @@ from edge.recording.mcap_file import RawMessage
 from edge.recording.ros import ros_message
 from edge.recording.topics import proto, stamp
 from edge.sources.image_header import check_size
-from edge.sources.pixels import LAYOUTS, decode_picture, unpack
+from edge.sources.pixels import LAYOUTS, decode_colour, decode_picture, unpack
 from edge.types import Image
 
 #: Schemas of messages that are images.
@@ -58,8 +58,8 @@ class _Picture(msgspec.Struct):
     step: int = 0
 
 
-def decode_image(raw: RawMessage, size_px: tuple[int, int]) -> Image:
-    """Grey image of a message.
+def decode_image(raw: RawMessage, size_px: tuple[int, int], colour: bool) -> tuple[Image, Image | None]:
+    """Grey image of a message; with `colour` also the same in BGR, where it has colour.
 
     size_px  required (width, height); (0, 0): any within the limits of a camera
     Raises   OtherSize, before its pixels are decoded; ValueError: damaged, too large, of an unknown kind;
@@ -78,10 +78,13 @@ def decode_image(raw: RawMessage, size_px: tuple[int, int]) -> Image:
     else:
         message = ros_message(raw)
     if raw.schema.endswith("CompressedImage"):
-        return decode_picture(message.data, check)
+        return decode_picture(message.data, check), decode_colour(message.data) if colour else None
     check(message.width, message.height)
     if message.encoding not in LAYOUTS:
         known = ", ".join(name for name in LAYOUTS if name.islower())
         raise ValueError(f"image encoding {message.encoding!r} is not one of {known}")
     size, big_endian = (message.width, message.height), getattr(message, "is_bigendian", False)
-    return unpack(LAYOUTS[message.encoding], message.data, size, message.step, bool(big_endian))
+    layout = LAYOUTS[message.encoding]
+    stored = message.data, size, message.step, bool(big_endian)
+    in_colour = layout._replace(to_grey=layout.to_bgr) if colour and layout.to_bgr else None
+    return unpack(layout, *stored), unpack(in_colour, *stored) if in_colour else None

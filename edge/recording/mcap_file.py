@@ -44,10 +44,7 @@ def damage(*more: type[Exception]) -> tuple[type[Exception], ...]:
 
 
 class _Bounded:
-    """A file whose lengths are checked against its size: a damaged length must not allocate memory.
-
-    Raises ValueError: more is read than there is
-    """
+    """A file that raises ValueError where more is read than it has: no damaged length allocates memory."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file

@@ -31,11 +31,7 @@ PARAMS = RecordingParams()
 
 
 class McapWriter:
-    """One open file; used by one thread.
-
-    written_n    messages by topic, in chunks that are closed or open
-    Raises       SinkError: the file exists and `overwrite` is not set, or it cannot be created
-    """
+    """One open file; used by one thread. Raises SinkError: it exists already, or cannot be created."""
 
     def __init__(
         self, path: Path, compression: Compression, metadata: Mapping[str, str], overwrite: bool
@@ -45,7 +41,7 @@ class McapWriter:
         except ImportError as error:
             raise SinkError(f"recording: {error}; install voronoi-touch[edge]") from error
         proto("RawImage")
-        self.written_n: Counter[str] = Counter()
+        self.written_n: Counter[str] = Counter()  # messages by topic, in chunks that are closed or open
         try:
             self._file: Any = path.open("wb" if overwrite else "xb")
         except FileExistsError as error:
@@ -70,9 +66,8 @@ class McapWriter:
         if topic.name not in self._channels:
             message_encoding, schema_encoding, schema = schema_of(topic)
             schema_id = self._writer.register_schema(topic.schema, schema_encoding, schema)
-            self._channels[topic.name] = self._writer.register_channel(
-                topic.name, message_encoding, schema_id
-            )
+            channel = self._writer.register_channel(topic.name, message_encoding, schema_id)
+            self._channels[topic.name] = channel
         if not self._chunk_open:
             self._chunk_open, self._chunk_since_s = True, time.monotonic()
         self._writer.add_message(self._channels[topic.name], log_ns, data, publish_ns, sequence)

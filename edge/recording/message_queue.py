@@ -8,11 +8,7 @@ Calls = Sequence[Callable[[], None]]  # each of them writes a message
 
 
 class MessageQueue:
-    """Calls for the writing thread, in order.
-
-    size_bytes  capacity; what does not fit is dropped
-    dropped_n   messages that did not fit, came after the end, or were discarded
-    """
+    """Calls for the writing thread, in order; what exceeds `size_bytes` is dropped and counted."""
 
     def __init__(self, size_bytes: int) -> None:
         self.dropped_n, self._size_bytes = 0, size_bytes
@@ -22,10 +18,7 @@ class MessageQueue:
         self._changed = threading.Condition()
 
     def put(self, calls: Calls, cost_bytes: int) -> bool:
-        """Queue all of them, or none: False.
-
-        cost_bytes  memory that they occupy; 0: they always fit
-        """
+        """Queue all of them, or none: False. cost_bytes: memory that they occupy; 0: they always fit."""
         with self._changed:
             if self._closed or self._waiting_bytes + cost_bytes > self._size_bytes:
                 self.dropped_n += len(calls)
@@ -36,7 +29,6 @@ class MessageQueue:
         return True
 
     def count_lost(self, messages_n: int) -> None:
-        """Count messages that were lost before the queue."""
         with self._changed:
             self.dropped_n += messages_n
 

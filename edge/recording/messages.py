@@ -21,20 +21,14 @@ _PIXEL_CENTRE = 0.5  # foxglove.ImageAnnotations: origin on the corner of the to
 
 
 def _plain(value: Any) -> Any:
-    """JSON form of NumPy scalars and arrays, sets and enums."""
+    """JSON form of NumPy scalars and arrays."""
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()
     raise TypeError(f"cannot write {type(value).__name__} as JSON")
 
 
-_JSON = msgspec.json.Encoder(enc_hook=_plain)
-
-
-def to_json(value: Any) -> bytes:
-    """JSON; a NaN or an infinity becomes null, as JSON has neither."""
-    return _JSON.encode(value)
-
-
+#: A NaN or an infinity becomes null, as JSON has neither.
+to_json = msgspec.json.Encoder(enc_hook=_plain).encode
 _NUMERIC = {"u1": 1, "i4": 6, "f4": 7, "f8": 8}  # foxglove.PackedElementField.NumericType
 
 
@@ -53,16 +47,15 @@ def _cloud(columns: Mapping[str, NDArray[Any]], log_ns: int) -> bytes:
     ]
     pose = proto("Pose")()
     pose.orientation.w = 1.0
-    return bytes(
-        proto("PointCloud")(
-            timestamp=stamp(log_ns),
-            frame_id="image",
-            pose=pose,
-            point_stride=dtype.itemsize,
-            fields=fields,
-            data=packed.tobytes(),
-        ).SerializeToString()
+    cloud = proto("PointCloud")(
+        timestamp=stamp(log_ns),
+        frame_id="image",
+        pose=pose,
+        point_stride=dtype.itemsize,
+        fields=fields,
+        data=packed.tobytes(),
     )
+    return bytes(cloud.SerializeToString())
 
 
 def pins_cloud(tracks: Tracks, features: Features | None, log_ns: int) -> bytes:
@@ -148,11 +141,7 @@ def _points(xy_img: Array) -> NDArray[np.uint8]:
 
 
 def _doubles(values: Array, field: int) -> NDArray[np.uint8]:
-    """Messages of doubles, numbered from 1, as a field: one a row.
-
-    values   (n, k), k < 14
-    Returns  (n, 2 + 9 k) bytes
-    """
+    """(n, 2 + 9 k) bytes of messages of k < 14 doubles (n, k), numbered from 1, as a field: one a row."""
     n, k = values.shape
     rows = np.empty((n, 2 + 9 * k), np.uint8)
     rows[:, 0], rows[:, 1] = field, 9 * k
@@ -218,6 +207,5 @@ _LEVELS = ("UNKNOWN", "DEBUG", "INFO", "WARNING", "ERROR", "FATAL")  # foxglove.
 def log_message(level: str, text: str, name: str, log_ns: int) -> bytes:
     """level: one of debug, info, warning, error, fatal."""
     number = _LEVELS.index(level.upper())
-    return bytes(
-        proto("Log")(timestamp=stamp(log_ns), level=number, message=text, name=name).SerializeToString()
-    )
+    message = proto("Log")(timestamp=stamp(log_ns), level=number, message=text, name=name)
+    return bytes(message.SerializeToString())

@@ -10,6 +10,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Annotated, Any
 
+import cv2
 import msgspec
 
 from edge.errors import SourceError
@@ -94,7 +95,7 @@ class RecordingSource(FileSource):
         about_ns = truth_ns = -1  # log times of the data beside an image
         about, truth = _About(0, 0), None
         n = 0
-        broken = damage(TypeError, msgspec.DecodeError)
+        broken = damage(TypeError, msgspec.DecodeError, cv2.error)  # YUV of an odd width has no colour
         for raw in self._messages(faults):
             try:
                 if raw.topic == TOPICS["frame"].name:
@@ -102,7 +103,7 @@ class RecordingSource(FileSource):
                 elif raw.topic == TOPICS["truth"].name:
                     truth, truth_ns = msgspec.json.decode(raw.data, type=_Truth).truth, raw.log_ns
                 elif self._is_image(raw):
-                    image = decode_image(raw, self.size_px)
+                    image, colour = decode_image(raw, self.size_px, self.keeps_colour)
                     self._topic = raw.topic
                     if about_ns != raw.log_ns:  # another tool's file
                         about = _About(raw.sequence or n, raw.log_ns)
@@ -110,7 +111,7 @@ class RecordingSource(FileSource):
                     if bits > bits_max or about.capture_ns > _TIME_MAX_NS:
                         raise ValueError(f"{bits} bits of {bits_max}, at {about.capture_ns} ns")
                     known = truth if truth_ns == raw.log_ns else None
-                    yield Frame(image, about.capture_ns, about.sequence, Clock.RECORDED, bits, known)
+                    yield Frame(image, about.capture_ns, about.sequence, Clock.RECORDED, bits, known, colour)
                     n += 1
             except OtherSize:
                 faults["other image size"] += 1

@@ -15,8 +15,8 @@ log = logging.getLogger(__name__)
 class RecordingSession:
     """Passes each turn of the loop to a recorder, which may be in another process, and keeps its state.
 
-    put     sends what the `Recorder`'s method of this name is given, at once; False: it is lost. None:
-            nothing is recorded. Changed between two frames only, by the loop
+    put     sends what the `Recorder`'s method of this name is given; False: it is lost. None: nothing is
+            recorded. Changed between two frames only, by the loop
     fault   why nothing is recorded any more
     lost_n  turns that the recorder was too slow for, and has not been told of
     """

@@ -41,10 +41,7 @@ _Part = tuple[str | Topic, Callable[[], bytes]]
 
 
 class _LogClock:
-    """Times in the file.
-
-    offset_ns  log time minus capture time; None: set at the first frame
-    """
+    """Times in the file: capture time plus offset_ns; None: it is set at the first frame."""
 
     def __init__(self, offset_ns: int | None) -> None:
         self._offset_ns = offset_ns
@@ -81,10 +78,9 @@ class Recorder(AbstractContextManager["Recorder"]):
     buffer_mb    size of the queue to the disk; messages beyond it are dropped
     tip          about the tip, e.g. {"serial": ..., "pins": "331"}; found in the file's metadata
     rate_hz      nominal rate of the camera; 0 where unknown
-    offset_ns    log time minus capture time; None: from the wall clock at the first frame. A
-                 simulator gives 0, so that the same frames make the same file.
+    offset_ns    log time minus capture time; None: from the wall clock at the first frame
     finger       its number, in the names of what `take` records
-    written_n    messages by topic, in chunks that are closed or open
+    written_n    messages by topic
     fault        why writing has stopped
     refused_n    messages that could not be encoded; the reasons are in /events
     Raises       SinkError: the file exists or cannot be created
@@ -127,12 +123,7 @@ class Recorder(AbstractContextManager["Recorder"]):
     def frame(self, frame: Frame) -> bool:
         """Record image, times and truth. False: dropped."""
         log_ns = self._clock.of(frame)
-        about = {
-            "sequence": frame.sequence,
-            "capture_ns": frame.capture_ns,
-            "clock": str(frame.clock),
-            "bits": frame.bits,
-        }
+        about = {name: getattr(frame, name) for name in ("sequence", "capture_ns", "clock", "bits")}
         parts: list[_Part] = [("frame", lambda: messages.to_json(about))]
         if frame.truth is not None:
             truth = {"sequence": frame.sequence, "truth": frame.truth}
@@ -169,10 +160,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         self._put(frame, parts, n_bytes)
 
     def sample(self, frame: Frame, finger: int, state: Callable[[], State]) -> bool:
-        """Record the sample sent to the bus: its values, and its contacts as a scene.
-
-        state  gives it as the host receives it; called in the recorder's thread
-        """
+        """Record a sample, which `state` gives in the recorder's thread: its values, and a scene of it."""
         log_ns = self._clock.of(frame)
 
         def scene() -> bytes:
@@ -202,10 +190,10 @@ class Recorder(AbstractContextManager["Recorder"]):
         self._put(frame, [about, ("tf", tips)])
         self._since_ns, self._samples_n = frame.capture_ns, 0
 
-    def event(self, level: str, text: str, name: str = "edge") -> None:
+    def event(self, level: str, text: str) -> None:
         """Record a line of the log. level: debug, info, warning, error, fatal."""
         log_ns = self._clock.now_ns()
-        encode = partial(messages.log_message, level, text, name, log_ns)
+        encode = partial(messages.log_message, level, text, "edge", log_ns)
         write = partial(self._write, TOPICS["events"], log_ns, log_ns, 0, encode)
         self._queue.put([write], PARAMS.item_bytes)
 
@@ -234,10 +222,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         self.close()
 
     def _put(self, frame: Frame, parts: Sequence[_Part], n_bytes: int = 0) -> bool:
-        """Queue messages of a frame, all or none.
-
-        n_bytes  memory that they keep, beside their own
-        """
+        """Queue messages of a frame, all or none; n_bytes: memory that they keep, beside their own."""
         times = (self._clock.of(frame), frame.capture_ns, frame.sequence & 0xFFFFFFFF)
         calls = [
             partial(self._write, TOPICS[topic] if isinstance(topic, str) else topic, *times, encode)

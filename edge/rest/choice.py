@@ -150,11 +150,7 @@ def _cells(images: Sequence[Image], rest: Rest) -> tuple[Array, Array, Array]:
 
 
 def aligned(calibration: Calibration, rest: Rest) -> Rest:
-    """The calibration's rest pins where this camera would see them; row i is pin i of the calibration.
-
-    rest    of an image that may show a touch
-    Raises  CalibrationError: another image size, another tip
-    """
+    """A calibration's rest pins, in its order, where this camera would see them. Raises CalibrationError."""
     made_with = calibration.rest
     matched, tracks = match_rest(made_with, rest)
     z, w = made_with.xy_img @ (1, 1j), tracks.xy_img @ (1, 1j)
@@ -172,15 +168,12 @@ def aligned(calibration: Calibration, rest: Rest) -> Rest:
 
 @dataclass(frozen=True, slots=True)
 class GivenRest:
-    """The rest frame of a recording, the frame it is taken from, and a message for people.
-
-    untouched  whether the frame shows the untouched tip; None: that was not looked at
-    """
+    """The rest frame of a recording, the frame it is taken from, and a message for people."""
 
     rest: Rest
     frame: Frame
     message: str
-    untouched: bool | None
+    untouched: bool | None  # whether the frame shows the untouched tip; None: that was not looked at
 
 
 def rest_of_source(source: FrameSource, how: str, calibration: Calibration | None = None) -> GivenRest:
@@ -248,10 +241,7 @@ def _thinned(source: FrameSource, least_n: int) -> tuple[list[Image], int]:
 
 
 def _averaged(source: FrameSource, index: int) -> tuple[Rest, Frame]:
-    """The rest frame of an image, and of those next to it in which the pins are at the same places.
-
-    Raises  SourceError: no such image; NoPins
-    """
+    """The rest frame of an image and of its neighbours that show the same. Raises SourceError, NoPins."""
     first = max(0, index - TARE.frames_n // 2)
     frames = list(islice(source, first, first + TARE.frames_n))
     if index - first >= len(frames):

@@ -32,15 +32,12 @@ class TareOutcome:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TareRequest:
-    """A request for a new rest frame.
-
-    store        called when the rest frame is good, before it is used. Raises OSError
-    """
+    """A request for a new rest frame."""
 
     number: int
     force: bool = False  # accept it although it shows a touch
     calibration: Calibration | None = None  # to be used from then on; None: the present one stays
-    store: Callable[[], None] | None = None
+    store: Callable[[], None] | None = None  # called before it is used. Raises OSError
     done: Future[TareOutcome] = field(default_factory=Future)  # gets the outcome
 
 
@@ -89,10 +86,7 @@ class TareState:
     # ---- the loop's thread --------------------------------------------------------------------------
 
     def collect(self, frame: Frame, usable: bool) -> list[Frame] | None:
-        """Keep an image, if a rest frame is wanted; return all once there are enough.
-
-        usable  False: this image repeats an earlier one, or shows none
-        """
+        """Keep a usable image, if a rest frame is wanted; return all once there are enough."""
         if self._job is not None:
             return None
         if self.frames is None and self.request is not None:

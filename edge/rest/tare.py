@@ -52,12 +52,7 @@ PARAMS = TareParams()
 
 
 class TareRefused(EdgeError):
-    """The rest frame was refused.
-
-    reason   why, as sent over the wire
-    problem  the same as text
-    advice   what to do
-    """
+    """The rest frame was refused, for a reason as sent over the wire; problem: the same as text."""
 
     def __init__(self, reason: RestFrameReason, problem: str, advice: str = "") -> None:
         super().__init__(f"tare: {problem}; {advice}" if advice else f"tare: {problem}")
@@ -122,9 +117,7 @@ def take_rest_frame(
 
 
 def _take(images: Sequence[Image], params: TareParams, calibration: Calibration | None) -> Rest:
-    """The rest frame, unchecked. Bright and dark pins are both looked for, which takes twice as long, only
-    where the calibration's are not found or there is none. Raises NoPins.
-    """
+    """The rest frame, unchecked; of the calibration's polarity first, in half of the time. Raises NoPins."""
     if params.polarity is Polarity.FOUND and calibration is not None:
         dark = calibration.rest.pattern.dark
         with suppress(NoPins):
@@ -179,10 +172,7 @@ def _touch_shown(reference: Rest, tracks: Tracks, whose: str) -> TareRefused | N
 
 
 def _seen_from_before(reference: Rest, tracks: Tracks) -> Tracks:
-    """The tracks as seen by a camera at its place for the reference.
-
-    The homography is fitted to the half of the pins that fit it best: a touch must not bias it.
-    """
+    """The tracks as the reference's camera would see them, by a homography of the half that fits it best."""
     seen = tracks.seen
     wanted, found = reference.xy_img[seen], tracks.xy_img[seen]
     best = np.ones(len(found), dtype=np.bool_)
@@ -200,10 +190,7 @@ def _seen_from_before(reference: Rest, tracks: Tracks) -> Tracks:
 
 
 def _touch_sigmas(reference: Rest, tracks: Tracks) -> float:
-    """If the contact detector sees a touch: the largest area change of a cell, in sigmas of its noise.
-
-    Returns  0.0: untouched
-    """
+    """Largest area change of a cell, in sigmas of its noise, if the detector sees a touch; 0.0: untouched."""
     tessellator = Tessellator(reference)
     rest_area = tessellator.rest_area_px2
     try:

@@ -17,10 +17,7 @@ SHARED_MIN = RUNTIME.most_rel
 
 
 def in_order_of(calibration: Calibration, rest: Rest) -> Rest:
-    """The rest frame with row i being pin i of the calibration file.
-
-    Raises  CalibrationError: another image size, another tip, or a tip that is clearly touched
-    """
+    """The rest frame in the order of a calibration's pins. Raises CalibrationError: another tip, a touch."""
     matched, tracks = match_rest(calibration.rest, rest)
     _check_deformation(calibration.rest, tracks)
     return matched

@@ -1,4 +1,4 @@
-"""What no image shows: the board's temperature, free space, and whether camera and links still respond.
+"""Watches what no image shows: temperature, free space, and whether camera and links still respond.
 
 It has a thread of its own: sysfs takes milliseconds, and a dead camera must be announced during a search,
 too.
@@ -19,16 +19,12 @@ from hostlink.wire import FaultCode
 #: A Raspberry Pi begins to throttle at this (maker's documentation, "frequency management").
 HOT_DEGC = 80.0
 
-
 #: A calibration and the settings are written beside the old ones before they replace them.
 STORED_BYTES = FILE_BYTES + FILE_BYTES  # calibration and settings
 
 
 class Thermometer:
-    """The board's hottest thermal zone.
-
-    root  of the kernel's thermal class
-    """
+    """The board's hottest thermal zone, of the kernel's thermal class in `root`."""
 
     def __init__(self, root: Path = Path("/sys/class/thermal")) -> None:
         self._zones = sorted(root.glob("thermal_zone*/temp"))
@@ -57,11 +53,8 @@ def free_space_problem(directory: Path, least_bytes: int = STORED_BYTES) -> str:
 class BoardMonitor:
     """Checks temperature and storage regularly, and reports to `registry`.
 
-    thermometer  gives degC, or NaN
-    storage      each gives "" or why something cannot be written: a folder, a recorder, settings
-    hot_degc     from here on the board is too hot
-    period_s     between checks
-    checks       called each time; each reports on its own
+    storage  each gives "" or why something cannot be written: a folder, a recorder, settings
+    checks   called each time; each reports on its own
     """
 
     def __init__(

@@ -15,11 +15,7 @@ log = logging.getLogger(__name__)
 
 
 class CalibrationStore:
-    """Uploaded calibrations in the state folder.
-
-    path      the one in use
-    previous  the one before
-    """
+    """Uploaded calibrations in the state folder: the one in use, and the one before."""
 
     def __init__(self, directory: Path) -> None:
         self.directory = directory
@@ -40,10 +36,7 @@ class CalibrationStore:
         return found
 
     def replace(self, calibration: Calibration) -> None:
-        """Store a calibration that was tried; the one before is kept.
-
-        Raises OSError, hostlink.output_file.OutputError: not stored, the one before is still in its place
-        """
+        """Store a calibration that was tried; the one before is kept, also on OSError and OutputError."""
         try:
             good = read_bounded(self.path, FILE_BYTES) if Calibration.load(self.path) else b""
         except (CalibrationError, OSError, BadContent):

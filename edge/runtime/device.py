@@ -16,11 +16,7 @@ from hostlink.wire import FaultCode
 
 
 class LoopDevice:
-    """`edge.link.object_server.Device`, which says what each method does, on a `Loop`.
-
-    serial_number  of the fingertip
-    store          where an uploaded calibration is kept; None: in memory only
-    """
+    """`edge.link.object_server.Device`, which says what each method does, on a `Loop`; store: of uploads."""
 
     def __init__(self, loop: Loop, serial_number: str, store: CalibrationStore | None = None) -> None:
         self._loop, self._serial_number, self._store = loop, serial_number, store

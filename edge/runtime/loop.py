@@ -54,17 +54,7 @@ ResultCallback = Callable[[Result, State], None]
 
 
 class Loop:
-    """One finger.
-
-    source       where frames come from
-    sinks        where samples go
-    calibration  of this tip, or None: values that need one are sent as invalid
-    config       what is computed, and limits
-    faults       the active faults; None: a new registry
-    board        the board's temperature and storage; None: not monitored
-    notifier     the service manager; None: there is none
-    clock_ns     the host's monotonic clock
-    """
+    """One finger: frames of a source, measured as the configuration says, go to sinks; None: without it."""
 
     def __init__(
         self,
@@ -131,10 +121,7 @@ class Loop:
     # ---- the loop -----------------------------------------------------------------------------------
 
     def run(self, frames_max: int | None = None) -> LoopStatistics:
-        """Run until the source ends, `stop`, or a number of frames.
-
-        Raises  SourceError when a recording shows no pins to begin with
-        """
+        """Run until the source ends, `stop`, or so many frames. Raises SourceError: no pins are recorded."""
         self._counters.started_s = time.monotonic()
         self.measurement.tare.in_thread = self.source.live  # a recording waits for the tare
         if self._board is not None:

@@ -31,7 +31,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True)
 class LoopConfig:
-    """What is computed, and limits; `edge.config` is the user's side of it."""
+    """The features that are computed, and limits; `edge.config` is the user's side of it."""
 
     demand: frozenset[Feature] = frozenset(Feature) - {Feature.SURFACE}  # features that are computed
     several: bool = True  # whether contacts of one frame are fitted together
@@ -189,10 +189,7 @@ class Measurement:
             self._accept_tare(*prepared)
 
     def _prepare(self, frames: Sequence[Frame], request: TareRequest) -> Prepared:
-        """Take and check the rest frame, make its stages, and store the calibration that comes with it.
-
-        May run in another thread. Raises TareRefused; OSError, OutputError: not stored
-        """
+        """Take and check the rest frame, make stages, store a calibration. Raises TareRefused, OSError."""
         calibration = request.calibration or self.calibration
         try:
             rest_frame = self._take_rest_frame(frames, calibration, request.force)

@@ -46,10 +46,7 @@ def give_back_memory() -> None:
 
 
 def run_and_exit(main: Callable[[], None]) -> NoReturn:
-    """Call `main`, flush logs and streams, and end the process at once with its exit status.
-
-    An exception other than SystemExit passes through, and ends the process with its traceback as usual.
-    """
+    """Call `main`, flush logs and streams, and end with its status; an exception ends with its traceback."""
     code: str | int | None = 0
     try:
         main()

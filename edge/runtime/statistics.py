@@ -38,10 +38,7 @@ class LoopStatistics:
 
 
 class StatisticsCollector:
-    """Counts while the loop runs.
-
-    counts  the counters; `snapshot` adds the values measured elsewhere
-    """
+    """Counts while the loop runs, in `counts`; `snapshot` adds the values measured elsewhere."""
 
     def __init__(self, size: int = PARAMS.latencies_n) -> None:
         self.counts = LoopStatistics()
@@ -49,17 +46,11 @@ class StatisticsCollector:
         self._last = deque[tuple[float, float, float]](maxlen=size)  # frames' times, us, and pins seen
 
     def add(self, compute_us: float, latency_us: float, pins_n: float) -> None:
-        """Note a frame in place of the oldest.
-
-        pins_n  pins seen; NaN: there is no rest frame
-        """
+        """Note a frame in place of the oldest; pins seen, NaN: there is no rest frame."""
         self._last.append((compute_us, latency_us, pins_n))
 
     def snapshot(self, **measured: Any) -> LoopStatistics:
-        """A copy of the present values.
-
-        measured  fields of `LoopStatistics` that the caller knows
-        """
+        """A copy of the present values; measured: fields of `LoopStatistics` that the caller knows."""
         counts, last = self.counts, np.array(list(self._last)).reshape(-1, 3)
         seen = np.rint(last[~np.isnan(last[:, 2]), 2])
         elapsed_s = time.monotonic() - self.started_s
@@ -76,7 +67,5 @@ class StatisticsCollector:
 
 def _quantiles(values: Array) -> Quantiles:
     """Zeros while there are none."""
-    if not values.size:
-        return (0.0, 0.0, 0.0)
-    a, b, c = np.quantile(values, (0.5, 0.99, 0.999))
-    return (float(a), float(b), float(c))
+    median, rare, rarest = np.quantile(values if values.size else 0.0, (0.5, 0.99, 0.999)).tolist()
+    return median, rare, rarest

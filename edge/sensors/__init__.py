@@ -44,28 +44,23 @@ class SensorTip(_Closed, frozen=True, kw_only=True):
 
 
 class SensorCamera(_Closed, frozen=True, kw_only=True):
-    """[camera] size_px: of its images, width and height; mm_per_px: scale at their middle.
+    """[camera] the images, and their part that shows the skin, as in a source's address."""
 
-    roi, circle, mask  the part that shows the skin, as in a source's address; mask: beside this file
-    """
-
-    size_px: tuple[limits.ImageSide, limits.ImageSide] | None = None
-    mm_per_px: Length | None = None
+    size_px: tuple[limits.ImageSide, limits.ImageSide] | None = None  # width, height
+    mm_per_px: Length | None = None  # at their middle
     roi: str | None = None
     circle: str | None = None
-    mask: str | None = None
+    mask: str | None = None  # a file beside this one
 
 
 class KnownSensor(_Closed, frozen=True, kw_only=True):
-    """The whole file.
-
-    sources  where each figure is from, by its key: "pins.pitch_mm"
-    """
+    """The whole file."""
 
     title: limits.Name  # what people call it
     pins: SensorPins = SensorPins()
     tip: SensorTip = SensorTip()
     camera: SensorCamera = SensorCamera()
+    #: Where each figure is from, by its key: "pins.pitch_mm".
     sources: dict[limits.Name, Annotated[str, msgspec.Meta(min_length=1, max_length=400)]] = {}
     name: str = ""  # of the file, without its suffix
 
@@ -90,10 +85,7 @@ def known_sensors() -> list[KnownSensor]:
 
 
 def load_sensor(name: str) -> KnownSensor:
-    """A sensor by its name, or by the path of a file (*.toml).
-
-    Raises  ConfigError, one line: no such sensor, or what is wrong in its file
-    """
+    """A sensor by its name or its file's path (*.toml). Raises ConfigError: none such, or a fault in it."""
     path = Path(name) if name.endswith(".toml") else _FOLDER / f"{name}.toml"
     if not name.endswith(".toml") and name not in sensor_names():
         known = ", ".join(sensor_names())

@@ -37,7 +37,6 @@ if TYPE_CHECKING:
 GROUP = "voronoi_touch.sources"
 Opener = Callable[[str, Options], FrameSource]
 
-
 #: Module and function of each scheme, imported when it is first used.
 _BUILT_IN = {
     "images": "edge.sources.files:open_images",

@@ -16,10 +16,7 @@ log = logging.getLogger(__name__)
 
 
 class CameraSource(ThreadedSource):
-    """A camera that comes back after it was lost; a subclass opens, reads and closes its device.
-
-    clock_ns  the host's monotonic clock
-    """
+    """A camera that comes back after it was lost; a subclass opens, reads and closes its device."""
 
     def __init__(
         self, name: str, options: Options, retry_s: float, clock_ns: Callable[[], int] = time.monotonic_ns
@@ -36,7 +33,7 @@ class CameraSource(ThreadedSource):
 
     @property
     def terms(self) -> str:
-        """What was asked for, and what the camera gives."""
+        """The size and rate that were asked for, and those that the camera gives."""
         o, (width, height) = self._options, self.size_px
         asked = f"{o.width}x{o.height}" if o.width else "its own size"
         asked += f" at {o.rate_hz:g}/s" if o.rate_hz else " at its own rate"
@@ -119,10 +116,7 @@ class CameraSource(ThreadedSource):
         return self._long_n > 2
 
     def _steps(self, step_ns: int, period_ns: float) -> int:
-        """Frames from the last one to this: more than one if some were lost.
-
-        A camera that exposes longer in poor light gives fewer images and loses none.
-        """
+        """Frames from the last one to this: more than one if some were lost, one if poor light slows them."""
         was_slow, before_ns, self._step_ns = self._slow, self._step_ns, step_ns
         self._long_n = self._long_n + 1 if step_ns * PARAMS.slow_rel > period_ns else 0
         if self._slow:

@@ -23,14 +23,13 @@ from edge.sources.image_header import check_size, is_cut_off
 from edge.sources.live import PARAMS as LIVE
 from edge.sources.live import rate_of
 from edge.sources.options import NoKeys, Options
-from edge.sources.pixels import decode_picture, to_grey
+from edge.sources.pixels import decode_colour, decode_picture, to_grey
 from edge.types import Clock, Frame, FrameSource, Image
 from hostlink.input_file import read_bounded
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".webp")
 _DEPTHS = (8, 10, 12, 14, 16)  # bits of a sensor's pixel
 _GIVE = f"give {', '.join(IMAGE_SUFFIXES)}"
-
 
 #: FFmpeg's names of grey that OpenCV gives as it is, of 8 and 16 bits; all else becomes colour of 8 bits.
 _GREY_FORMATS = [int.from_bytes(name, "little") for name in (b"Y800", b"Y1\0\x10")]
@@ -82,9 +81,8 @@ def read_image(path: str | Path) -> Image:
 
 
 def growing(frames: Iterable[Frame], rate_hz: float) -> Iterator[Frame]:
-    """The frames with times that grow: their own, shifted as long as they are not later than those before.
-
-    A time that is repeated becomes half a period later, so that the next one may be as it is.
+    """The frames with times that grow: shifted while they are not later than those before, a repeated one by
+    half a period, so that the next one may be as it is.
     """
     last_ns, shift_ns = -1, 0
     for frame in frames:
@@ -98,17 +96,15 @@ def growing(frames: Iterable[Frame], rate_hz: float) -> Iterator[Frame]:
 
 
 class FileSource(FrameSource, ABC):
-    """What all recordings have in common. Each iteration starts from the beginning.
-
-    faults  how often each kind of damage was met, in the last reading
-    """
+    """The base of all recordings. Each iteration starts from the beginning."""
 
     live = False
+    keeps_colour = False  # in `Frame.colour`
 
     def __init__(self, kind: str, path: str | Path) -> None:
         self.path = Path(path)
         self.name = f"{kind} {self.path}"
-        self.faults: Counter[str] = Counter()
+        self.faults: Counter[str] = Counter()  # how often each damage was met, in the last reading
         self._bits = 0  # of a pixel, by the first image
         self._closed = False
 
@@ -139,11 +135,7 @@ class FileSource(FrameSource, ABC):
 
 
 class FolderSource(FileSource):
-    """A folder of images in natural order, or one image.
-
-    rate_hz  nominal rate of the stills
-    Raises   SourceError: does not exist, empty, the first file is not an image
-    """
+    """A folder of images in natural order, or one image. Raises SourceError: none to begin with."""
 
     def __init__(self, path: str | Path, rate_hz: float = 0.0) -> None:
         super().__init__("images", path)
@@ -183,7 +175,8 @@ class FolderSource(FileSource):
                     f"{self.size_px[0]}x{self.size_px[1]}; keep one size in a folder"
                 )
             capture_ns = round(n * 1e9 / self.rate_hz)
-            yield Frame(image, capture_ns, n, Clock.RECORDED, self._bits_of(image))
+            colour = decode_colour(read_bounded(path)) if self.keeps_colour else None
+            yield Frame(image, capture_ns, n, Clock.RECORDED, self._bits_of(image), colour=colour)
 
 
 class VideoSource(FileSource):
@@ -200,9 +193,8 @@ class VideoSource(FileSource):
             stated_n = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
             self._stated_n = max(0, min(stated_n, self.path.stat().st_size))  # a frame takes a byte at least
             stated_hz = float(capture.get(cv2.CAP_PROP_FPS))
-            check_size(
-                int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
-            )
+            sides = (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
+            check_size(*(int(capture.get(side)) for side in sides))
             ok, image = capture.read()
             times_ms = [float(capture.get(cv2.CAP_PROP_POS_MSEC))]
             while len(times_ms) <= LIVE.rate_frames_n and capture.grab():
@@ -260,7 +252,8 @@ class VideoSource(FileSource):
                 own_ms = float(capture.get(cv2.CAP_PROP_POS_MSEC))
                 capture_ns = round(own_ms * 1e6 if self._own_times else n * 1e9 / self.rate_hz)
                 grey = to_grey(image)
-                yield Frame(grey, capture_ns, n, Clock.RECORDED, self._bits_of(grey))
+                colour = image if self.keeps_colour and image.ndim == 3 else None
+                yield Frame(grey, capture_ns, n, Clock.RECORDED, self._bits_of(grey), colour=colour)
                 n += 1
         finally:
             capture.release()

@@ -1,4 +1,4 @@
-"""What the header of a file says: width and height of an image, and whether a video was cut off.
+"""Reads the header of a file: width and height of an image, and whether a video was cut off.
 
 Size comes before memory is allocated for the pixels: a 15 MB PNG may stand for 32000 x 32000 of 8 bytes.
 Sources: PNG (RFC 2083), JPEG (ITU T.81, B.2.2), BMP (BITMAPINFOHEADER), Netpbm, TIFF 6.0, WebP (RFC 9649);
@@ -86,9 +86,8 @@ def _tiff(data: memoryview) -> tuple[int, int]:
     for entry in range(entries_n):
         tag, kind = struct.unpack_from(order + "HH", data, at + 2 + 12 * entry)
         if tag in (256, 257):  # ImageWidth, ImageLength; SHORT or LONG
-            (found[tag],) = struct.unpack_from(
-                order + ("H" if kind == 3 else "I"), data, at + 10 + 12 * entry
-            )
+            code = order + ("H" if kind == 3 else "I")
+            (found[tag],) = struct.unpack_from(code, data, at + 10 + 12 * entry)
     if len(found) != 2:
         raise IndexError
     return found[256], found[257]
@@ -122,10 +121,7 @@ _FORMATS: dict[bytes, Callable[[memoryview], tuple[int, int]]] = {
 
 
 def is_cut_off(path: Path) -> bool:
-    """Whether an AVI or Matroska file ends before its container does.
-
-    The number of images that a header states is no proof: it may be an estimate, or count what is not shown.
-    """
+    """Whether an AVI or Matroska file ends before its container does: stated images may be an estimate."""
     with path.open("rb") as file:
         head = file.read(256)
     if head.startswith(b"RIFF"):

@@ -19,11 +19,7 @@ def load_lens(path: str | Path) -> Lens:
 
 
 def lens_for(source: FrameSource, text: str) -> Lens | None:
-    """The lens that an address asks for.
-
-    text    a file, "factory", or "" for none
-    Raises  SourceError: no such lens, or of another image size
-    """
+    """The lens that an address asks for: of a file, "factory", or "" for none. Raises SourceError."""
     if not text:
         return None
     if text == FACTORY:

@@ -29,8 +29,8 @@ class LiveParams:
     rate_frames_n: int = RUNTIME.sample_n  # intervals that a rate is measured from: their median
     slow_rel: float = 0.8  # share of the asked rate below which the camera counts as slow
     size_px: tuple[int, int] = (640, 400)  # width and height of a camera that has to be told one
-    gain_iso: int = 200  # of an OAK module, if none is asked for
-    exposure_us: int = 2000  # of an OAK module, if none is asked for
+    gain_iso: int = 200  # of an OAK module, if none is asked for; its exposure likewise
+    exposure_us: int = 2000
     #: Rate of stills, and of videos that state none: a live replay shows as many as the page draws.
     stills_hz: float = WebLimits().rate_hz
 
@@ -59,7 +59,6 @@ class Watch:
         self._last = 0
         self._same_n = 0
         self._same_since_ns = 0
-        self.condition = ""
 
     def check(self, frame: Frame) -> str:
         """ "" or the fault of this frame: "frozen", "black"."""
@@ -71,10 +70,8 @@ class Watch:
         self._last = digest
         long = self._same_n >= 2 and frame.capture_ns - self._same_since_ns >= RUNTIME.stall_s * 1e9
         if int(rows.max(initial=0)) ** 2 < 1 << frame.bits:  # by ratios, nearer to one level than to white
-            self.condition = "black"
-        else:
-            self.condition = "frozen" if long else ""
-        return self.condition
+            return "black"
+        return "frozen" if long else ""
 
 
 class ThreadedSource(FrameSource, ABC):
@@ -200,10 +197,7 @@ class ThreadedSource(FrameSource, ABC):
             self._changed.notify_all()
 
     def measure_rate(self, least_hz: float, patience_s: float) -> float:
-        """Measured frames a second; the frames are discarded. 0: their times give no rate.
-
-        Raises SourceError: no frame in time, or slower than `least_hz`
-        """
+        """Measure the frames a second, and discard them; 0: unknown. Raises SourceError: none, or too few."""
         self.start()
         with self._changed:
             # Counted where frames arrive: a late reader must not make the camera look slow.

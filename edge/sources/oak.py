@@ -24,7 +24,7 @@ import os
 import re
 from collections.abc import Callable, Sequence
 from datetime import timedelta
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, cast
 
 import msgspec
 import numpy as np
@@ -83,7 +83,7 @@ class Crop(NamedTuple):
 
     @classmethod
     def parse(cls, text: str, size_px: tuple[int, int]) -> Crop:
-        """Of "x,y,width,height". Raises SourceError: not that, or not within an image of this size."""
+        """Read "x,y,width,height". Raises SourceError: not that, or not within an image of this size."""
         width, height = size_px
         match = re.fullmatch(r"\d{1,5}(,\d{1,5}){3}", text)
         crop = cls(*map(int, text.split(","))) if match else cls(0, 0, 0, 0)
@@ -112,8 +112,7 @@ def _socket(name: str) -> dai.CameraBoardSocket:
     sockets = load_depthai().CameraBoardSocket.__members__
     if name not in sockets:
         raise SourceError(f"source oak: no socket {name!r}; known: {', '.join(sockets)}")
-    socket: dai.CameraBoardSocket = sockets[name]
-    return socket
+    return cast("dai.CameraBoardSocket", sockets[name])
 
 
 def check_socket(device: Any, name: str) -> None:
@@ -142,10 +141,10 @@ def lens_of(
     if model.name not in _MODELS:
         return None
     kind = _MODELS[model.name]
-    x, y = (crop.x, crop.y) if crop else (0, 0)
+    x, y = crop[:2] if crop else (0, 0)
     return Lens(
         model=kind,
-        size_px=(crop.width, crop.height) if crop else size_px,
+        size_px=crop[2:] if crop else size_px,
         focal_px=(matrix[0][0], matrix[1][1]),
         centre_px=(matrix[0][2] - x, matrix[1][2] - y),
         distortion=tuple(distortion[: 4 if kind == "fisheye" else 14]),
@@ -162,7 +161,7 @@ class OakKeys(msgspec.Struct):
 
 
 class OakCamera(NamedTuple):
-    """What is asked of a camera of a module."""
+    """A camera of a module, as it is asked for."""
 
     options: Options
     keys: OakKeys
@@ -188,10 +187,7 @@ class OakCamera(NamedTuple):
 
 
 def camera_at(where: str, options: Options) -> OakCamera:
-    """The camera that an address asks for. Raises SourceError.
-
-    Unasked it has the size that its maker's mono sensors give fastest, and a rate that each of them gives.
-    """
+    """The camera that an address asks for; unasked, of a size and rate of its maker's mono sensors."""
     keys = options.own(f"oak:{where}", OakKeys)
     options = options.or_own(LIVE.size_px, RATE_HZ)
     return OakCamera(options, keys, Crop.parse(keys.crop, options.size_px) if keys.crop else None)
@@ -240,7 +236,7 @@ class OakModule:
         return pipeline, queues
 
     def read(self, opened: Opened) -> dict[int, Frame] | None:
-        """What came within a moment, by the camera's place; None: lost, or at the end of the stream."""
+        """The frames of the last moment, by the camera's place; None: lost, or at the end of the stream."""
         queues = opened[1]
         try:
             messages = self._dai.MessageQueue.getAny(queues, _READ)
@@ -268,10 +264,7 @@ class OakModule:
 
 
 class OakSource(CameraSource):
-    """Frames of one camera: of a module of its own, or of one that another process has open.
-
-    Raises  SourceError: no module, no such camera, no frames, too slow
-    """
+    """Frames of one camera, of an own module or fed by the process that has it open. Raises SourceError."""
 
     def __init__(self, module: OakModule | FedCamera, camera: OakCamera, name: str = "camera oak") -> None:
         super().__init__(name, camera.options, RUNTIME.announced_s)
@@ -286,7 +279,6 @@ class OakSource(CameraSource):
 
     @property
     def factory_lens(self) -> Lens | None:
-        """As the module has it."""
         return self._module.lenses[0]
 
     def _open(self) -> Any:
@@ -318,6 +310,5 @@ class OakSource(CameraSource):
 def open_oak(where: str, options: Options) -> OakSource:
     """The scheme `oak:`; its own keys: `OakKeys`."""
     camera = camera_at(where, options)
-    fed = fed_camera()
-    module = fed or OakModule([camera], lambda: find_module(where))
+    module = fed_camera() or OakModule([camera], lambda: find_module(where))
     return OakSource(module, camera, f"camera oak:{where} {camera.keys.socket}")

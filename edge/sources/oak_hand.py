@@ -14,16 +14,13 @@ FEED_VARIABLE = "VORONOI_TOUCH_FEED"
 
 
 class FedCamera:
-    """A camera of a module that another process has open; to `OakSource` as that module would be.
-
-    live  the module, if it is lost, comes back; false: that process has ended
-    """
+    """A camera of a module that another process has open; to `OakSource` as that module would be."""
 
     def __init__(self, connection: socket.socket, fd: int) -> None:
         connection.settimeout(RUNTIME.wait_s)
         self._inbox = Inbox(connection, fd)
         self.lenses: list[Lens | None] = [None]
-        self.live = True
+        self.live = True  # a lost module comes back; false: the process that has it has ended
 
     def open(self) -> Inbox:
         """Where frames come out."""

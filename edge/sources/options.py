@@ -56,7 +56,6 @@ class Options(msgspec.Struct, frozen=True):
 
     @property
     def size_px(self) -> tuple[int, int]:
-        """The width and height that are asked for."""
         return self.width, self.height
 
     def or_own(self, size_px: tuple[int, int], rate_hz: float = 0.0) -> Self:

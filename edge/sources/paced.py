@@ -15,10 +15,9 @@ from edge.types import Clock, Frame, FrameSource
 class Paced(ThreadedSource):
     """A live source over a recording, which it closes.
 
-    rate_hz    0: the recording's own times
-    loop       start again at the end, for ever; times and sequence numbers continue
-    rest_n     so many first images are each given when the one before has been read; time waits for that
-    clock_ns   the host's monotonic clock
+    rate_hz  0: the recording's own times
+    loop     start again at the end, for ever; times and sequence numbers continue
+    rest_n   so many first images are each given when the one before has been read; time waits for that
     """
 
     recorded = True  # its frames come live, but do not show the present
@@ -38,8 +37,7 @@ class Paced(ThreadedSource):
         self.size_px, self.polarity, self.lens = source.size_px, source.polarity, source.lens
         self.region, source.region = source.region, None
         self.rate_hz = rate_hz or source.rate_hz * speed
-        self._speed = speed
-        self._own_times = not rate_hz
+        self._speed, self._own_times = speed, not rate_hz
         self._loop, self._rest_n, self._clock_ns = loop, rest_n, clock_ns
 
     def _due(self) -> Iterator[tuple[int, Frame]]:

@@ -85,13 +85,9 @@ class PiCameraSource(CameraSource):
         size = self._options.size_px
         pixels = self._format(camera)
         raw = {"format": pixels, "size": size} if pixels else None
+        main, controls = {"format": "YUV420", "size": size}, _controls(self._options)
         camera.configure(
-            camera.create_video_configuration(
-                main={"format": "YUV420", "size": size},
-                raw=raw,
-                controls=_controls(self._options),
-                queue=False,
-            )
+            camera.create_video_configuration(main=main, raw=raw, controls=controls, queue=False)
         )
         self._stream = "raw" if raw else "main"
         self._bits = int(pixels[1:]) if pixels else 8
@@ -100,10 +96,8 @@ class PiCameraSource(CameraSource):
             raise SourceError(f"{self.name}: format {pixels} was asked for, the camera gives {got['format']}")
         if tuple(got["size"]) != size:
             width, height = got["size"]
-            raise SourceError(
-                f"{self.name}: no {size[0]}x{size[1]}; the nearest that it has is {width}x{height}: "
-                "ask for that"
-            )
+            nearest = f"the nearest that it has is {width}x{height}: ask for that"
+            raise SourceError(f"{self.name}: no {size[0]}x{size[1]}; {nearest}")
         self.size_px = size
 
     def _format(self, camera: Any) -> str:
@@ -135,9 +129,8 @@ class PiCameraSource(CameraSource):
         except ValueError:
             self.faults["damaged frame"] += 1
         else:
-            exposed_ns, period_ns = (
-                1000 * int(metadata.get(name, 0)) for name in ("ExposureTime", "FrameDuration")
-            )
+            names = ("ExposureTime", "FrameDuration")
+            exposed_ns, period_ns = (1000 * int(metadata.get(name, 0)) for name in names)
             begun_ns = int(metadata.get("SensorTimestamp", 0)) - exposed_ns
             self._hand_over_at(image, self._bits, begun_ns, now_ns, period_ns)
         return True

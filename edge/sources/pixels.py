@@ -53,6 +53,13 @@ def decode_picture(data: Pixels | bytes, check: Callable[[int, int], None] = che
     return to_grey(image)
 
 
+def decode_colour(data: Pixels | bytes) -> Image | None:
+    """A picture that `decode_picture` has taken, in BGR; None: it has no colour."""
+    flags = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
+    image = np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), flags))
+    return image if image.ndim == 3 else None
+
+
 class Layout(NamedTuple):
     """How rows of bytes become pixels.
 
@@ -60,17 +67,20 @@ class Layout(NamedTuple):
     pixel_bytes  of a pixel in its row, on average
     to_grey      of (h, bytes of a row) uint8
     planes       rows of all planes to one of the first, which has the luma
+    to_bgr       as `to_grey`; None: it has no colour, or keeps it in other planes
     """
 
     bits: int
     pixel_bytes: float
     to_grey: Callable[[Pixels], Any]
     planes: float = 1.0
+    to_bgr: Callable[[Pixels], Any] | None = None
 
 
-def _colour(dtype: str, values_n: int, code: int, rows: Pixels) -> Any:
+def _colour(dtype: str, values_n: int, code: int | None, rows: Pixels) -> Any:
     pixels = rows.view(dtype)
-    return cv2.cvtColor(pixels.reshape(len(rows), -1, values_n) if values_n > 1 else pixels, code)
+    pixels = pixels.reshape(len(rows), -1, values_n) if values_n > 1 else pixels
+    return pixels if code is None else cv2.cvtColor(pixels, code)
 
 
 def _deep(rows: Pixels) -> Pixels:
@@ -94,24 +104,28 @@ for _names, _layout in {
     "Y12": Layout(12, 2, _deep),
     "Y10P": Layout(10, 1.25, partial(_packed, 10)),
     "Y12P": Layout(12, 1.5, partial(_packed, 12)),
-    "yuyv yuv422_yuy2 YUYV": Layout(8, 2, lambda rows: rows[:, ::2]),
-    "uyvy yuv422 UYVY": Layout(8, 2, lambda rows: rows[:, 1::2]),
     "nv12 nv21 NV12 NV21 YU12 YV12": Layout(8, 1, lambda rows: rows, 1.5),
     "nv24": Layout(8, 1, lambda rows: rows, 3),
 }.items():
     LAYOUTS |= dict.fromkeys(_names.split(), _layout)
 for _names, _n, _code in (
-    ("rgb8 RGB3", 3, cv2.COLOR_RGB2GRAY),
-    ("bgr8 8UC3 BGR3", 3, cv2.COLOR_BGR2GRAY),
-    ("rgba8", 4, cv2.COLOR_RGBA2GRAY),
-    ("bgra8 8UC4", 4, cv2.COLOR_BGRA2GRAY),
-    ("bayer_rggb8 RGGB", 1, cv2.COLOR_BayerRGGB2GRAY),
-    ("bayer_bggr8", 1, cv2.COLOR_BayerBGGR2GRAY),
-    ("bayer_gbrg8 GBRG", 1, cv2.COLOR_BayerGBRG2GRAY),
-    ("bayer_grbg8 GRBG", 1, cv2.COLOR_BayerGRBG2GRAY),
+    ("yuyv yuv422_yuy2 YUYV", 2, "YUV2{}_YUYV"),
+    ("uyvy yuv422 UYVY", 2, "YUV2{}_UYVY"),
+    ("rgb8 RGB3", 3, "RGB2{}"),
+    ("bgr8 8UC3 BGR3", 3, "BGR2{}"),
+    ("rgba8", 4, "RGBA2{}"),
+    ("bgra8 8UC4", 4, "BGRA2{}"),
+    ("bayer_rggb8 RGGB", 1, "BayerRGGB2{}"),
+    ("bayer_bggr8", 1, "BayerBGGR2{}"),
+    ("bayer_gbrg8 GBRG", 1, "BayerGBRG2{}"),
+    ("bayer_grbg8 GRBG", 1, "BayerGRBG2{}"),
 ):
     for _dtype, _bits in (("<u2", 16), ("u1", 8)):
-        _layout = Layout(_bits, _n * _bits / 8, partial(_colour, _dtype, _n, _code))
+        _to_grey, _to_bgr = (
+            partial(_colour, _dtype, _n, getattr(cv2, "COLOR_" + _code.format(_to), None))  # None: is so
+            for _to in ("GRAY", "BGR")
+        )
+        _layout = Layout(_bits, _n * _bits / 8, _to_grey, to_bgr=_to_bgr)
         LAYOUTS |= dict.fromkeys(_names.replace("8", str(_bits)).split(), _layout)
 LAYOUTS["BA81"] = LAYOUTS["bayer_bggr8"]
 

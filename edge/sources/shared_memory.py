@@ -18,11 +18,7 @@ ALIGN = 64  # a cache line
 
 
 class Outbox:
-    """The sending end.
-
-    size_bytes  of the memory
-    Raises      OSError: no memory, or a limit on the size of files, which holds for shared memory, too
-    """
+    """The sending end. Raises OSError: no memory, or a limit on the size of files, which holds for it too."""
 
     def __init__(self, size_bytes: int) -> None:
         self.fd = os.memfd_create("edge-worker")
@@ -68,10 +64,7 @@ class Outbox:
 
 
 class Inbox:
-    """The receiving end.
-
-    connection, fd  as inherited from the process of the `Outbox`: its `far_end` and `fd`
-    """
+    """The receiving end, of the inherited `far_end` and `fd` of an `Outbox`."""
 
     def __init__(self, connection: socket.socket, fd: int) -> None:
         self._socket = connection

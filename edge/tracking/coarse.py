@@ -52,17 +52,14 @@ class CoarseFit:
         steps_n = round(1.0 / p.shift_spread)
         k = range(-steps_n, steps_n + 1)
         grid = [(a + b / 2, b * np.sqrt(0.75)) for a in k for b in k if abs(a + b) <= steps_n]
-        shifts = np.array(grid)[:, None, :] * (p.shift_spread * tip.lattice.pitch_px) + np.zeros(
-            (len(tip), 1)
-        )
+        step_px = p.shift_spread * tip.lattice.pitch_px
+        shifts = np.array(grid)[:, None, :] * step_px + np.zeros((len(tip), 1))
         out = tip.lattice.rest_xy - tip.rest.pattern.centre_img
         swollen = out * (np.median(tip.lattice.local_pitch_px) / max(np.hypot(*out.T).max(), 1e-9))
         self._starts = tip.lattice.rest_xy + np.concatenate([shifts, swollen[None], -swollen[None]])
 
     def fit(self, blobs: NearestBlob, blob_xy: Array, guesses: list[Array]) -> tuple[Array, Mask]:
-        """Motions (h, n, 2) px and which pins of each have a blob (h, n); guesses (n, 2) px are further
-        starts.
-        """
+        """Motions (h, n, 2) px, and which pins have a blob (h, n); guesses (n, 2) px are more starts."""
         p, lattice = self._tip.params, self._tip.lattice
         rest_xy, local_pitch = lattice.rest_xy, lattice.local_pitch_px
         at = np.concatenate([np.stack(guesses), self._starts]) if guesses else self._starts

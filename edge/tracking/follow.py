@@ -222,9 +222,7 @@ class Follower:
 
     @cython.cfunc
     def _find_residuals(self, found: cython.const[cython.double][:, ::1]) -> cython.void:
-        """Residuals of all found pins, and which pins are seen: those whose residual is like that of the last
-        frame.
-        """
+        """Residuals of all found pins; those are seen whose residual is like that of the last frame."""
         seen: cython.uchar[::1] = self.seen
         for i in range(self.n):
             seen[i] = found[i, 0] == found[i, 0]
@@ -341,9 +339,7 @@ class Follower:
     def _correlate(
         self, residual: cython.const[cython.float][::1], seen: cython.const[cython.uchar][::1]
     ) -> cython.double:
-        """Autocorrelation of the residuals with the last ones, of the pins seen in both; as of a process of
-        first order.
-        """
+        """Autocorrelation of the residuals with the last ones, of pins seen in both; of first order."""
         last: cython.float[::1] = self.last_residual
         both: cython.double = 0
         square: cython.double = 0
@@ -362,9 +358,7 @@ class Follower:
         found: cython.const[cython.double][:, ::1],
         sigma: cython.const[cython.double][::1],
     ) -> cython.Py_ssize_t:
-        """Place the seen pins where they were found, and write `results` if one is not; returns how many are
-        seen.
-        """
+        """Place the seen pins where they were found, and write `results` if one is not; how many are seen."""
         seen: cython.uchar[::1] = self.seen
         xy: cython.double[:, ::1] = self.result_xy
         sigma_out: cython.double[::1] = self.result_sigma
@@ -396,9 +390,7 @@ class Follower:
     def _is_median_beyond(
         self, xy: cython.const[cython.double][:, ::1], limit2: cython.double
     ) -> cython.bint:
-        """Whether the median over the pins of the distance from where they were predicted is above a
-        limit, whose square is in squared local pitches.
-        """
+        """Whether the median distance from the predictions is above a limit; its square in pitches^2."""
         expected: cython.double[:, ::1] = self.expected
         pitch2: cython.const[cython.double][::1] = self.pitch2
         within: cython.Py_ssize_t = 0

@@ -213,18 +213,14 @@ class Hypothesis:
         )
 
     def _log_chance(self) -> float:
-        """Logarithm of the odds that a pin is missing times the density of false blobs, per square pitch;
-        both as the frame has them, and one more.
-        """
+        """Log of the odds of a missing pin times the density of false blobs, per square pitch, as counted."""
         n, known_n = len(self.known), self.known_n
         missing = (n - known_n + 1) / (n + 2)
         false = (len(self.blob_xy) - known_n + 1) / self._area
         return float(np.log(false * missing / (1 - missing)))
 
     def _apart(self, certain: Mask, odds: Array) -> Mask:
-        """(n,) without the less likely of two that are too near to each other: one is a reflection, or both
-        are the same pin.
-        """
+        """(n,) without the less likely of two too near to each other: a reflection, or the same pin twice."""
         first, second = self._tip.lattice.pairs.T
         gap = np.hypot(*(self.blob_xy[self.blob[first]] - self.blob_xy[self.blob[second]]).T)
         near = certain[first] & certain[second] & (gap < self._tip.lattice.distance_min_px)

@@ -303,10 +303,7 @@ class Kriging:
         return weight, variance
 
     def predict(self, weight: Array, motion: Array) -> Array:
-        """(n, 2) motion of each pin; weight (n, k), motion (n, 2).
-
-        Raises  ValueError: sizes that do not fit
-        """
+        """(n, 2) motion of each pin; weight (n, k), motion (n, 2). Raises ValueError: other sizes."""
         if weight.shape != (self.n, self.k) or motion.shape != (self.n, 2):
             raise ValueError(f"weight ({self.n}, {self.k}) and motion ({self.n}, 2) are wanted")
         weight_of: cython.const[cython.double][:, ::1] = np.ascontiguousarray(weight, np.float64)

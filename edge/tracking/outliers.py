@@ -1,5 +1,5 @@
 # cython: infer_types=True
-"""What the neighbours of a pin say of it: the motion that they predict for it, and whether it is an outlier.
+"""The neighbours of a pin predict its motion, and tell whether it is an outlier.
 
 A kernel: compiled by Cython, and the same when it is not.
 
@@ -339,9 +339,7 @@ class PhotometricFilter:
     def _off_trusted(
         self, motion: cython.const[cython.double][:, ::1], i: cython.Py_ssize_t
     ) -> cython.double:
-        """Square of a pin's distance from where the trusted ones predict it, px2; negative: too few are
-        near.
-        """
+        """Square of a pin's distance from where the trusted ones predict it, px2; negative: few are near."""
         fit: Fit = self.affine.fit(motion, self.trusted, i)
         dx: cython.double = motion[i, 0] - fit.x
         dy: cython.double = motion[i, 1] - fit.y

@@ -192,7 +192,7 @@ class Identifier:
 
 
 def found_evidence(best: Hypothesis) -> tuple[float, float, float, float]:
-    """What tells that the search found the right hypothesis: a constant; the root of how far its certain pins
+    """Evidence that the search found the right hypothesis: a constant; the root of how far its certain pins
     are off an affine motion, pitches; the root of that motion's rotation, rad; and the logarithm of the
     posterior for each pin, as if the motion were equally rough in all frames and pins missing at random.
     """

@@ -19,9 +19,9 @@ class TrackedTip:
     tangential   (n, 2) unit vectors around it
     """
 
-    def __init__(self, rest: Rest, params: TrackingParams | None = None) -> None:
+    def __init__(self, rest: Rest) -> None:
         """Raises DegenerateLayout: fewer than 4 pins at rest, or all on a line."""
-        self.rest, self.params = rest, params or TrackingParams()
+        self.rest, self.params = rest, TrackingParams()
         self.lattice = Lattice(rest.xy_img, rest.pattern.pitch_px)
         self.affine = LocalAffine(self.lattice, self.params.gradient_ridge)
         self.photometric = PhotometricFilter(self.affine, rest.pins, self.lattice.local_pitch_px, self.params)

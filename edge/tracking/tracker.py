@@ -13,32 +13,22 @@ from dataclasses import replace
 import numpy as np
 
 from edge.tracking.follow import Follower
-from edge.tracking.params import TrackingParams
 from edge.tracking.search import Identifier, Identity
 from edge.tracking.tip import TrackedTip
 from edge.types import Array, Pins, Rest, Tracks
 
 
 class Tracker:
-    """Keeps which blob is which pin. Row i of everything is pin i of the rest frame.
+    """Keeps which blob is which pin. Row i of everything is pin i of the rest frame."""
 
-    held  whether the identities are known, so that the pins of the next frame can be followed
-    """
-
-    def __init__(
-        self,
-        rest: Rest,
-        params: TrackingParams | None = None,
-        found: Pins | None = None,
-        expected: Array | None = None,
-    ) -> None:
+    def __init__(self, rest: Rest, found: Pins | None = None, expected: Array | None = None) -> None:
         """The arrays that all frames share; None: arrays of its own.
 
         found     what is found in a frame at the predicted places
         expected  (n, 2) px, the predicted places; written
         Raises    DegenerateLayout: fewer than 4 pins at rest, or all on a line
         """
-        self._tip = TrackedTip(rest, params)
+        self._tip = TrackedTip(rest)
         self._n = len(self._tip)
         tip, n = self._tip, self._n
         self._found = found or Pins(np.empty((n, 2)), np.empty(n), np.empty(n), np.empty(n))
@@ -50,7 +40,7 @@ class Tracker:
     def forget(self) -> None:
         """Treat the next frame on its own, as after a jump from rest."""
         self._follower.reset()
-        self.held = False
+        self.held = False  # whether the identities are known: the next frame's pins can be followed
         self._confidence = 0.0  # of the identities that are held, or were
         self._fresh = False  # the last positions are of the frame before: later they are no evidence
         self._fallback: Tracks | None = None  # what `follow` found and refused in this frame
@@ -114,10 +104,7 @@ class Tracker:
         self.held, self._fresh, self._fallback = True, True, None
 
     def _seen(self, pins: Pins, identity: Identity, searched: bool) -> tuple[Array, Array]:
-        """(n, 2) and (n,) px, place and sigma of each pin's blob; NaN where it has none, or an outlier.
-
-        searched  the result of the search is all that is known of the frame
-        """
+        """(n, 2) and (n,) px, place and sigma of each pin's blob; NaN where it has none, or an outlier."""
         n = self._n
         seen = identity.blob >= 0
         xy, sigma = np.full((n, 2), np.nan), np.full(n, np.nan)

@@ -34,18 +34,16 @@ Bgr = tuple[int, int, int]
 
 @dataclass(frozen=True, slots=True)
 class Palette:
-    """compressed, expanded  full colour for larger, for smaller area
-    local, shear          vectors of single pins, and their mean
-    """
+    """A colour for everything that is drawn."""
 
-    compressed: Bgr
-    expanded: Bgr
+    compressed: Bgr  # full colour for a larger area
+    expanded: Bgr  # for a smaller one
     paper: Bgr  # an unchanged cell, and the background
     edge: Bgr  # outlines of cells
     pin: Bgr  # where a pin is
     contact: Bgr  # the star
-    local: Bgr
-    shear: Bgr
+    local: Bgr  # vectors of single pins
+    shear: Bgr  # their mean
     ink: Bgr  # text and axes
     halo: Bgr  # drawn round marks, so that they stand out from any cell
 
@@ -88,14 +86,13 @@ def _ramp(palette: Palette) -> NDArray[np.uint8]:
     share = np.linspace(-1.0, 1.0, 2 * COLOUR_STEPS + 1)
     end = np.where(share[:, None] < 0, expanded, compressed)
     lab = np.asarray(paper + (end - paper) * np.abs(share)[:, None], np.float32)
-    bgr: NDArray[np.uint8] = np.rint(255 * cv2.cvtColor(lab[None], cv2.COLOR_Lab2BGR)[0]).astype(np.uint8)
-    return bgr
+    return np.asarray(np.rint(255 * cv2.cvtColor(lab[None], cv2.COLOR_Lab2BGR)[0]), np.uint8)
 
 
-def cell_rgba(area_change: Array, palette: Palette = PAPER) -> list[tuple[float, float, float, float]]:
+def cell_rgba(area_change: Array) -> list[tuple[float, float, float, float]]:
     """The same as an overlay on the camera's image: r, g, b, opacity in 0..1; opacity shows the change."""
     rgba = []
     for s in _share(area_change).tolist():
-        b, g, r = palette.compressed if s >= 0 else palette.expanded
+        b, g, r = PAPER.compressed if s >= 0 else PAPER.expanded
         rgba.append((r / 255, g / 255, b / 255, 0.7 * abs(s)))
     return rgba

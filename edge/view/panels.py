@@ -35,12 +35,7 @@ class View:
 
     @classmethod
     def of(
-        cls,
-        xy_img: Array,
-        pitch_px: float,
-        height: int = 640,
-        mm_per_px: float = 0.0,
-        palette: Palette = PAPER,
+        cls, xy_img: Array, pitch_px: float, height: int, mm_per_px: float = 0.0, palette: Palette = PAPER
     ) -> View:
         """A square round all pins, with space for the boundary cells and for pins that move."""
         low, high = np.nanmin(xy_img, axis=0), np.nanmax(xy_img, axis=0)
@@ -51,8 +46,7 @@ class View:
 
     def canvas(self, xy_img: Array) -> Array:
         """(n, 2) canvas px, pixel centres on integers."""
-        moved: Array = (xy_img - np.array(self.corner_img) + 0.5) * self.scale - 0.5
-        return moved
+        return np.asarray((xy_img - np.array(self.corner_img) + 0.5) * self.scale - 0.5)
 
     def fixed(self, xy_img: Array) -> NDArray[np.int32]:
         return _fixed(self.canvas(xy_img))
@@ -64,10 +58,7 @@ def _fixed(xy: Array) -> NDArray[np.int32]:
 
 
 def draw_touch(view: View, polygons: Sequence[Array], tracks: Tracks, features: Features | None) -> Canvas:
-    """Cells shaded by area change, pins, local and global shear, contact stars.
-
-    polygons  (k, 2) px, row i the cell of pin i; empty where there is none
-    """
+    """Cells (k, 2) px, row i of pin i, shaded by area change; pins, local and global shear, contact stars."""
     palette = view.palette
     canvas = np.full((view.size[1], view.size[0], 3), palette.paper, np.uint8)
     if features is not None:
@@ -136,14 +127,14 @@ def _star(canvas: Canvas, centre: Array, arm_px: float, palette: Palette) -> Non
 
 
 def draw_camera(view: View, image: Image, bits: int = 8, tracks: Tracks | None = None) -> Canvas:
-    """The camera's image in the same view, with a ring round every pin that is tracked."""
-    grey = image if image.dtype == np.uint8 else (image >> max(0, bits - 8)).astype(np.uint8)
+    """The camera's image, grey or BGR, in the same view, with a ring round every pin that is tracked."""
+    levels = image if image.dtype == np.uint8 else (image >> max(0, bits - 8)).astype(np.uint8)
     s = view.scale
     # canvas = s * image + t; pixel centres on integers in both
     t = view.canvas(np.zeros((1, 2)))[0]
     affine = np.array([[s, 0.0, t[0]], [0.0, s, t[1]]])
-    warped = cv2.warpAffine(grey, affine, view.size, flags=cv2.INTER_LINEAR, borderValue=0.0)
-    canvas = np.asarray(cv2.cvtColor(warped, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
+    warped = cv2.warpAffine(levels, affine, view.size, flags=cv2.INTER_LINEAR, borderValue=0.0)
+    canvas = np.asarray(warped if warped.ndim == 3 else cv2.cvtColor(warped, cv2.COLOR_GRAY2BGR), np.uint8)
     if tracks is not None:
         radius = round(0.009 * view.size[1] * _ONE)
         for x, y in view.fixed(tracks.xy_img[tracks.seen]).tolist():
@@ -210,16 +201,17 @@ def picture(
     features: Features | None,
     caption: str = "",
 ) -> Canvas:
-    """Both panels side by side, with legend, scale bar and caption; BGR, same size for every frame."""
+    """Both panels, with legend, scale bar and a caption of two lines; BGR, same size for every frame."""
     width, height = view.size
     gap, foot = max(4, height // 80), round(0.12 * height)
     canvas = np.full((height + foot, 2 * width + gap, 3), view.palette.paper, np.uint8)
     canvas[:height, :width] = draw_touch(view, polygons, tracks, features)
-    canvas[:height, width + gap :] = draw_camera(view, frame.image, frame.bits, tracks)
+    shown = frame.image if frame.colour is None else frame.colour
+    canvas[:height, width + gap :] = draw_camera(view, shown, frame.bits, tracks)
     _legend(canvas[height:, :width], view)
     size = 0.17 * foot
-    for line, text in enumerate((*_about(frame, tracks, features), caption)):
-        at = (width + gap + 0.02 * width, height + (0.30 + 0.29 * line) * foot)
+    for line, text in enumerate((*_about(frame, tracks, features), *caption.splitlines())):
+        at = (width + gap + 0.02 * width, height + (0.20 + 0.24 * line) * foot)
         _text(canvas, at, text, min(size, 1.5 * width / max(1, len(text))), view.palette.ink)
     return canvas
 
@@ -247,8 +239,7 @@ def _legend(foot: Canvas, view: View) -> None:
 
     unit, value = _round_length(0.16 * w / view.scale, view.mm_per_px)
     length = value / (view.mm_per_px or 1.0) * view.scale
-    x0 = 0.47 * w
-    y = 0.27 * h
+    x0, y = 0.47 * w, 0.27 * h
     cv2.line(foot, (round(x0), round(y)), (round(x0 + length), round(y)), palette.ink, 2)
     for x in (x0, x0 + length):
         cv2.line(foot, (round(x), round(y - 4)), (round(x), round(y + 4)), palette.ink, 2)
@@ -261,9 +252,8 @@ def _legend(foot: Canvas, view: View) -> None:
     y2 = bottom + 1.2 * size
     tail = np.array([x1, y2])
     _arrow(foot, tail, tail + np.array([glyph, 0.0]), h / 16, palette)
-    _text(
-        foot, (x1 + 1.3 * glyph, y2 + 0.4 * size), f"mean motion x{PARAMS.global_gain:g}", size, palette.ink
-    )
+    mean_motion = f"mean motion x{PARAMS.global_gain:g}"
+    _text(foot, (x1 + 1.3 * glyph, y2 + 0.4 * size), mean_motion, size, palette.ink)
     _star(foot, np.array([x1 + 0.5 * glyph, h - 0.9 * size]), h / 12, palette)
     _text(foot, (x1 + 1.3 * glyph, h - 0.4 * size), "contact", size, palette.ink)
 

@@ -22,7 +22,7 @@ CHART = ("time_s", *CHARTED, "latency_ms", "volume_px2", "shear_x_px", "shear_y_
 
 
 def hello(source: str, serial: str) -> dict[str, Any]:
-    """What the page needs once."""
+    """The data that the page needs once."""
     return {
         "source": source,
         "serial": serial,
@@ -62,9 +62,7 @@ def camera(frame: Frame) -> tuple[dict[str, Any], Arrays]:
 
 
 def touch(result: Result, rest: Rest, wants: frozenset[str]) -> tuple[dict[str, Any], Arrays]:
-    """Pins, cells, contacts and vectors of a frame; if requested also the surface, where it was computed, and
-    the cells' corners with their colours.
-    """
+    """Pins, cells, contacts and vectors of a frame; if wanted also surface and cells' corners in colour."""
     tracks, cells, features = result.tracks, result.cells, result.features
     low, high = rest.xy_img.min(axis=0), rest.xy_img.max(axis=0)
     side = float((high - low).max()) + 4 * rest.pattern.pitch_px  # space for the outer cells, and for motion

@@ -35,12 +35,7 @@ log = logging.getLogger("edge.worker")
 
 
 class Worker:
-    """Page and recorder.
-
-    control          to and from the loop's process
-    source, rate_hz  the camera's name and rate
-    Raises           EdgeError: the file cannot be written
-    """
+    """Page and recorder, for a camera of this name and rate. Raises EdgeError: the file cannot be written."""
 
     def __init__(self, control: Connection, config: WorkerConfig, source: str, rate_hz: float) -> None:
         self._control, self._config, self._rate_hz = control, config, rate_hz

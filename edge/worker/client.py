@@ -33,11 +33,7 @@ SHOWN = frozenset({Feature.DISPLACEMENT, Feature.CONTACTS, Feature.SHEAR, Featur
 
 
 class WorkerClient:
-    """Viewers and recorder of a loop.
-
-    recording  the loop's session
-    process    None: not started
-    """
+    """Viewers and recorder of a loop; `process` is None before it is started."""
 
     def __init__(self, loop: Loop, config: WorkerConfig) -> None:
         self._loop, self._config = loop, config
@@ -130,8 +126,7 @@ class WorkerClient:
             outbox.close()
             control.close()
             _end(self.process)
-            why = "view, record: the process for it ended at its start; see above for why"
-            raise port or InputError(why)
+            raise port or InputError("view, record: the process for it ended at its start; see above for why")
         if self._listen is not None:
             self._listen = Listen(self._listen.host, port, self._listen.token)
         self.view.forget_shown()
@@ -169,10 +164,7 @@ class WorkerClient:
             self._on_worker_exit()
 
     def _on_wants(self, wants: frozenset[str] | None) -> None:
-        """Have only those features computed that are shown.
-
-        wants  what all viewers request together; None: nobody watches
-        """
+        """Have only those features computed that all viewers want together; None: nobody watches."""
         shown = frozenset[Feature]()
         if wants is not None:
             shown = SHOWN | ({Feature.SURFACE} if "surface" in wants else shown)
@@ -210,7 +202,7 @@ class WorkerClient:
 
 
 def _messages(control: Connection) -> Iterator[Any]:
-    """What the worker sends, until its end."""
+    """The messages that the worker sends, until its end."""
     with suppress(EOFError, OSError):
         while True:
             yield control.recv()

@@ -1,4 +1,4 @@
-"""What the loop's thread sends to the worker for viewers: new results."""
+"""Sends new results from the loop's thread to the worker, for viewers."""
 
 import time
 from collections import deque
@@ -16,11 +16,7 @@ _MEANING = {fault.code: fault.meaning for fault in FAULTS}
 
 
 class ViewFeed:
-    """Sends new results to viewers: at most 30 times a second, and only while somebody watches.
-
-    put      sends a message to the worker; False: the memory is full
-    watched  whether anybody watches
-    """
+    """Sends new results to viewers with `put`, as often as the page draws, while somebody watches."""
 
     def __init__(self, loop: Loop, put: Callable[..., bool]) -> None:
         self._loop, self._put = loop, put

@@ -46,15 +46,9 @@ class LivePage:
         self._last_s = time.monotonic()
         self._charted: tuple[int, list[tuple[float, ...]]] = (0, [])  # samples so far, the last ones' rows
         self._made: dict[frozenset[str], tuple[int, float]] = {}  # request: results seen, when
-        self.server = PageServer(
-            listen,
-            "edge.view",
-            self._make,
-            hello(source, serial),
-            commands,
-            self._on_wants,
-            ("image", "surface", "cells"),
-        )
+        parts = ("image", "surface", "cells")
+        first = hello(source, serial)
+        self.server = PageServer(listen, "edge.view", self._make, first, commands, self._on_wants, parts)
 
     # ---- the main thread ----------------------------------------------------------------------------
 
@@ -71,11 +65,9 @@ class LivePage:
     ) -> None:
         """Take new data since the last call; None: as before.
 
-        now_s, last_s  monotonic time: now, and of the newest result
-        seen_n         results since the start
-        new_rows       of the charts: one a sample
-        frame          the newest image, with or without a result
-        about          data that do not come from a frame
+        last_s    monotonic time of the newest result, the `seen_n`-th
+        new_rows  of the charts: one a sample
+        frame     the newest image, with or without a result
         """
         self._rest, self._frame = rest or self._rest, frame or self._frame
         self._latest, self._about = latest or self._latest, about

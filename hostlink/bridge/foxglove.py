@@ -218,7 +218,7 @@ def _quiet_sdk() -> None:
 
 
 class _Listener:
-    """What the server calls, from its threads: cameras are read only while somebody watches."""
+    """The server calls this from its threads: cameras are read only while somebody watches."""
 
     def __init__(self) -> None:
         self.cameras: Sequence[CameraChannels] = ()
@@ -231,7 +231,7 @@ class _Listener:
 
 
 class _Parameters(_Listener):
-    """What viewers read and set. Called from the server's threads."""
+    """The values that viewers read and set. Called from the server's threads."""
 
     def __init__(self, sdk: Any, desk: ParameterDesk) -> None:
         super().__init__()

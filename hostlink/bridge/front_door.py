@@ -1,4 +1,4 @@
-"""What stands before the SDK's Foxglove server, which asks nobody who they are.
+"""Stands before the SDK's Foxglove server, which asks nobody who they are.
 
     viewer --> FrontDoor, at --listen --(request checked)--> the SDK's server, at an address that nobody knows
 

@@ -97,7 +97,7 @@ class TactileObservation:
                     yield from (name, f"{name}.valid")
 
     def get_observation(self) -> dict[str, float]:
-        """What came since the last observation. A silent finger is not valid. Raises VersionMismatch."""
+        """The samples since the last observation. A silent finger is not valid. Raises VersionMismatch."""
         if self._connection is None:
             raise UsageError("observation: connect first")
         windows = self._connection.window(self._values)

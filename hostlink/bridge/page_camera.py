@@ -78,7 +78,7 @@ def parse_page(text: str) -> PageAddress:
 
 
 class Picture:
-    """What a page shows of one image.
+    """One image as a page shows it.
 
     capture_us  when it was taken, on the finger's clock
     jpeg        the image, perhaps smaller than the camera's
@@ -156,7 +156,7 @@ class PageCamera:
         self._thread.start()
 
     def want(self, wants: frozenset[str]) -> None:
-        """What the pictures should hold: "image", "cells"; empty: no pictures. From any thread."""
+        """The pictures' contents: "image", "cells"; empty: no pictures. From any thread."""
         asyncio.run_coroutine_threadsafe(self._change(wants), self._loop)
 
     def close(self) -> None:

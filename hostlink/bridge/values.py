@@ -1,4 +1,4 @@
-"""What all outlets share: stamps on the host's wall clock, diagnoses, tare requests, parameters."""
+"""The parts that all outlets share: stamps on the host's wall clock, diagnoses, tare requests, parameters."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ class TareDesk:
 
 
 class ParameterDesk:
-    """What viewers and nodes read and set, by names like `finger_1.rate_hz`. Each access asks the finger.
+    """Values that viewers and nodes read or set, by name as `finger_1.rate_hz`. Each access asks the finger.
 
     fingers  by name; may grow
     """

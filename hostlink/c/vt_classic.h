@@ -660,7 +660,7 @@ struct vt_classic_part3_t {
     uint8_t force_xy_sigma_n;
 
     /**
-     * 1 less the present tangential over normal load in units of `friction`; 0: nothing more has been held
+     * 1 less the present tangential over normal load in units of `friction`; 0: nothing more has been held; not known before the first tangential load of a contact
      *
      * Range: 0..250 (0..1 -)
      * Scale: 0.004

@@ -134,7 +134,7 @@ def set_object(address: str, name: str, value: str, finger: int | None) -> None:
 
 
 def _range_of(obj: Object) -> str:
-    """What numbers an object takes, in words."""
+    """The numbers that an object takes, in words."""
     kind = "a number" if obj.type == "real32" else "a whole number"
     if obj.low is None or obj.high is None:
         return kind
@@ -149,7 +149,7 @@ def _stores_settings(finger: Finger) -> bool:
 
 
 @click.command()
-@click.option("--fingers", type=WholeNumber(1, 127), default=1, show_default=True)
+@click.option("--fingers", type=WholeNumber(1, 127), default=1, show_default=True, help="On the bus.")
 @click.option(
     "--rate",
     "rate_hz",
@@ -164,7 +164,7 @@ def _stores_settings(finger: Finger) -> bool:
     type=WholeNumber(10_000, 8_000_000),
     default=5_000_000,
     show_default=True,
-    help="Of the data phase of CAN FD.",
+    help="Bits a second in the data phase of CAN FD.",
 )
 @click.option("--classic", is_flag=True, help="Classic CAN: parts of 8 bytes.")
 @click.option("--baud", type=WholeNumber(9_600, 12_000_000), help="A serial line instead of a bus.")

@@ -63,7 +63,11 @@ from hostlink.web import Listen, WebError, parse_listen
     "--router", default="tcp/127.0.0.1:7447", show_default=True, help="With --ros: the Zenoh router to join."
 )
 @click.option(
-    "--domain", type=WholeNumber(0, 232), default=0, envvar="ROS_DOMAIN_ID", help="With --ros: domain id (0)."
+    "--domain",
+    type=WholeNumber(0, 232),
+    default=0,
+    envvar="ROS_DOMAIN_ID",
+    help="With --ros: domain ID, else 0.",
 )
 @click.option("--namespace", help="With --ros: before all names, e.g. /left_hand; else the hand's name.")
 @hand_option

@@ -75,7 +75,7 @@ def _share(kind: str, fingers: int, rate_hz: float, bitrate: int, dbitrate: int 
 
 
 def _advise(load: Load) -> list[str]:
-    """What would fit, the smallest change first: rate, fingers, bit rates, FD."""
+    """The changes that would fit, the smallest first: rate, fingers, bit rates, FD."""
     advice = []
     fits = int(load.rate_hz * LIMIT / load.share)
     while fits > 0 and _share(load.kind, load.fingers, fits, load.bitrate, load.dbitrate) > LIMIT:

@@ -22,7 +22,7 @@ from hostlink.hand_file import HandFile
     multiple=True,
     help="A finger's number; repeatable. Without it all of --hand.",
 )
-@click.option("--classic", is_flag=True, help="Of a classic CAN bus; else of CAN FD.")
+@click.option("--classic", is_flag=True, help="For a classic CAN bus; else for CAN FD.")
 @click.option(
     "--rate",
     "rate_hz",

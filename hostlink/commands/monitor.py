@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 from hostlink.client import Connection, Finger
 from hostlink.topics import status_text
 from hostlink.wire import State
+from hostlink.wire.nmt import NmtState
 
 if TYPE_CHECKING:
     from rich.console import Console, Group
@@ -40,7 +41,11 @@ COLUMNS = (
 )
 WITHOUT_NAME = 67  # columns of the table beside the names, with the longest values
 HEAD_N = 4  # lines of the table above the first finger
-NMT: dict[int | None, str] = {0: "starting", 4: "stopped", 127: "not started (pre-operational)"}
+NMT: dict[int | None, str] = {
+    NmtState.BOOT_UP: "starting",
+    NmtState.STOPPED: "stopped",
+    NmtState.PRE_OPERATIONAL: "not started (pre-operational)",
+}
 
 
 @dataclass(frozen=True, slots=True)

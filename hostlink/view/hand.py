@@ -79,7 +79,7 @@ class _Rows:
         self._low, self._high = list(row), []
 
     def since(self, time_s: float, now_s: float) -> array[float]:
-        """Those that are not older, one behind the other; their times relative to now."""
+        """The rows that are not older, one behind the other; their times relative to now."""
         recent = array("f")
         for at_s, *values in list(self._done):
             if at_s > time_s:

@@ -7,6 +7,7 @@ detail    pack_detail / unpack_segment / DetailAssembler (every pin, CAN FD and 
 status    status bits, fault table
 objects   the object table: SDO and serial requests
 canid     CAN identifiers, bases configurable
+nmt       a node's states, and the commands that lead to them
 address   address of an end of the wire; open_errors: advice if it cannot be opened
 serial    message types, object requests and replies, framing; on cobs
 e2e       AUTOSAR E2E profiles 5 and 11C

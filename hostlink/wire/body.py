@@ -1,5 +1,5 @@
 # cython: annotation_typing=False
-"""What is done with every received state frame: its checks, and decoding a field of it when that is read.
+"""The work on every received state frame: its checks, and decoding a field of it when that is read.
 
 Compiled where a compiler is, with the C types in `body.pxd`; the same without. A body is the frame's version
 and fields, which a received sample keeps.
@@ -65,7 +65,7 @@ def _register_of(frame: bytes, data_id: int) -> int:
 
 
 class FromFrame:
-    """What a sample that came as a frame keeps of it.
+    """The part of its frame that a received sample keeps.
 
     body  version and fields; None: the sample was made of values
     """

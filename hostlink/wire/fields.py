@@ -216,7 +216,8 @@ LAYOUT: Final = (
        "skin on most objects: 0.2..1.5; a lower bound until something slips",
        _S("friction", "Friction")),
     _F("slip_margin", "B", 0.004, "", 0, 1, 8,
-       "1 less the present tangential over normal load in units of `friction`; 0: nothing more has been held",
+       "1 less the present tangential over normal load in units of `friction`; 0: nothing more has been "
+       "held; not known before the first tangential load of a contact",
        "what a grasp controller regulates: grip harder when it falls",
        _S("slip margin left", "Slip margin", least=1)),
     _F("pressure_kpa", "h", 0.05, "kPa", -1600, 1600, 16, "force over contact area",

@@ -15,7 +15,7 @@ NO_STATUS: Final = Status(0)
 
 @dataclass(frozen=True, init=False, repr=False, eq=False)
 class StateFields:
-    """What a sample holds, but for its contacts."""
+    """The values of a sample, but for its contacts."""
 
     # sample number; counts up by one with every measurement, wraps to 0
     sample: int = 0
@@ -48,7 +48,7 @@ class StateFields:
     # largest tangential over normal load that this contact has held, its torque included
     friction: float = nan
     # 1 less the present tangential over normal load in units of `friction`; 0: nothing more has been
-    # held
+    # held; not known before the first tangential load of a contact
     slip_margin: float = nan
     # force over contact area [kPa]
     pressure_kpa: float = nan

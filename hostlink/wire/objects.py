@@ -217,7 +217,7 @@ def _process_data(index: int) -> tuple[Object, ...]:
 
 
 def _mapping(number: int) -> tuple[Object, ...]:
-    """What the TPDO is made of: index, sub-index and bits of each object."""
+    """The parts of the TPDO: index, sub-index and bits of each object."""
     index, entries = 0x1A00 + number - 1, MAPPING[number]
     rows = []
     for i, (name, bits) in enumerate(entries, 1):

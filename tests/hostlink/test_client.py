@@ -16,7 +16,6 @@ import pytest
 
 import hostlink
 from edge.errors import SinkError
-from edge.link.commands import NmtState
 from edge.link.node import Node
 from edge.link.sinks import open_sink
 from hostlink import RestFrameOutcome, RestFrameReason, RestFrameState
@@ -27,6 +26,7 @@ from hostlink.links import Arrival
 from hostlink.subscription import QUEUE
 from hostlink.wire import CanIds, FaultCode, Kind, State, pack_state, unpack_state
 from hostlink.wire.fields import DATA_ID, VERSION
+from hostlink.wire.nmt import NmtState
 from tests.support.bus import Wire, foreign_frame, message
 from tests.support.fingers import Application, free_port, make_node, need_multicast, node_at, state
 from tests.support.ptys import Ptys

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 import hostlink
 from edge.errors import RequestRefused
-from edge.link.commands import NmtState, SerialCommands
+from edge.link.commands import SerialCommands
 from edge.link.object_server import ObjectServer
 from edge.link.sdo_server import SdoServer
 from edge.link.settings import SettingsFile
@@ -24,6 +24,7 @@ from hostlink.finger import Finger
 from hostlink.hand_file import HandFile
 from hostlink.objects import ObjectClient, SdoObjects, SerialObjects
 from hostlink.wire import Abort, CanIds, Message, ObjectReply, ObjectRequest, Op, object_named, unpack_message
+from hostlink.wire.nmt import NmtState
 from hostlink.wire.serial import decode_frame
 from tests.support.fingers import Application
 

@@ -31,8 +31,8 @@ import cython
 import numpy as np
 from cython.cimports.libc.math import exp, hypot, log, sqrt
 
-from edge.features.params import PARAMS, FeatureParams
-from edge.geometry.motion_field import SHARP, MotionPrior
+from edge.features.params import PARAMS
+from edge.geometry.motion_field import SHARP
 from edge.types import Array
 
 #: Contacts of one fit: with more a frame would take too long.
@@ -48,16 +48,16 @@ _DAMPING = cython.declare(cython.double, 1.0)
 _ENOUGH = cython.declare(cython.double, 1e-2)  # relative gain of a step that is the last one
 
 
-def _nodes_n(params: FeatureParams, error: float) -> int:
+def _nodes_n(error: float) -> int:
     """Points of a line over which a mean is a weighted sum, for the longest line and the width that a fit
     begins with: Gauss' rule errs by 1 / r^(2 n + 2), where r is the sum of the semi-axes of the ellipse about
     the line, in halves of it, through the nearest pole: of f at sqrt(2) widths.
     """
-    pole = sqrt(2.0) / params.grid_steps_per_pitch / (2.0 * params.close_pitch)
+    pole = sqrt(2.0) / PARAMS.grid_steps_per_pitch / (2.0 * PARAMS.close_pitch)
     return round(np.ceil(-log(error) / (2.0 * log(pole + sqrt(1.0 + pole * pole))) - 1.0))
 
 
-_NODES = cython.declare(cython.Py_ssize_t, _nodes_n(PARAMS, _ENOUGH))
+_NODES = cython.declare(cython.Py_ssize_t, _nodes_n(_ENOUGH))
 _NO_LIMIT = cython.declare(cython.double, float("inf"))
 
 
@@ -75,7 +75,6 @@ class ContactFit:
     n_pins     pins that count
 
     rest_xy, pitch_px  (n, 2) px, and their pitch
-    prior              of the motion: a shear against a press as curl, errors of the model as noise
     Raises             ValueError: sizes that do not fit
     """
 
@@ -125,9 +124,7 @@ class ContactFit:
     _is_known: cython.uchar[::1]  # of each shape
     _is_taken: cython.uchar[::1]  # of a last fit's contacts
 
-    def __init__(
-        self, rest_xy: Array, pitch_px: float, params: FeatureParams = PARAMS, prior: MotionPrior = SHARP
-    ) -> None:
+    def __init__(self, rest_xy: Array, pitch_px: float) -> None:
         n, size = len(rest_xy), 8 * FITS_MAX + 6
         if rest_xy.shape != (n, 2):
             raise ValueError(f"rest_xy (n, 2) is wanted, not {rest_xy.shape}")
@@ -147,14 +144,14 @@ class ContactFit:
         self._is_known, self._is_taken = np.zeros((2, FITS_MAX + 2), np.uint8)
         self.least = self._middle_x = self._middle_y = 0.0
         self.n_pins, self._m, self._is_line = 0, 0, False
-        self._radius, self._reach = 2.0 * params.close_pitch, params.place_radius_pitch
-        self._width = 1.0 / params.grid_steps_per_pitch
+        self._radius, self._reach = 2.0 * PARAMS.close_pitch, PARAMS.place_radius_pitch
+        self._width = 1.0 / PARAMS.grid_steps_per_pitch
         # Gauss and Chebyshev's second kind, for a weight of sqrt(1 - z^2); Fejer's second, for an even one.
         angle, odd = np.pi * np.arange(1, _NODES + 1) / (_NODES + 1), np.arange(1, _NODES + 1, 2)
         sine, even = np.sin(angle), (np.sin(np.outer(angle, odd)) / odd).sum(axis=1)
         self._node, self._weight = np.cos(angle), 2.0 / (_NODES + 1) * sine * np.array([sine, even])
         self._evenly, self._sums = False, np.zeros((n, 14))
-        noise, shear = prior.noise, prior.noise / prior.curl
+        noise, shear = SHARP.noise, SHARP.noise / SHARP.curl  # errors of the model; a shear against a press
         self._prior = np.array([0.0, 0.0, noise, noise / 10.0, shear, shear, shear, shear])
 
     def forget(self) -> None:
@@ -316,7 +313,7 @@ class ContactFit:
         return self._solve()
 
     def last_error(self, points: cython.Py_ssize_t) -> float:
-        """What so many points, 0 a line, leave of the motion as they were fitted last, in whatever frame.
+        """The motion that so many points, 0 a line, leave as they were fitted last, in whatever frame.
 
         points   1 to FITS_MAX, or 0
         Returns  squared error, squared pitches; infinite: they were not fitted yet
@@ -472,7 +469,7 @@ class ContactFit:
 
     @cython.cfunc
     def _explain(self, parameters: cython.double[::1], derive: cython.bint) -> cython.double:
-        """What contacts and affine motion leave of the pins' motion, and its rows; the squared error."""
+        """The pins' motion that contacts and affine motion leave, and its rows; the squared error."""
         base = _OWN * self._m
         cost: cython.double = 0.0
         rows: cython.double[:, ::1] = self._rows
@@ -633,9 +630,7 @@ class ContactFit:
 
     @cython.cfunc
     def _find_step(self, damping: cython.double) -> cython.bint:
-        """`_next` from the present parameters by one damped step (Cholesky), and `_promise`; False: not
-        positive definite.
-        """
+        """`_next`, by one damped step (Cholesky), and `_promise`; False: it is not positive definite."""
         size = _OWN * self._m + _COMMON
         d: cython.double[:, ::1] = self._damped
         step: cython.double[::1] = self._step

@@ -1,4 +1,4 @@
-"""What fits of contacts decide in a frame: one long contact or two, the direction of a long one, and what
+"""Decides by fits of contacts in a frame: one long contact or two, the direction of a long one, and what
 each of several contacts does alone.
 
     regions --one, long, or of two peaks--> line or two points? --two--> two points or a line?
@@ -18,23 +18,18 @@ Rules
   as long as that leaves the other shapes too large an error, only a shape whose result is wanted is fitted.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from enum import IntEnum, auto
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
-from edge.features.params import CONTACTS_MAX, PARAMS, FeatureParams
+from edge.features.params import CONTACTS_MAX, PARAMS
 from edge.features.several.contact_fit import FITS_MAX, ContactFit
 from edge.features.surface import Surface
 from edge.geometry.lattice import N_RING
 from edge.types import Array, FittedContact, Mask, Tracks
-
-if TYPE_CHECKING:
-    from edge.features.contacts import Regions
 
 #: Two points as far from a region's middle, in its semi-axes, have its variance: a semi-axis is two sigmas.
 _HALF = 0.5
@@ -50,9 +45,22 @@ class Fits(IntEnum):
     NONE = CONTACTS_MAX  # more than a fit takes
 
 
+class FrameRegions(Protocol):
+    """The part of `edge.features.contacts.Regions` that a fit reads and changes."""
+
+    n_contacts: int
+    middle: Array
+    semi_axis: Array
+    direction: Array
+
+    def split(self, x0: float, y0: float, x1: float, y1: float) -> bool: ...
+
+    def join(self) -> None: ...
+
+
 @dataclass(frozen=True, slots=True)
 class _Decision:
-    """What was decided on the motion that the fit has marked.
+    """The decision on the motion that the fit has marked.
 
     overruled    the regions were
     alternative  pitches, the least root of the squared errors of the shapes that were decided against
@@ -65,11 +73,11 @@ class _Decision:
 class FittedContacts:
     """Fits contacts of one tip's regions."""
 
-    def __init__(self, surface: Surface, regions: Regions, params: FeatureParams = PARAMS) -> None:
-        self._fit = ContactFit(surface.rest_img, surface.pitch_px, params)
+    def __init__(self, surface: Surface, regions: FrameRegions) -> None:
+        self._fit = ContactFit(surface.rest_img, surface.pitch_px)
         self._regions = regions
         self._pitch_px = surface.pitch_px
-        self._close_px = params.close_pitch * surface.pitch_px
+        self._close_px = PARAMS.close_pitch * surface.pitch_px
         odds = Tracks.LOW_CONFIDENCE / (1.0 - Tracks.LOW_CONFIDENCE)
         self._evidence = (N_RING + 1) * math.log(odds)  # of all pins, that overrules the regions
         self._middle, self._starts = np.asarray(regions.middle), np.zeros((2, 2))
@@ -126,11 +134,7 @@ class FittedContacts:
         return self._divide(xy, seen, (x, y, half_x, half_y), is_line=long_px >= self._close_px)
 
     def split_round(self, xy: Array, seen: Mask, ridge: Array) -> None:
-        """Split a single round region that is two contacts.
-
-        xy, seen  as of `fit`
-        ridge     (m, 2) px, its peaks: two may be two contacts, one none, many a flat one
-        """
+        """Split a single round region that is two contacts; ridge (m, 2) px: only two peaks may be two."""
         if len(ridge) != 2:
             return
         (x0, y0), (x1, y1) = ridge.tolist()
@@ -222,9 +226,7 @@ class FittedContacts:
         return self._line_direction()
 
     def _take_pins(self, xy: Array, seen: Mask, places: Array) -> bool:
-        """The motion of the pins that were chosen last, with what was decided on them; of others, if the
-        contacts have moved. Whether they are enough.
-        """
+        """Take the motion of the pins chosen last, or of others if contacts moved; whether it is enough."""
         self._moved = self._fit.again(xy, seen, places)
         if math.isfinite(self._moved):
             return bool(self._fit.n_pins >= _PINS_MIN)
@@ -236,10 +238,7 @@ class FittedContacts:
         return last if last is not None and last.overruled == overruled else None
 
     def _stands(self, last: _Decision, error: float) -> bool:
-        """Whether it would be decided the same again, whatever the others' errors are now.
-
-        error  squared pitches, of the shape that was decided for
-        """
+        """Whether it would be decided again, by its shape's error, whatever the others' errors are now."""
         alternative = max(last.alternative - self._moved, 0.0) ** 2
         return error < self._limit(alternative) if last.overruled else alternative >= self._limit(error)
 
@@ -280,7 +279,7 @@ class FittedContacts:
         return angle - math.pi * round(angle / math.pi)
 
     def _columns(self, n: int) -> list[Array]:
-        """What `FittedContact` has, of the n points fitted last."""
+        """The fields of `FittedContact`, of the n points fitted last."""
         return [column[:n].copy() for column in self._fitted]
 
     def _limit(self, error: float) -> float:

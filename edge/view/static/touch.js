@@ -34,7 +34,7 @@ function largest(values, n = 1) {
 /** What is shown without a calibration alone. */
 const raw = (value, digits) => (p) => [p.calibrated ? null : value(p) ?? null, digits];
 
-// What comes from the table of fields is in `hello`; these are what a page knows besides.
+// The table of fields is in `hello`; a page knows these besides.
 const NUMBERS = [
   ["Largest area change", "%", raw((p) => p.arrays.change && 100 * largest(p.arrays.change), 0)],
   ["Largest pin motion", "px", raw((p) => largest(p.arrays.motion, 2), 2)],

@@ -1,4 +1,4 @@
-// What the pages share: the connection, packets, strip charts.
+// The pages share this: the connection, packets, strip charts.
 //
 // - The connection says what it is doing, all the time: connecting, live, stale, disconnected (and when it will
 //   try again), refused, full. It comes back by itself.

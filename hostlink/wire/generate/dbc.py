@@ -30,6 +30,7 @@ from hostlink.wire.fields import (
     VERSION,
     field_named,
 )
+from hostlink.wire.nmt import NmtState
 from hostlink.wire.objects import object_named
 from hostlink.wire.parts import PART_SIZE
 from hostlink.wire.status import FAULTS, REGISTER_BITS, STATUS
@@ -46,9 +47,9 @@ _CLASSIC_MEANING: Final = {
 }
 _FAULTS: Final = ((0, "none"), *((f.code.value, f.code.name.lower()) for f in FAULTS))
 _EMCY: Final = ((0, "none"), *((f.emcy, f.code.name.lower()) for f in FAULTS))
+_NMT: Final = tuple((state.value, state.name.lower()) for state in NmtState)
 _NO_YES: Final = ((0, "no"), (1, "yes"))
 _STATUS_BITS: Final = tuple((s.bit.name, f"{s.meaning}: {s.advice}") for s in STATUS)
-_NMT: Final = ((0, "boot_up"), (4, "stopped"), (5, "operational"), (127, "pre_operational"))
 
 Choices = tuple[tuple[int, str], ...]  # raw value, name
 
@@ -255,7 +256,7 @@ def _message(
 
 
 def _service_messages(sender: Sender) -> list[Message]:
-    """What a node sends on either bus."""
+    """The messages that a node sends on either bus."""
     ids, period = CanIds(), object_named("heartbeat_ms").default
     assert isinstance(period, int)  # the table has a number there
     heartbeat = [_whole("nmt_state", 0, 7, "CiA 301 NMT state", choices=_NMT)]

@@ -274,7 +274,7 @@ def _protection() -> list[str]:
 
 
 def _unprotected() -> list[str]:
-    """What the protection does not see, and how another version shows."""
+    """The faults that the protection does not see, and how another version shows."""
     return [
         "### What is not seen",
         "",

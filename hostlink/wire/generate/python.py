@@ -27,7 +27,7 @@ NO_STATUS: Final = Status(0)
 
 @dataclass(frozen=True, init=False, repr=False, eq=False)
 class StateFields:
-    """What a sample holds, but for its contacts."""
+    """The values of a sample, but for its contacts."""
 
 '''
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from edge.cells import Tessellator
 from edge.features import FeatureExtractor, FeaturePlan
+from edge.features.contact_detector import ContactDetector
 from edge.pins import detect, take_rest
 from edge.sources.files import read_image
 from edge.tracking import Tracker
@@ -100,12 +101,14 @@ def test_a_reflection_that_shifts_pins_is_no_contact(pins: int, with_cells: bool
 def test_detector_learns_the_noise(actual: float) -> None:
     """The pins' sigma is 0.05 px; the true noise is less or more. Afterwards no false and no missed touch."""
     rest = tip(127)
-    made = extractor(rest)
+    made, detector = extractor(rest), ContactDetector(rest)
     rng = np.random.default_rng(2)
     for k in range(200):
         xy = rest.xy_img + rng.normal(0.0, min(actual, 0.06 + 0.001 * k), rest.xy_img.shape)
-        assert not made.extract(*frame(rest, xy), ALL).in_contact
-    learnt = made.cell_noise(0.05)
+        found = made.extract(*frame(rest, xy), ALL)
+        assert not found.in_contact
+        assert not detector.by_area(found.area_change, xy, 0.05)
+    learnt = detector.cell_noise(0.05)
     assert learnt == pytest.approx(0.83 * actual / rest.pattern.pitch_px, rel=0.25)
     xy = rest.xy_img + push(rest, (10.0, 10.0), 60.0, 0.04) + rng.normal(0.0, actual, rest.xy_img.shape)
     assert made.extract(*frame(rest, xy), ALL).in_contact

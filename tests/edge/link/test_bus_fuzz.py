@@ -7,12 +7,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from edge.link.commands import NmtState
 from edge.link.medium import CanFrame
 from edge.link.node import Node
 from edge.link.settings import SettingsFile
 from edge.link.sinks import CanFdSink, SerialSink
 from hostlink.wire import OBJECTS, CanIds, Kind, Message, encode_frame, pack_message
+from hostlink.wire.nmt import NmtState
 from hostlink.wire.serial import FRAME_MAX
 from tests.edge.link.test_node import Finger
 from tests.support.media import Wire

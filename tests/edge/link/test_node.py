@@ -13,13 +13,13 @@ import canopen
 import pytest
 
 from edge.errors import CalibrationError
-from edge.link.commands import NmtState
 from edge.link.medium import CanFrame, Medium, MediumError
 from edge.link.node import Node
 from edge.link.settings import NodeSettings, SettingsFile
 from edge.link.sinks import CanFdSink, CanSink, SerialSink, open_sink
 from hostlink import wire
 from hostlink.wire import Abort, FaultCode, Message, State, Status, object_named
+from hostlink.wire.nmt import NmtState
 from hostlink.wire.process_data import FRAME_DATA, SAMPLE_DATA
 from hostlink.wire.serial import decode_frame
 from tests.support.fingers import Application

@@ -13,6 +13,7 @@ from mcap.writer import Writer
 
 from edge.recording.topics import proto
 from edge.sources import open_source
+from edge.sources.files import FileSource
 from edge.sources.pixels import LAYOUTS, unpack
 from edge.types import Frame, Image
 from tests.edge.sources.test_v4l2 import FakeCamera, Opened
@@ -176,10 +177,10 @@ def test_a_compressed_picture_is_the_same_everywhere(tmp_path: Path, kind: str) 
     assert "JPEG" not in kind or np.array_equal(seen_by_camera("MJPG", data).image, expected)
 
 
-def video_of(path: Path, is_color: bool) -> Path:
-    codec, options = cv2.VideoWriter.fourcc(*"FFV1"), [cv2.VIDEOWRITER_PROP_IS_COLOR, int(is_color)]
+def video_of(path: Path, image: np.ndarray[Any, Any]) -> Path:
+    codec, options = cv2.VideoWriter.fourcc(*"FFV1"), [cv2.VIDEOWRITER_PROP_IS_COLOR, int(image.ndim == 3)]
     writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, codec, 50.0, (W, H), options)
-    writer.write(cv2.merge([GREY] * 3) if is_color else GREY)
+    writer.write(image)
     writer.release()
     return path
 
@@ -193,8 +194,8 @@ def gif_of(path: Path) -> Path:
 SOURCES: dict[str, Callable[[Path], Image]] = {
     "folder": lambda path: from_folder(path, ".png", encoded(".png", GREY)),
     "folder of colour": lambda path: from_folder(path, ".bmp", encoded(".bmp", cv2.merge([GREY] * 3))),
-    "video": lambda path: only(video_of(path / "a.mkv", True)),
-    "grey video": lambda path: only(video_of(path / "a.avi", False)),
+    "video": lambda path: only(video_of(path / "a.mkv", cv2.merge([GREY] * 3))),
+    "grey video": lambda path: only(video_of(path / "a.avi", GREY)),
     "MCAP": lambda path: from_mcap(path, ".png", encoded(".png", GREY)),
     "camera": lambda path: seen_by_camera("GREY", GREY.tobytes()).image,
     "GIF": lambda path: only(gif_of(path / "a.gif")),
@@ -204,3 +205,35 @@ SOURCES: dict[str, Callable[[Path], Image]] = {
 @pytest.mark.parametrize("source", SOURCES)
 def test_one_picture_is_the_same_from_every_source(tmp_path: Path, source: str) -> None:
     assert np.array_equal(SOURCES[source](tmp_path), GREY)
+
+
+RED = np.full((H, W, 3), (0, 0, 254), np.uint8)
+#: Red as each kind of file stores it: suffix, and what is in it.
+REDS: dict[str, np.ndarray[Any, Any]] = {
+    ".png": RED, ".jpg": RED, "bgr8": RED, "rgb8": RED[..., ::-1], "rgb16": RED[..., ::-1].astype("<u2"),
+    "yuyv": np.tile(np.array([81, 90, 81, 240], np.uint8), (H, W // 2)),
+    "bayer_rggb8": np.tile(np.array([[254, 0], [0, 0]], np.uint8), (H // 2, W // 2)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", ["folder.png", "folder.jpg", ".mkv", *REDS])
+def test_colour_is_kept_where_it_is_requested(tmp_path: Path, kind: str) -> None:
+    path, schema = tmp_path / "a.mcap", "foxglove.RawImage"
+    message = proto("RawImage")(width=W, height=H, encoding=kind, data=REDS.get(kind, RED).tobytes())
+    if kind == ".mkv":
+        path = video_of(tmp_path / "a.mkv", RED)
+    elif kind.startswith("folder"):
+        path = tmp_path / kind.replace("folder", "a")
+        path.write_bytes(encoded(path.suffix, RED))
+    elif "." in kind:
+        schema, message = "foxglove.CompressedImage", proto("CompressedImage")(data=encoded(kind, RED))
+    if path.suffix == ".mcap":
+        mcap_of(path, schema, message.SerializeToString())
+    with closing(open_source(str(path))) as source:
+        assert isinstance(source, FileSource)
+        plain = next(iter(source))
+        source.keeps_colour = True
+        kept = next(iter(source))
+    assert plain.colour is None
+    assert np.abs(np.asarray(kept.colour, int) - RED).max() <= 2
+    assert np.array_equal(kept.image, plain.image)

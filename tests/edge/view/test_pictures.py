@@ -161,6 +161,8 @@ def test_the_camera_panel_shows_the_same_place_and_brightness(scene: Scene) -> N
     assert np.allclose(spot, view.canvas(xy[12]), atol=0.51)
     deep = draw_camera(view, np.full((240, 240), 2048, np.uint16), bits=12)
     assert at(deep, view, np.array([100.0, 100.0])) == (128, 128, 128)
+    red = draw_camera(view, np.full((240, 240, 3), (0, 16, 2048), np.uint16), bits=12)
+    assert at(red, view, np.array([100.0, 100.0])) == (0, 1, 128)
 
 
 def test_overlay_of_found_pins(tmp_path: Path) -> None:
