@@ -16,7 +16,7 @@ from edge.errors import CalibrationError
 from edge.link.medium import CanFrame, Medium, MediumError
 from edge.link.node import Node
 from edge.link.settings import NodeSettings, SettingsFile
-from edge.link.sinks import CanFdSink, SerialSink, open_sink
+from edge.link.sinks import CanFdSink, CanSink, SerialSink, open_sink
 from hostlink import wire
 from hostlink.wire import Abort, FaultCode, Message, State, Status, object_named
 from hostlink.wire.nmt import NmtState
@@ -54,8 +54,8 @@ def state(sample: int, capture_us: int | None = None) -> State:
 class Bench:
     """A node on a virtual bus, with `canopen` and a plain receiver on the other side."""
 
-    def __init__(self, channel: str, tmp_path: Path) -> None:
-        self.channel = channel
+    def __init__(self, channel: str, tmp_path: Path, query: str = "") -> None:
+        self.address = f"virtual:{channel}?node={NODE}{query}"
         self.settings = tmp_path / "settings.json"
         self.listener = can.Bus(interface="virtual", channel=channel)
         self.finger = Finger()
@@ -67,8 +67,8 @@ class Bench:
         self.open()
 
     def open(self) -> None:
-        sink = open_sink(f"virtual:{self.channel}?node={NODE}")
-        assert isinstance(sink, CanFdSink)
+        sink = open_sink(self.address)
+        assert isinstance(sink, CanSink)
         self.node = Node(sink, self.finger, SettingsFile(self.settings))
 
     def close(self) -> None:

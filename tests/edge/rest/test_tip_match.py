@@ -23,12 +23,6 @@ def hexagonal() -> Rest:
     return rest_of(Tip(127, "hex"))
 
 
-def test_the_same_tip_is_put_in_order(hexagonal: Rest) -> None:
-    made_with = tip_of(hexagonal)
-    own = in_order_of(made_with, rest_of(Tip(127, "hex"), seed=5))
-    assert np.abs(own.xy_img - made_with.rest.xy_img).max() < 1.0
-
-
 @pytest.mark.parametrize("other", [Tip(91, "hex"), Tip(127, "rings"), Tip(121, "square")])
 def test_another_tip_of_the_same_image_size_is_refused(hexagonal: Rest, other: Tip) -> None:
     with pytest.raises(CalibrationError, match=r"another tip|belongs to another one"):

@@ -8,40 +8,21 @@ from typing import Any
 import canopen
 import pytest
 
-import hostlink
 from edge.link.node import Node
 from hostlink.wire import State, Status, pack_parts, pack_state, unpack_part, unpack_state
 from hostlink.wire.fields import LAYOUT
 from hostlink.wire.process_data import MAPPING, SAMPLE_DATA
-from tests.support.fingers import make_node
+from tests.edge.link.test_node import Bench
 from tests.support.states import random_state
-from tests.support.waiting import SOON_S, until
+from tests.support.waiting import until
 
-EDS = Path(hostlink.__file__).parent / "eds" / "voronoi_touch.eds"
-NODE = 5
 LIMITS = {d.name: (d.low, d.high) for d in SAMPLE_DATA}
 
 
-class Master:
-    """A master, a node on its bus, and what each TPDO brought last."""
-
-    def __init__(self, name: str, query: str) -> None:
-        address = f"virtual:{name}?node={NODE}{query}"
-        self.network = canopen.Network()
-        self.network.connect(interface="virtual", channel=name)
-        self.node, _ = make_node(address)
-        self.remote: Any = self.network.add_node(NODE, str(EDS))
-        self.remote.sdo.RESPONSE_TIMEOUT = SOON_S
-        self.remote.tpdo.read()
-
-    def close(self) -> None:
-        self.node.close()
-        self.network.disconnect()
-
-
 @pytest.fixture
-def master(request: pytest.FixtureRequest) -> Iterator[Master]:
-    made = Master(request.node.name, getattr(request, "param", "&fd=0"))
+def master(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Bench]:
+    made = Bench(request.node.name, tmp_path, getattr(request, "param", "&fd=0"))
+    made.remote.tpdo.read()
     yield made
     made.close()
 
@@ -56,7 +37,7 @@ def raws_of(state: State) -> dict[str, int]:
     return first | second
 
 
-def test_values_by_name_as_they_are_sent(master: Master) -> None:
+def test_values_by_name_as_they_are_sent(master: Bench) -> None:
     rng, remote = Random(7), master.remote
     received: list[dict[str, Any]] = []
     for number in (1, 2):
@@ -77,7 +58,7 @@ def test_values_by_name_as_they_are_sent(master: Master) -> None:
         assert values["pdo_sample_high"] << 5 | values["pdo_sample_low"] == state.sample & 0xFFFF
 
 
-def test_values_in_units_by_pdo_and_sdo(master: Master) -> None:
+def test_values_in_units_by_pdo_and_sdo(master: Bench) -> None:
     with pytest.raises(canopen.SdoAbortedError, match="No data available"):
         master.remote.sdo["sample_data"]["force_n"].raw  # noqa: B018 - read for its error
     state = State(
@@ -108,14 +89,14 @@ def test_values_in_units_by_pdo_and_sdo(master: Master) -> None:
             assert not low <= entry.raw <= high, f.name
 
 
-def test_a_rate_is_an_inhibit_time(master: Master) -> None:
+def test_a_rate_is_an_inhibit_time(master: Bench) -> None:
     timing = master.remote.sdo["tpdo1_communication"]
     master.remote.sdo["settings"]["rate_hz"].raw = 40.0
     assert (timing["tpdo1_inhibit"].raw, timing["tpdo1_event_timer"].raw) == (250, 0), "25 ms apart, no timer"
 
 
 @pytest.mark.parametrize("master", [""], indirect=True)
-def test_on_can_fd_nothing_is_mapped(master: Master) -> None:
+def test_on_can_fd_nothing_is_mapped(master: Bench) -> None:
     assert isinstance(master.node, Node)
     assert [len(master.remote.tpdo[i].map) for i in MAPPING] == [0] * 4
     assert master.node.send(State(sample=1, force_n=2.5))
