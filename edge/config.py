@@ -38,7 +38,7 @@ class SourceTable(_Table, frozen=True, kw_only=True):
     rate_hz: Rate = 0.0  # 0: the source's own
     exposure_us: Annotated[int, msgspec.Meta(ge=0, le=EXPOSURE_MAX_US)] = 0  # 0: unchanged
     gain: Annotated[int, msgspec.Meta(ge=0, le=100_000)] = 0  # 0: unchanged
-    roi: str = ""  # "x,y,w,h" px, the part of the images that shows the skin; empty: all
+    roi: str = ""  # "x,y,w,h" px, the skin's part of the images, or several: "...; ..."; empty: all
     circle: str = ""  # "x,y,r" px, the same
     mask: str = ""  # the same: a picture whose white is skin
 

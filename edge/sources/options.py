@@ -20,6 +20,7 @@ from edge.types import Polarity
 #: Dark or bright for every source; other values are the source's own: a number for the simulator.
 _SHARED = "pins"
 EXPOSURE_MAX_US = 0x7FFF_FFFF  # what a control of V4L2 holds
+PARTS = ";"  # between the parts of a region, each of which may be a key of its own in an address
 _VIDEO_MAX_FRAME = 32  # buffers of a V4L2 device
 Side = Annotated[int, msgspec.Meta(ge=0, le=IMAGE_SIDE_PX)]
 Whole = Annotated[int, msgspec.Meta(ge=-int(NUMBER_MAX), le=int(NUMBER_MAX))]
@@ -33,7 +34,7 @@ class NoKeys(msgspec.Struct):
 class Options(msgspec.Struct, frozen=True):
     """width, height  px; 0: the source's own
     gain           in the camera's own unit (V4L2 control, ISO for OAK, a factor for picamera2); 0: unchanged
-    roi            "x,y,w,h", circle: "x,y,r", mask: a file: the part that shows the skin; "": all
+    roi            "x,y,w,h", circle: "x,y,r", several with ";" between; mask: a file: the skin; "": all
     lens           file of `calib lens`, or factory: distortion to remove from the pins' places; "": none
     extra          keys of the specification that are the source's own
     """
@@ -107,6 +108,8 @@ def parse_spec(text: str, options: Options) -> Spec:
     changes: dict[str, Any] = {"extra": dict(options.extra)}
     for key, value in parse_qsl(query, keep_blank_values=True):
         own = key not in Options.__struct_fields__[:-1] or (key == _SHARED and value not in list(Polarity))
+        if key in ("roi", "circle") and key in shared:
+            value = shared[key] + PARTS + value
         (changes["extra"] if own else shared)[key] = value
     read = _convert(shared, Options, text)
     changes |= {key: getattr(read, key) for key in shared}

@@ -4,9 +4,10 @@
     v4l2:0?circle=320,240,200     a circle: middle and radius, px
     b.mcap?mask=skin.png          a picture as large as the images: white is skin
 
-Of several, the skin is what all of them show. An image keeps its size, so that places and lens stay as they
-are; each pixel outside becomes the nearest one inside. So the edge of the region is no step that could be
-taken for a pin, and a pin that it cuts becomes a streak, which is none.
+Several rectangles or circles are parts of the skin, each in a key of its own or in one text with ";" between.
+Of several kinds, the skin is what all of them show. An image keeps its size, so that places and lens stay as
+they are; each pixel outside becomes the nearest one inside. So the edge of the region is no step that could
+be taken for a pin, and a pin that it cuts becomes a streak, which is none.
 """
 
 import cv2
@@ -15,6 +16,7 @@ import numpy as np
 from edge.errors import SourceError
 from edge.limits import PINS_MIN
 from edge.sources.files import read_image
+from edge.sources.options import PARTS
 from edge.types import FrameSource, Mask, Region
 
 _FORMS = {"roi": "x,y,w,h", "circle": "x,y,r"}
@@ -28,11 +30,11 @@ def region_of(source: FrameSource, roi: str, circle: str, mask: str) -> Region |
     y, x = np.mgrid[:height, :width]
     skin = np.ones((height, width), bool)
     if roi:
-        left, top, wide, high = _numbers(name, "roi", roi)
-        skin &= (x >= left) & (x < left + wide) & (y >= top) & (y < top + high)
+        parts = [_numbers(name, "roi", part) for part in roi.split(PARTS)]
+        skin &= np.any([(x >= a) & (x < a + w) & (y >= b) & (y < b + h) for a, b, w, h in parts], axis=0)
     if circle:
-        centre_x, centre_y, radius = _numbers(name, "circle", circle)
-        skin &= (x - centre_x) ** 2 + (y - centre_y) ** 2 <= radius**2
+        parts = [_numbers(name, "circle", part) for part in circle.split(PARTS)]
+        skin &= np.any([(x - a) ** 2 + (y - b) ** 2 <= r**2 for a, b, r in parts], axis=0)
     if mask:
         skin &= _white(name, (width, height), mask)
     if np.count_nonzero(skin) < PINS_MIN:

@@ -40,6 +40,7 @@ def _pins(image: Image) -> Array:
 @pytest.mark.parametrize(
     ("keys", "left"),
     [("roi=0,0,320,320", True), ("roi=320,0,320,320", False), ("circle=160,160,158", True),
+     ("roi=0,0,170,320&roi=150,0,170,320", True), ("roi=320,0,170,320;470,0,170,320", False),
      ("mask={folder}/left.png", True), ("roi=0,0,500,320&mask={folder}/left.png", True)],
 )  # fmt: skip
 def test_pins_are_those_of_the_region_at_their_own_places(two_views: Path, keys: str, left: bool) -> None:
@@ -87,6 +88,7 @@ def test_a_sensor_s_mask_lies_beside_its_file(two_views: Path) -> None:
     ("keys", "expected"),
     [
         ("roi=1,2,3", "roi=1,2,3: give roi=x,y,w,h in pixels"),
+        ("roi=0,0,9,9&roi=1,2,3", "roi=1,2,3: give roi=x,y,w,h in pixels"),
         ("roi=0,0,nan,9", "give roi=x,y,w,h in pixels"),
         ("circle=a,b,c", "give circle=x,y,r in pixels"),
         ("roi=700,0,20,20", "the region holds no skin in images of 640x320"),
