@@ -145,6 +145,9 @@ make_release() {
             tar -xf - --no-same-owner -C "$work"
         "$root$fresh/bin/python" -m pip install "$@" "${work}[$extras]"
     fi
+    # The next release brings its own pip; `current/bin/python -m ensurepip` brings one back to this one.
+    "$root$fresh/bin/python" -m pip uninstall --quiet --disable-pip-version-check --yes pip setuptools 2>/dev/null
+    find "$root$fresh/lib" -type d -path '*/site-packages/numpy/*' -name tests -prune -exec rm -r {} +
     (cd / && "$root$fresh/bin/python" -m edge --version) || fail "the new release does not run"
     rm -rf "$work"
     trap - EXIT

@@ -177,7 +177,7 @@ class Board:
     def check_modes(self) -> None:
         """A release is readable by the service and all users, and writable by its owner alone."""
         paths = [path for path in self.root.rglob("*") if not path.is_symlink()]
-        assert len(paths) > 100
+        assert {"pyvenv.cfg", "edge", "__main__.py"} <= {path.name for path in paths}
         for path in paths:
             mode = path.stat().st_mode
             assert mode & 0o022 == 0, f"{path} may be written by others"
