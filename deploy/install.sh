@@ -146,7 +146,8 @@ make_release() {
         "$root$fresh/bin/python" -m pip install "$@" "${work}[$extras]"
     fi
     # The next release brings its own pip; `current/bin/python -m ensurepip` brings one back to this one.
-    "$root$fresh/bin/python" -m pip uninstall --quiet --disable-pip-version-check --yes pip setuptools 2>/dev/null
+    "$root$fresh/bin/python" -m pip uninstall --quiet --disable-pip-version-check --yes pip setuptools 2>/dev/null \
+        || fail "pip could not be removed from the new release"
     find "$root$fresh/lib" -type d -path '*/site-packages/numpy/*' -name tests -prune -exec rm -r {} +
     (cd / && "$root$fresh/bin/python" -m edge --version) || fail "the new release does not run"
     rm -rf "$work"
