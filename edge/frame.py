@@ -111,7 +111,10 @@ class Pipeline:
         return judged
 
     def process(self, frame: Frame, *, even_untrusted: bool = False) -> Result:
-        """Compute what the plan says of a frame; even_untrusted: of unsure identities too, for statistics."""
+        """Compute what the plan says of one frame.
+
+        even_untrusted  give values for identities that are not trusted too: for statistics
+        """
         plan = self._plan
         tracks, searched = self._locate(frame.image)
         if searched:
@@ -155,7 +158,7 @@ class Pipeline:
         return reading
 
     def prepare(self, demand: frozenset[Feature]) -> None:
-        """Before the first frame: make what the first contacts and lost pins would wait for (100 ms)."""
+        """Make the tables that the first contacts and lost pins would wait for (100 ms), before any frame."""
         self._tessellator.prepare()
         self._extractor.prepare(plan_of(demand, self.calibration, self._several).features)
 

@@ -264,6 +264,9 @@ def _outputs_in(demand: frozenset[Feature]) -> frozenset[str]:
 
 
 def uncalibrated(features: Features | None = None) -> Reading:
-    """The reading without a calibration: the number of contacts alone; None: nothing is known of a frame."""
+    """The reading of a tip without a calibration: the number of contacts alone.
+
+    features  None: nothing is known of this frame
+    """
     contacts = features.contacts if features is not None else None
     return Reading({}, {}, np.full((len(contacts or ()), 3), np.nan))

@@ -59,7 +59,7 @@ def clipped(frame: Frame, rest: Rest) -> Mask:
 
 
 def smear_px(frame: Frame, rest: Rest) -> tuple[float, float]:
-    """By how much pins are longer than across, px, as a motion makes it; the direction, deg from x to y."""
+    """How much longer pins are along a motion than across, px, and its direction, deg from x towards y."""
     radii = np.arange(0.0, 2.0, 0.1)
     level = np.median(_levels(frame.image, rest, radii), axis=0)  # (directions, radii): the typical pin
     profile = (level - level[:, -5:].mean()) * (-1.0 if rest.pattern.dark else 1.0)
@@ -87,7 +87,7 @@ def holes(rest: Rest) -> Array:
 
 
 def _holes(xy: Array) -> Array:
-    """The same of pins in one group: each pair of neighbours says where the next pin of a lattice is."""
+    """The same for pins in one group: each pair of neighbours says where the next pin of a lattice is."""
     ring = nearest(xy, N_RING)[:, 1:]
     step = np.hypot(*(xy[ring] - xy[:, None]).transpose(2, 0, 1))
     pitch = np.median(step[:, :3], axis=1)

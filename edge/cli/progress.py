@@ -24,7 +24,10 @@ def waiting(what: str, shown: bool) -> Iterator[None]:
 
 @contextmanager
 def counting(what: str, total_n: int, shown: bool) -> Iterator[Callable[[int], None]]:
-    """A bar with counts and remaining time, drawn by calls of what is returned; total_n 0: not known."""
+    """A bar with counts and the remaining time; the returned function draws it, given the number done.
+
+    total_n  0: not known
+    """
     if not (shown and sys.stderr.isatty()):
         yield lambda done_n: None
         return

@@ -217,7 +217,10 @@ class FaultDetector:
         self._verdict(facts)
 
     def slow(self, begun_ns: int | None) -> None:
-        """Whether the frame begun at begun_ns takes long; how bright the next one is. For another thread."""
+        """Whether the current frame takes long, and the brightness of the next one. For another thread.
+
+        begun_ns  when work on it began, our clock; None: there is none, or it need not be timed
+        """
         if begun_ns is not None and self._clock_ns() - begun_ns >= RUNTIME.wait_s * 1e9:
             self._registry.report(F.TRACKER_LOST, True, "the pins are being searched for")
             waiting = self._live.peek() if self._live is not None else None

@@ -165,7 +165,10 @@ class ContactDetector:
         return NAN if nothing else highest / self._width
 
     def _is_coherent(self, xy: Array, limit: float) -> bool:
-        """Whether the area still grows by enough with each pin moved as its ring's median; the peak first."""
+        """Whether the area still grows by enough when each pin moves as the median of its ring does.
+
+        The ring of the highest mean is tried first, then all of them.
+        """
         at_peak = self._clear_sigma / self._raise_sigma * limit
         self._forget_medians()
         for i in range(self._width):

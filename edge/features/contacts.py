@@ -125,7 +125,10 @@ class Regions:
         self._measure()
 
     def split(self, x0: cython.double, y0: cython.double, x1: cython.double, y1: cython.double) -> bool:
-        """Make two of the only one, with peaks at the points nearest to two places, px; False: it is one."""
+        """Make two contacts of the only one, with peaks at the grid's points nearest to two places, px.
+
+        Returns False where both places have the same point.
+        """
         first = self._nearest_point(x0, y0)
         second = self._nearest_point(x1, y1)
         if first == second:

@@ -93,7 +93,10 @@ class FeaturePlan:
 @cython.final
 @cython.cclass
 class FeatureExtractor:
-    """Features of the frames of one tip; rest_area_px2 (n,) of each pin's cell, by the same rule."""
+    """Features of the frames of one tip.
+
+    rest_area_px2  (n,) float64 px2, area of each pin's cell at rest, by the current cells' own rule
+    """
 
     _n: cython.Py_ssize_t
     _rest: Rest

@@ -1,5 +1,5 @@
-"""Decides by fits of contacts in a frame: one long contact or two, the direction of a long one, and what
-each of several contacts does alone.
+"""Fits of contacts decide in a frame: one long contact or two, the direction of a long one, and the share
+that each of several contacts has in the motion.
 
     regions --one, long, or of two peaks--> line or two points? --two--> two points or a line?
             --several--> points together
@@ -226,7 +226,10 @@ class FittedContacts:
         return self._line_direction()
 
     def _take_pins(self, xy: Array, seen: Mask, places: Array) -> bool:
-        """Take the motion of the pins chosen last, or of others if contacts moved; whether it is enough."""
+        """Take the motion of the pins that were chosen last, or of others if the contacts have moved.
+
+        Returns whether they are enough.
+        """
         self._moved = self._fit.again(xy, seen, places)
         if math.isfinite(self._moved):
             return bool(self._fit.n_pins >= _PINS_MIN)
