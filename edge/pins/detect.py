@@ -147,15 +147,15 @@ def _learn(grey: Image, dark: bool) -> _Learnt:
     spots = _settle(grey, found, spots[_alike(spots, size, depth_min, FLAT)], size, depth_min)
     if len(spots) < PINS_MIN:
         raise _NotThese(f"{len(spots)} spots alike")
-    (x, y), reach = cv2.minEnclosingCircle(spots.xy_img.astype(np.float32))
     radius_px, brightness = float(np.median(spots.radius_px)), float(np.median(spots.depth))
     at = np.rint(spots.xy_img).astype(np.intp)
     background = float(np.median(grey[at[:, 1], at[:, 0]] - spots.depth))
+    centre_img, tip_radius_px = circle_of(spots.xy_img, radius_px)
     pattern = PinPattern(
         pin_radius_px=radius_px,
         pitch_px=pitch_of(spots.xy_img),
-        centre_img=np.array([x, y]),
-        tip_radius_px=float(reach) + radius_px,
+        centre_img=centre_img,
+        tip_radius_px=tip_radius_px,
         background=max(background, 0.0),
         brightness=brightness,
         noise=noise,
@@ -182,10 +182,17 @@ def _learn(grey: Image, dark: bool) -> _Learnt:
         unlikeness = unevenness(spots, trend if trend.explains else FLAT) + 1.0 - fit
         if len(pins) >= PINS_MIN and unlikeness < PARAMS.unlike_pins_max:
             _refuse_glints(grey, pins, pattern)
-            at_rest = replace(pattern, count=len(pins))
+            centre_img, tip_radius_px = circle_of(pins.xy_img, radius_px)  # some spots were no pins
+            at_rest = replace(pattern, count=len(pins), centre_img=centre_img, tip_radius_px=tip_radius_px)
             glints = tuple((float(x), float(y)) for x, y in find_cut(grey, pins, at_rest, len(pins)).xy_img)
             return _Learnt(replace(at_rest, glints_img=glints, dark=dark), pins, unlikeness)
     raise _NotThese("spots that are neither round nor evenly spaced")
+
+
+def circle_of(xy_img: Array, radius_px: float) -> tuple[Array, float]:
+    """Middle (2,) and radius, px, of the smallest circle round discs of one radius at places (n, 2)."""
+    centre, reach = cv2.minEnclosingCircle(xy_img.astype(np.float32))
+    return np.array(centre), float(reach) + radius_px
 
 
 def in_view(pins: Pins, size_px: tuple[int, int]) -> Pins:

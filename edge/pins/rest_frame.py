@@ -4,14 +4,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import cast
 
-import cv2
 import numpy as np
 
 from edge.errors import NoPins
 from edge.geometry.lattice import pitch_of
 from edge.geometry.neighbours import nearest_of
 from edge.pins.blobs import join, rows_of
-from edge.pins.detect import as_bright, detect, in_view, learn, noise_of, to_grey
+from edge.pins.detect import as_bright, circle_of, detect, in_view, learn, noise_of, to_grey
 from edge.pins.lens import corrected_rest
 from edge.pins.params import PARAMS
 from edge.pins.pattern import FLAT, one_of_each_marker, trend_of
@@ -118,9 +117,8 @@ def with_voted(greys: Sequence[Image], pattern: PinPattern, pins: Pins) -> tuple
     if len(added) == 1:
         return pattern, pins
     pins = join(added)
-    (x, y), reach = cv2.minEnclosingCircle(pins.xy_img.astype(np.float32))
-    outermost_px = float(reach) + pattern.pin_radius_px
-    return replace(pattern, count=len(pins), centre_img=np.array([x, y]), tip_radius_px=outermost_px), pins
+    centre_img, tip_radius_px = circle_of(pins.xy_img, pattern.pin_radius_px)
+    return replace(pattern, count=len(pins), centre_img=centre_img, tip_radius_px=tip_radius_px), pins
 
 
 def _steady(greys: Sequence[Image], start: int, rest: Rest) -> list[int]:
