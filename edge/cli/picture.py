@@ -135,15 +135,15 @@ def settings_tried(source: FrameSource, frame: Frame, rest: Rest) -> dict[str, i
         found[f"pins={other}"] = _pins_n(frame, other, source.lens)
     found = {key: n for key, n in found.items() if n > len(rest)}
     apart = groups(rest) if source.region is None else []
+    apart = [group for group in apart if len(group) >= PINS_MIN]
     polarity = Polarity.DARK if rest.pattern.dark else Polarity.BRIGHT
     for group in apart if len(apart) > 1 else []:
-        if len(group) >= PINS_MIN:
-            corner = np.maximum(rest.xy_img[group].min(axis=0) - rest.pattern.pitch_px, 0)
-            size = rest.xy_img[group].max(axis=0) + rest.pattern.pitch_px - corner
-            roi = ",".join(str(round(float(number))) for number in (*corner, *size))
-            n = _pins_n(frame.within(region_of(source, roi, "", "")), polarity, source.lens)
-            if 0 < n < len(rest):
-                found[f"roi={roi}"] = n
+        corner = np.maximum(rest.xy_img[group].min(axis=0) - rest.pattern.pitch_px, 0)
+        size = rest.xy_img[group].max(axis=0) + rest.pattern.pitch_px - corner
+        roi = ",".join(str(round(float(number))) for number in (*corner, *size))
+        n = _pins_n(frame.within(region_of(source, roi, "", "")), polarity, source.lens)
+        if 0 < n < len(rest):
+            found[f"roi={roi}"] = n
     return found
 
 
@@ -193,7 +193,9 @@ def pins(frame: Frame, rest: Rest) -> Iterator[Line]:
     border = f"outermost pin {margin:.0f} px from the image's border"
     yield judged("margin", border, (margin < p.pitch_px, "warn", centre))
     symmetry = symmetry_of(rest)
-    touch = f"something touches the tip: {symmetry.message}" if symmetry.in_contact else "none seen"
+    touch = "none seen, as far as one picture shows: not a light one, nor one straight onto the middle"
+    if symmetry.in_contact:
+        touch = f"something touches the tip: {symmetry.message}"
     let_go = "let go; or is the camera not square to the tip?"
     yield judged("touch", touch, (symmetry.in_contact, "warn", let_go))
 
