@@ -1,4 +1,4 @@
-"""What a set of frames could not teach, found from the truth: presses that were not felt, drags that slid."""
+"""Warnings of a fit, found from the truth: presses that were not felt, and drags that slid."""
 
 from __future__ import annotations
 

@@ -87,6 +87,6 @@ class ImageQuality:
 
 
 def _median(values: Array) -> float:
-    """As np.median, which takes ten times as long for a few values."""
+    """The same as np.median, which takes ten times as long for a few values."""
     ordered, half = sorted(values.tolist()), len(values) // 2
     return 0.5 * float(ordered[half] + ordered[~half])

@@ -1,4 +1,4 @@
-"""What all links to a host have in common: what waits, which medium is open, who writes, reads and reports.
+"""The part that all links to a host share: what waits, which medium is open, who writes, reads and reports.
 
     edge loop --send--> [ newest samples, bounded ] --worker--> medium ==bus==> host
                   \\____ at once, where a write cannot block ___/   |
