@@ -34,7 +34,7 @@ def _not_felt(targets: Targets, extract: Extract) -> Iterator[str]:
     if missed.any():
         deepest = int(np.argmax(np.where(missed, load, 0.0)))
         yield (
-            f"{missed.sum()} of {pressed.sum()} pressed frames read as untouched and have no values, up to "
+            f"{missed.sum()} of {pressed.sum()} pressed frames read as untouched, so zeros are sent, up to "
             f"{name} = {load[deepest]:.3g} ({targets.frames[deepest].name})"
         )
 
