@@ -228,7 +228,8 @@ class PageServer:
         socket = web.WebSocketResponse(
             compress=False, max_msg_size=self.limits.message_bytes, timeout=1.0, autoping=False
         )
-        if not socket.can_prepare(request):
+        key = request.headers.get("Sec-WebSocket-Key", "")  # aiohttp fails where it is not ASCII
+        if not key.isascii() or not socket.can_prepare(request):
             return web.Response(status=400, text="this address is for the page's own connection")
         await socket.prepare(request)
         assert isinstance(request.transport, asyncio.Transport)
