@@ -157,8 +157,8 @@ __attribute__((target("avx2"))) static inline void vt_sums_avx2(const unsigned c
     } while (0)
 #define VT_DOUBLES(a) vcvtq_f64_s64(vmovl_s32(a))
 
-/* Of each pixel less 128 sums with columns and rows are the same, as theirs are 0, and they fit 16 bits for a while; the
- * sum of squares follows from that of its squares and that of the pixels. */
+/* Subtracting 128 from each pixel changes no sum with columns or rows, as theirs are 0; these fit 16 bits for a while.
+ * The sum of squares follows from that of its squares and that of the pixels. */
 static inline void vt_sums_neon(const unsigned char *restrict w, const short *t, const signed char *uv, const vt_kind *k,
                                 const double *norm, double *sums)
 {
