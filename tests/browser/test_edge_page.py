@@ -172,6 +172,7 @@ def test_charts_move(live: Live, page: Page) -> None:
         "if (d[i] < 40 && d[i + 2] > 120 && d[i + 3] > 200) { top = Math.floor(i / 4 / c.width); break }"
         "return top })()"
     )
+    page.until(f"{chart}.width && {ink}")  # a chart is laid out after the first packet
     low = page.evaluate(ink)
     live.show(PRESSED)
     page.until(f"{ink} < {low} - 20")
