@@ -110,15 +110,6 @@ def test_a_key_of_many_parts_takes_no_time(tmp_path: Path) -> None:
             limits.read_toml(path)
 
 
-@pytest.mark.parametrize("text", [f"[limits]\nload_pitches = {value}" for value in ("9" * 4301, "9" * 4000)])
-def test_a_number_without_end_is_one_line(tmp_path: Path, text: str) -> None:
-    path = tmp_path / "long.toml"
-    path.write_text(text)
-    for load in LOADERS:
-        with pytest.raises(ONE_LINE, match="a number"):
-            load(path)
-
-
 def unbounded(kind: inspect.Type, where: str) -> Iterator[str]:
     """Places in a file's structure whose numbers have no range, or whose lists have no longest length."""
     if isinstance(kind, inspect.StructType):
