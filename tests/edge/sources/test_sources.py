@@ -164,6 +164,8 @@ def test_a_folder_and_a_lossless_video_are_exact(tmp_path: Path) -> None:
         ("a.png", b"\x89PNG\r\n\x1a\n broken"),
         ("text.png", b"hello"),
         ("empty.png", b""),
+        ("a.png", b"GIF89a" + bytes(20)),
+        ("a.png", b"v/1\x01" + bytes(20)),  # OpenEXR's
         ("a.avi", b""),
         ("a.avi", b"text, not a video"),
         ("a.avi", b"RIFF\x00\x00\x00\x00AVI LIST"),
