@@ -20,6 +20,7 @@ import sys
 import time
 import warnings
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from types import ModuleType
 from typing import Any
 
@@ -52,11 +53,11 @@ class Recorded:
     """Recorded use of one class or function.
 
     made   arguments that it was made (or, a function, called) with
-    calls  method -> arguments, with the number of the object's constructor in `made`
+    calls  method -> arguments, behind those that its object was made with
     """
 
     made: list[Call] = dataclasses.field(default_factory=list)
-    calls: dict[str, list[tuple[int, Call]]] = dataclasses.field(default_factory=dict)
+    calls: dict[str, list[tuple[Call, Call]]] = dataclasses.field(default_factory=dict)
 
 
 def frozen(value: Any) -> Any:
@@ -76,64 +77,56 @@ def exported(module: ModuleType) -> Iterator[tuple[str, Any]]:
             yield name, item
 
 
-class Recorder:
-    """Wraps every kernel while the scene is played."""
-
-    def __init__(self) -> None:
-        self.records: dict[Any, Recorded] = {}
-        self._number: dict[int, tuple[Any, int]] = {}  # id of an object -> itself, its constructor's number
-        self._patched = pytest.MonkeyPatch()
-
-    def record(self, modules: list[ModuleType]) -> None:
+@contextmanager
+def recorded(modules: list[ModuleType]) -> Iterator[dict[Any, Recorded]]:
+    """Until the block ends, each use of what these modules export is noted."""
+    records: dict[Any, Recorded] = {}
+    makers: dict[int, tuple[Any, Call]] = {}  # id of an object -> itself, and what it was made with
+    with pytest.MonkeyPatch.context() as patched:
         for module in modules:
             for name, item in exported(module):
-                self.records[item] = Recorded()
-                if isinstance(item, type):
-                    self._wrap_class(item)
-                else:
-                    self._wrap_function(name, item)
+                record = records[item] = Recorded()
+                if not isinstance(item, type):
+                    for user in [one for one in sys.modules.values() if vars(one).get(name) is item]:
+                        patched.setattr(user, name, noting_function(item, record))
+                elif not _plain(item):
+                    patched.setattr(item, "__init__", noting_maker(item, record, makers))
+                    for own, method in list(vars(item).items()):
+                        if not own.startswith("_") and callable(method):
+                            record.calls[own] = []
+                            patched.setattr(item, own, noting_method(method, record.calls[own], makers))
+        yield records
 
-    def stop(self) -> None:
-        self._patched.undo()
 
-    def _wrap_function(self, name: str, function: Callable[..., Any]) -> None:
-        record = self.records[function]
-
-        def wrapped(*args: Any, **kwargs: Any) -> Any:
-            if len(record.made) < SAMPLES:
-                record.made.append((frozen(args), dict(kwargs)))
-            return function(*args, **kwargs)
-
-        for module in list(sys.modules.values()):
-            if vars(module).get(name) is function:
-                self._patched.setattr(module, name, wrapped)
-
-    def _wrap_class(self, cls: type) -> None:
-        record, number = self.records[cls], self._number
-        initialise = cls.__init__  # type: ignore[misc]  # of this class, and wrapped for this class alone
-
-        def init(this: Any, *args: Any, **kwargs: Any) -> None:
-            number[id(this)] = this, len(record.made)
+def noting_function(function: Callable[..., Any], record: Recorded) -> Callable[..., Any]:
+    def noted(*args: Any, **kwargs: Any) -> Any:
+        if len(record.made) < SAMPLES:
             record.made.append((frozen(args), dict(kwargs)))
-            initialise(this, *args, **kwargs)
+        return function(*args, **kwargs)
 
-        if _plain(cls):
-            return
-        self._patched.setattr(cls, "__init__", init)
-        for name, method in list(vars(cls).items()):
-            if not name.startswith("_") and callable(method):
-                record.calls[name] = []
-                self._patched.setattr(cls, name, self._wrapped_method(record.calls[name], method))
+    return noted
 
-    def _wrapped_method(
-        self, calls: list[tuple[int, Call]], method: Callable[..., Any]
-    ) -> Callable[..., Any]:
-        def wrapped(this: Any, *args: Any, **kwargs: Any) -> Any:
-            if len(calls) < SAMPLES and id(this) in self._number:
-                calls.append((self._number[id(this)][1], (frozen(args), dict(kwargs))))
-            return method(this, *args, **kwargs)
 
-        return wrapped
+def noting_maker(cls: type, record: Recorded, makers: dict[int, tuple[Any, Call]]) -> Callable[..., None]:
+    initialise = cls.__init__  # type: ignore[misc]  # of this class, and wrapped for this class alone
+
+    def noted(this: Any, *args: Any, **kwargs: Any) -> None:
+        record.made.append((frozen(args), dict(kwargs)))
+        makers[id(this)] = this, record.made[-1]
+        initialise(this, *args, **kwargs)
+
+    return noted
+
+
+def noting_method(
+    method: Callable[..., Any], calls: list[tuple[Call, Call]], makers: dict[int, tuple[Any, Call]]
+) -> Callable[..., Any]:
+    def noted(this: Any, *args: Any, **kwargs: Any) -> Any:
+        if len(calls) < SAMPLES and id(this) in makers:
+            calls.append((makers[id(this)][1], (frozen(args), dict(kwargs))))
+        return method(this, *args, **kwargs)
+
+    return noted
 
 
 def play() -> None:
@@ -277,16 +270,15 @@ class Fuzzer:
             done += 1
 
     def _one(self, item: Any, record: Recorded) -> None:
-        name = f"{item.__module__}.{item.__qualname__}"
+        name = name_of(item)
         made = self._try(name, item, wrong_call(self.rng, self.rng.choice(record.made)))
         for method, calls in record.calls.items():
             if not calls:
                 continue
-            number, call = self.rng.choice(calls)
+            maker, call = self.rng.choice(calls)
             if made is not None:  # with an error, and yet accepted
                 self._try(f"{name}.{method}", getattr(made, method), call)
-            args, kwargs = record.made[number]
-            one = item(*frozen(args), **kwargs)
+            one = item(*frozen(maker[0]), **maker[1])
             for _ in range(RETRIES):
                 self._try(f"{name}.{method}", getattr(one, method), wrong_call(self.rng, call))
             self._try(f"{name}.{method}", getattr(one, method), call)
@@ -321,18 +313,10 @@ def main(arguments: list[str] | None = None) -> int:
     # Those of hostlink take bytes and numbers alone, which tests/hostlink/test_decoder.py makes wrong.
     names = [name for name in kernels.table().KERNELS if name.startswith("edge.")]
     modules = [importlib.import_module(name) for name in names]
-    recorder = Recorder()
-    recorder.record(modules)
-    try:
+    with recorded(modules) as records:
         play()
-    finally:
-        recorder.stop()
-    unreached = [
-        f"{item.__module__}.{item.__qualname__}"
-        for item, record in recorder.records.items()
-        if not record.made and not _plain(item)
-    ]
-    fuzzer = Fuzzer(recorder.records, given.seed)
+    unreached = [name_of(item) for item, record in records.items() if not record.made and not _plain(item)]
+    fuzzer = Fuzzer(records, given.seed)
     fuzzer.run(given.seconds, given.rounds)
     for name in unreached:
         print(f"not reached: {name}")
@@ -343,6 +327,10 @@ def main(arguments: list[str] | None = None) -> int:
     answered = f"{fuzzer.answers} answers, {fuzzer.refusals} refusals"
     print(f"{len(fuzzer.records)} kernels, seed {given.seed}: {answered}")
     return 1 if unreached or fuzzer.failures or unraisable else 0
+
+
+def name_of(item: Any) -> str:
+    return f"{item.__module__}.{item.__qualname__}"
 
 
 def _plain(item: Any) -> bool:
