@@ -184,21 +184,19 @@ def test_any_gaps_are_counted(gaps: list[int], first: int, stride: int) -> None:
         assert s.received_n + s.lost_n == number + 1
 
 
-def test_restart_seen_and_unseen() -> None:
+def test_a_restart_that_the_node_reports_is_seen_at_once() -> None:
     decoder = CanDecoder()
     assert deliver(decoder, [(5000, 1)]) == [5000]
     decoder.receive(0x701, b"\0")
     assert deliver(decoder, [(0, 0), (1, 1)]) == [0, 1]
-    deliver(decoder, [(i, i) for i in range(2, 1000)])
-    assert deliver(decoder, [(i, i) for i in range(RESTART_RUN + 2)]) == [7, 8, 9]
-    assert decoder.statistics[1].restart_n == 1
 
 
 @pytest.mark.parametrize("divider", [1, 100])
-def test_restart_with_a_divider_is_seen_as_well(divider: int) -> None:
+def test_a_restart_is_seen_after_a_run_whatever_the_divider(divider: int) -> None:
     decoder = CanDecoder()
     deliver(decoder, [(30_000 + i, i) for i in range(10)])
     assert len(deliver(decoder, [(i * divider, i) for i in range(20)])) == 20 - RESTART_RUN + 1
+    assert decoder.statistics[1].restart_n == 1
 
 
 def test_old_frames_replayed_are_not_delivered() -> None:
