@@ -90,7 +90,7 @@ stability: $(READY)
 
 ## make fuzz       kernels, and the tests marked generative with other seeds, rounds of a minute; SECONDS=60 of each
 fuzz: $(READY)
-	$(BIN)/python -m tests.fuzz.fuzz_kernels --seconds $(SECONDS) --seed $$$$
+	$(BIN)/python -m tests.fuzz.test_fuzz_kernels --seconds $(SECONDS) --seed $$$$
 	end=$$(($$(date +%s) + $(SECONDS))); until [ $$(date +%s) -ge $$end ]; do \
 		seed=$$(($$(od -An -N3 -tu4 /dev/urandom))); echo "FUZZ_SEED=$$seed --hypothesis-seed=$$seed"; \
 		FUZZ_SEED=$$seed $(PYTEST) -x -m generative --hypothesis-seed=$$seed || exit 1; done
