@@ -214,7 +214,8 @@ def _refuse_glints(grey: Image, pins: Pins, pattern: PinPattern) -> None:
         raise _NotThese(f"{len(pins)} spots on ground that is unlike the skin between them: reflections")
 
 
-def _find(grey: Image, pattern: PinPattern) -> Spots:
+def spots_of(grey: Image, pattern: PinPattern) -> Spots:
+    """All spots of about the pins' size on the tip that would be bright enough in twice the light."""
     small, large = pattern.radius_range_px
     if small <= 0.0:
         small = large = pattern.pin_radius_px
@@ -223,7 +224,11 @@ def _find(grey: Image, pattern: PinPattern) -> Spots:
     scales = small * (large / small) ** ((np.arange(count) + 0.5) / count)
     # The light may have halved since.
     found = _at_scales(grey, scales, 0.5 * PARAMS.depth_min_pins * pattern.brightness)
-    found = found[np.hypot(*(found.xy_img - pattern.centre_img).T) < 1.1 * pattern.tip_radius_px]
+    return found[np.hypot(*(found.xy_img - pattern.centre_img).T) < 1.1 * pattern.tip_radius_px]
+
+
+def _find(grey: Image, pattern: PinPattern) -> Spots:
+    found = spots_of(grey, pattern)
     spots = found[_well_shaped(found)]
     if len(spots) == 0:
         return spots

@@ -136,7 +136,6 @@ def play() -> None:
     from edge.calibration.evaluation import ModelKernel
     from edge.faults import frame_counts
     from edge.frame import Pipeline
-    from edge.geometry import select
     from edge.link.state_packer import StatePacker
     from edge.pins import take_rest
     from edge.rest.tip_match import in_order_of
@@ -165,7 +164,6 @@ def play() -> None:
     frame_counts.FocusWindows(corners, 7, 20).measure(image, np.empty((4, 2)))
     StatePacker().pack(vars(State(displacement_mm=1.0, contacts=(Contact(1.0, -1.0),))))
     StatePacker().pack(vars(State(sample=1, contact_n=1, contacts=(Contact(1.0, -1.0, 0.5),))))
-    select.kth_smallest(motion[:, 0].copy(), 3)
     ModelKernel(INPUTS, MODELS)
 
 

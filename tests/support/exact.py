@@ -32,16 +32,6 @@ def cell_areas(points: NDArray[np.float64], n_pins: int) -> list[Fraction]:
     return [area[p] for p in whole[:n_pins]]
 
 
-def circumcentre(
-    a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64]
-) -> tuple[Fraction, Fraction]:
-    """Centre of the circle through three points, exactly."""
-    (ax, ay), (bx, by), (cx, cy) = ([Fraction(float(v)) for v in p] for p in (a, b, c))
-    ux, uy, vx, vy = bx - ax, by - ay, cx - ax, cy - ay
-    u2, v2, cross = ux * ux + uy * uy, vx * vx + vy * vy, 2 * (ux * vy - uy * vx)
-    return ax + (vy * u2 - uy * v2) / cross, ay + (ux * v2 - vx * u2) / cross
-
-
 def relative_errors(areas: NDArray[np.float64], exact: list[Fraction]) -> NDArray[np.float64]:
     """|area - exact| / exact, computed exactly; NaN in `areas` counts as infinite."""
     return np.array(

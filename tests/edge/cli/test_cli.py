@@ -277,6 +277,8 @@ def test_replay_of_a_recording_that_begins_touched_corrects_its_rest_frame(tmp_p
     assert done.code == 0
     contacts = [json.loads(line)["contact_n"] > 0 for line in done.out.splitlines()]
     assert contacts == [True] * 8 + [False] * 16
+    alone = command("replay", tmp_path / "0.png", "--sink", "memory:", "--speed", "max", "-q")
+    assert alone.code == 2  # there is no untouched image
 
 
 BLACK, WHITE = np.zeros((240, 320), np.uint8), np.full((240, 320), 255, np.uint8)

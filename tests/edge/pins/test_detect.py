@@ -1,6 +1,7 @@
 """Full-frame detection: on rendered and on real images."""
 
 from dataclasses import fields, replace
+from itertools import islice
 from pathlib import Path
 
 import cv2
@@ -13,9 +14,9 @@ from edge.errors import NoPins
 from edge.pins import CentroidRefiner, detect, learn_pattern, take_rest
 from edge.pins.pattern import trend_of
 from edge.pins.rest_frame import with_voted
+from edge.sources import open_source
 from edge.sources.files import read_image
 from edge.types import Array, Image, Pins, Polarity
-from tests.support.images import grey
 from tests.support.pins_rendered import draw, expose, hexagon
 
 
@@ -213,8 +214,7 @@ VIDEOS = {"Movement4": (110, 135), "north": (80, 135), "west": (80, 135), "flatS
 def test_real_videos_give_a_rest_frame_that_can_be_followed(
     real_dir: Path, name: str, count: tuple[int, int]
 ) -> None:
-    video = cv2.VideoCapture(str(real_dir / "video" / f"{name}.avi"))
-    images = [grey(cv2.cvtColor(video.read()[1], cv2.COLOR_BGR2GRAY)) for _ in range(3)]
+    images = [frame.image for frame in islice(open_source(str(real_dir / "video" / f"{name}.avi")), 3)]
     rest = take_rest(images)
     assert count[0] <= len(rest) <= count[1]
     pins = CentroidRefiner(rest).refine(images[0], rest.xy_img)

@@ -25,7 +25,6 @@ from edge.sources.paced import Paced
 from edge.types import Frame, Image
 from hostlink.wire import FaultCode, RestFrameReason, RestFrameState, Status
 from tests.support.finger import Finger
-from tests.support.images import grey
 from tests.support.waiting import SOON_S
 
 ACCEPTED, REFUSED, FORCED = RestFrameState.ACCEPTED, RestFrameState.REFUSED, RestFrameState.FORCED
@@ -92,9 +91,11 @@ def test_a_slightly_moved_camera_is_no_touch(
     leaning = np.eye(3)
     leaning[2, 0] = tilt
     way = back @ leaning @ there @ turn
-    moved = [grey(cv2.warpPerspective(image, way, (320, 320))) for image in images(frames, 0)]
+    moved, touched = (
+        [np.asarray(cv2.warpPerspective(image, way, (320, 320)), np.uint8) for image in images(frames, k)]
+        for k in (0, 12)
+    )
     assert take_rest_frame(moved, calibration=calibration).reason is RestFrameReason.NONE
-    touched = [grey(cv2.warpPerspective(image, way, (320, 320))) for image in images(frames, 12)]
     with pytest.raises(TareRefused, match="something touches"):
         take_rest_frame(touched, calibration=calibration)
 

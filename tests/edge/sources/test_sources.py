@@ -23,7 +23,7 @@ from edge.sources.files import FolderSource, VideoSource, growing, read_image
 from edge.sources.live import ThreadedSource, Watch
 from edge.sources.options import Options, parse_spec
 from edge.sources.paced import Paced
-from edge.types import Clock, Frame, Lens, Polarity, Region
+from edge.types import Clock, Frame, FrameSource, Polarity
 from tests.support.refusals import one_line
 from tests.support.waiting import SOON_S
 
@@ -164,6 +164,8 @@ def test_a_folder_and_a_lossless_video_are_exact(tmp_path: Path) -> None:
         ("a.png", b"\x89PNG\r\n\x1a\n broken"),
         ("text.png", b"hello"),
         ("empty.png", b""),
+        ("a.png", b"GIF89a" + bytes(20)),
+        ("a.png", b"v/1\x01" + bytes(20)),  # OpenEXR's
         ("a.avi", b""),
         ("a.avi", b"text, not a video"),
         ("a.avi", b"RIFF\x00\x00\x00\x00AVI LIST"),
@@ -367,13 +369,10 @@ class Clocked:
         paced._clock_ns = lambda: self.now_ns
 
 
-class Listed:
+class Listed(FrameSource):
     """A recording of given times."""
 
-    polarity = Polarity.FOUND
-    region: Region | None = None
-    lens: Lens | None = None
-    name, size_px, live, dropped_n = "listed", (4, 4), False, 0
+    name, size_px, live = "listed", (4, 4), False
 
     def __init__(self, times_ns: list[int], rate_hz: float) -> None:
         self.times_ns, self.rate_hz, self.closed = times_ns, rate_hz, False

@@ -339,22 +339,28 @@ def test_a_camera_without_the_size_the_format_frames_or_their_rate_is_refused() 
         assert opened.source.rate_hz == pytest.approx(60, rel=1e-3)
 
 
+def plug_in(sys_root: Path, dev_root: Path, number: int, usb: str, label: str, serial: str) -> Path:
+    """A camera at a socket; returns its folder."""
+    node = sys_root / f"class/video4linux/video{number}"
+    interface = sys_root / f"devices/usb1/{usb}/{usb}:1.0"
+    interface.mkdir(parents=True, exist_ok=True)
+    node.mkdir(parents=True)
+    (node / "device").symlink_to(interface)
+    (node / "name").write_text(f"Global Shutter {label}\n")
+    if serial:
+        (interface.parent / "serial").write_text(f"{serial}\n")
+    (dev_root / f"video{number}").write_text("")
+    return node
+
+
 @pytest.fixture
 def machine(tmp_path: Path) -> tuple[Path, Path]:
     """/sys and /dev of a machine with two cameras; the first has a metadata node too."""
     sys_root, dev_root = tmp_path / "sys", tmp_path / "dev"
     (dev_root / "v4l/by-id").mkdir(parents=True)
     for number, index, usb, serial in ((0, 0, "1-1", "AB12"), (1, 1, "1-1", "AB12"), (10, 0, "1-2", "")):
-        node = sys_root / f"class/video4linux/video{number}"
-        interface = sys_root / f"devices/usb1/{usb}/{usb}:1.0"
-        interface.mkdir(parents=True, exist_ok=True)
-        node.mkdir(parents=True)
-        (node / "device").symlink_to(interface)
+        node = plug_in(sys_root, dev_root, number, usb, usb, serial)
         (node / "index").write_text(f"{index}\n")
-        (node / "name").write_text(f"Global Shutter {usb}\n")
-        if serial:
-            (interface.parent / "serial").write_text(f"{serial}\n")
-        (dev_root / f"video{number}").write_text("")
     (dev_root / "v4l/by-id/usb-Maker_Cam_XY99-video-index0").symlink_to(dev_root / "video10")
     return sys_root, dev_root
 
@@ -385,13 +391,7 @@ def test_a_camera_by_number_serial_or_path(machine: tuple[Path, Path], where: st
 def twins(machine: tuple[Path, Path]) -> tuple[Path, Path]:
     """The same with a third camera, of the first one's serial number and label; each has its socket."""
     sys_root, dev_root = machine
-    node, device = sys_root / "class/video4linux/video12", sys_root / "devices/usb1/1-3/1-3:1.0"
-    device.mkdir(parents=True)
-    node.mkdir(parents=True)
-    (node / "device").symlink_to(device)
-    (node / "name").write_text("Global Shutter 1-1\n")
-    (device.parent / "serial").write_text("AB12\n")
-    (dev_root / "video12").write_text("")
+    plug_in(sys_root, dev_root, 12, "1-3", "1-1", "AB12")
     (dev_root / "v4l/by-id/usb-Maker_Shutter_AB12-video-index0").symlink_to(dev_root / "video12")
     (dev_root / "v4l/by-path").mkdir()
     for number in (0, 10, 12):

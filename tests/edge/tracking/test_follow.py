@@ -14,8 +14,8 @@ from tests.support.fields import CENTRE, hexagon, make_rest
 pytestmark = pytest.mark.kernels
 
 
-def small_tip(rings: int = 2) -> Rest:
-    return make_rest(hexagon(rings, 19.0) + CENTRE, 19.0)
+def small_tip() -> Rest:
+    return make_rest(hexagon(4, 19.0) + CENTRE, 19.0)
 
 
 class Frames:
@@ -34,7 +34,7 @@ class Frames:
 
 def off_by(pitches: float, step: float) -> int:
     """For how many steps a pin is seen that moves off its neighbours, `step` a frame; pitches."""
-    rest = small_tip(4)
+    rest = small_tip()
     frames = Frames(rest)
     # Towards the middle of two neighbours, where it comes near to none.
     angle = np.deg2rad(30.0)
@@ -59,7 +59,7 @@ def test_a_pin_may_move_more_than_half_a_pitch_off_its_neighbours_if_it_was_neve
 def test_the_autocorrelation_is_what_is_left_of_the_residuals_and_a_lost_pin_keeps_as_much(
     left: float,
 ) -> None:
-    rest = small_tip(4)
+    rest = small_tip()
     n, lost = len(rest), 12
     frames = Frames(rest)
     bent = np.random.default_rng(3).normal(0.0, 0.5, (n, 2))

@@ -32,11 +32,6 @@ def raster(blobs: Array) -> NearestBlob:
     return NearestBlob(blobs, table_of(blobs), (0.0, 0.0), 1.0)
 
 
-def grower(xy: Array, sweeps: int = 24) -> RegionGrower:
-    affine = LocalAffine(Lattice(xy, PITCH), 0.05)
-    return RegionGrower(affine, xy, np.full(len(xy), 0.4 * PITCH), 1.2, sweeps)
-
-
 def test_each_pin_takes_the_nearest_blob_and_none_is_taken_twice() -> None:
     rng = np.random.default_rng(1)
     blobs = rng.uniform(20, 180, (30, 2))
@@ -66,7 +61,8 @@ def test_a_grown_match_uses_no_blob_twice_and_moves_to_its_blobs() -> None:
     motion, seed = rng.normal(0, 3, xy.shape), rng.random(len(xy)) < 0.9
     blobs = xy[rng.random(len(xy)) < 0.8] + rng.normal(0, 3, 2)
     before = motion.copy()
-    blob, moved, matched = grower(xy, 1).grow(raster(blobs), motion, seed)
+    grower = RegionGrower(LocalAffine(Lattice(xy, PITCH), 0.05), xy, np.full(len(xy), 0.4 * PITCH), 1.2, 1)
+    blob, moved, matched = grower.grow(raster(blobs), motion, seed)
     assert 6 < matched.sum() <= len(blobs)
     assert len(np.unique(blob[matched])) == matched.sum()
     np.testing.assert_array_equal(moved[matched], blobs[blob[matched]] - xy[matched])
