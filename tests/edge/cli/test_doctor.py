@@ -90,12 +90,7 @@ def examined(config: Config, rest: list[Image], data_dir: Path) -> Callable[...,
         camera: Camera | Exception | None = None,
     ) -> dict[str, Line]:
         chosen = camera or Camera(rest if images is None else images)
-
-        def opener() -> Any:
-            if isinstance(chosen, Exception):
-                raise chosen
-            return chosen
-
+        opener = Mock(side_effect=[chosen])  # an exception is raised
         found: dict[str, Line] = {}
         for line in examine(config, opener, calibration, machine or well()):
             if line.topic not in found or line.level != "ok":

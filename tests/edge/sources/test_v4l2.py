@@ -371,6 +371,7 @@ def test_cameras_of_a_machine(machine: tuple[Path, Path]) -> None:
         ("video0", "AB12", "Global Shutter 1-1"),
         ("video10", "", "Global Shutter 1-2"),
     ]
+    assert lasting_name("0", *machine) == "v4l2:AB12"
 
 
 @pytest.mark.parametrize(
@@ -428,10 +429,6 @@ def test_a_name_of_several_cameras_is_refused_and_all_are_listed(
 def test_a_number_has_a_name_that_stays(twins: tuple[Path, Path], where: str, lasting: str) -> None:
     assert lasting_name(where.format(dev=twins[1]), *twins) == lasting.format(dev=twins[1])
     assert Path(find_device(lasting.format(dev=twins[1]) or "0", *twins)).parent == twins[1]
-
-
-def test_a_number_of_a_camera_alone_of_its_kind(machine: tuple[Path, Path]) -> None:
-    assert lasting_name("0", *machine) == "v4l2:AB12"
 
 
 @pytest.mark.parametrize("where", ["5", "NONE", "", "/dev/no/such/camera"])
