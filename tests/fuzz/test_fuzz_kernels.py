@@ -35,9 +35,8 @@ from tests.support.processes import python
 
 # The last: no array at all, one that must be writable, and points that span no plane.
 REFUSALS = (ValueError, TypeError, OverflowError, AttributeError, BufferError, DegenerateLayout)
-OUT_OF_BOUNDS = (
-    "Out of bounds on buffer access"  # raised by the checked build; the others would access the memory
-)
+# Raised by the checked build; the others would access the memory.
+OUT_OF_BOUNDS = "Out of bounds on buffer access"
 SAMPLES = 4  # recorded calls of each function
 RETRIES = 3  # calls of each object with one wrong argument each
 NUMBERS = (0, -1, 1, 2, 7, 255, 2**31 - 1, 2**31, -(2**31), 2**40, 10**30)

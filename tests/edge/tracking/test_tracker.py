@@ -396,7 +396,7 @@ def test_movement4_there_and_back_ends_where_it_began(real_dir: Path, step: int)
     close = Lattice(rest.xy_img, rest.pattern.pitch_px)
     there = frames[::step]
     seen_n, untrusted = [], 0
-    for tracks in videos.run([*there, *there[::-1]], rest)[0]:
+    for tracks in [result.tracks for result in videos.run([*there, *there[::-1]], rest)]:
         if tracks.confidence < Tracks.LOW_CONFIDENCE:
             untrusted += 1
             continue
