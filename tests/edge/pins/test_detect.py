@@ -243,10 +243,8 @@ def test_dark_pins_are_found_without_their_reflections(glints: bool) -> None:
 
 
 def same_pins(a: Pins, b: Pins) -> bool:
-    return all(
-        np.array_equal(getattr(a, name), getattr(b, name), equal_nan=True)
-        for name in ("xy_img", "sigma_px", "radius_px", "brightness")
-    )
+    names = [f.name for f in fields(Pins)]
+    return all(np.array_equal(getattr(a, name), getattr(b, name), equal_nan=True) for name in names)
 
 
 @pytest.mark.parametrize("bits", [8, 12])

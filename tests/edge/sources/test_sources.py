@@ -40,14 +40,20 @@ def folder_of(path: Path, n: int) -> Path:
     return path
 
 
-def video_of(path: Path, n: int, codec: str = "FFV1", size: tuple[int, int] = (64, 48)) -> Path:
-    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*codec), 50.0, size)
+def video_of(path: Path, *images: np.ndarray[Any, Any], codec: str = "FFV1") -> Path:
+    colour = [cv2.VIDEOWRITER_PROP_IS_COLOR, int(images[0].ndim == 3)]
+    fourcc, size = cv2.VideoWriter.fourcc(*codec), images[0].shape[1::-1]
+    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, fourcc, 50.0, size, colour)
     assert writer.isOpened()
-    for i in range(n):
-        grey = noise(i, size)
-        writer.write(cv2.merge([grey, grey, grey]))
+    for image in images:
+        writer.write(image)
     writer.release()
     return path
+
+
+def noises(n: int, size: tuple[int, int] = (64, 48)) -> list[np.ndarray[Any, Any]]:
+    """Grey, in three channels."""
+    return [cv2.merge([noise(i, size)] * 3) for i in range(n)]
 
 
 @pytest.mark.parametrize(
@@ -107,8 +113,8 @@ def test_bad_specifications_are_one_line(spec: str, stated: str) -> None:
 def test_plain_paths(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     folder_of(tmp_path / "f", 2)
-    video_of(tmp_path / "a.mkv", 3)
-    (tmp_path / "run:2.avi").symlink_to(video_of(tmp_path / "a.avi", 3))  # a colon, and no scheme
+    video_of(tmp_path / "a.mkv", *noises(3))
+    (tmp_path / "run:2.avi").symlink_to(video_of(tmp_path / "a.avi", *noises(3)))  # a colon, and no scheme
     with Recorder(tmp_path / "a.mcap") as recorder:
         recorder.frame(Frame(noise(), 0, 0))
     for spec, kind in {
@@ -146,7 +152,7 @@ def test_a_folder_and_a_lossless_video_are_exact(tmp_path: Path) -> None:
     folder = FolderSource(folder_of(tmp_path / "f", 12), rate_hz=50.0)
     (tmp_path / "f" / "notes.txt").write_text("not an image, and not named like one")
     assert [p.name for p in folder.paths] == [f"frame_{i}.png" for i in range(12)]  # in natural order
-    video = VideoSource(video_of(tmp_path / "a.mkv", 12))
+    video = VideoSource(video_of(tmp_path / "a.mkv", *noises(12)))
     for source, late_ns in ((folder, 0), (video, 1e6)):
         frames = list(source)
         assert (source.size_px, source.rate_hz) == ((64, 48), 50.0)
@@ -243,7 +249,7 @@ def test_times_that_do_not_grow_are_repaired_locally(own_ms: list[int], times_ms
 
 @pytest.mark.parametrize("name", ["a.avi", "a.mkv"])
 def test_truncated_video_plays_as_far_as_it_goes(tmp_path: Path, name: str) -> None:
-    path = video_of(tmp_path / name, 40, codec="MJPG", size=(320, 240))
+    path = video_of(tmp_path / name, *noises(40, (320, 240)), codec="MJPG")
     data = path.read_bytes()
     path.write_bytes(data[: len(data) * 6 // 10])
     source = VideoSource(path)

@@ -11,22 +11,19 @@ import pytest
 from edge.errors import SourceError
 from edge.sources.options import Options
 from edge.sources.v4l2 import V4l2Source, find_device, lasting_name, list_cameras
-from edge.types import Clock, Frame, Image
+from edge.types import Clock, Frame
+from tests.edge.sources.test_sources import noise
 from tests.support.refusals import one_line
 from tests.support.waiting import SOON_S, until
 
 W, H = 64, 48
 
 
-def grey_image(n: int) -> Image:
-    return np.random.default_rng(n).integers(0, 256, (H, W), dtype=np.uint8)
-
-
 def encode(fourcc: str, n: int) -> np.ndarray[Any, Any]:
     """Bytes of frame n as OpenCV gives them without conversion."""
     if fourcc == "MJPG":
-        return np.asarray(cv2.imencode(".jpg", grey_image(n))[1]).reshape(1, -1)
-    return cv2.merge([grey_image(n)] * 2) if fourcc == "YUYV" else grey_image(n)
+        return np.asarray(cv2.imencode(".jpg", noise(n))[1]).reshape(1, -1)
+    return cv2.merge([noise(n)] * 2) if fourcc == "YUYV" else noise(n)
 
 
 class FakeCapture:
