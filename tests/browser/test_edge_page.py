@@ -131,18 +131,22 @@ def test_safe_colours(live: Live, page: Page) -> None:
     assert red(pixels(page)).sum() > 100
 
 
+def outlines_n(image: np.ndarray) -> int:
+    """How many pixels have the colour of the cells' outlines."""
+    return int((image == (190, 190, 190)).all(axis=2).sum())
+
+
 def test_surface(live: Live, page: Page) -> None:
     live.show(PRESSED)
     shown(page, "1 contact")
-    cells = pixels(page)
-    n = int(page.evaluate("Number(document.body.dataset.packets)"))
+    outlines = outlines_n(pixels(page))
     page.keyboard.press("s")
-    page.wait_for_function(f"() => Number(document.body.dataset.packets) > {n + 10}")
-    surface = pixels(page)
-    assert red(surface).any()
-    edge = (190, 190, 190)
-    outlines, left = ((image == edge).all(axis=2).sum() for image in (cells, surface))
-    assert outlines > 5 * left, "the surface has no outlines of cells"
+
+    def is_surface() -> bool:
+        image = pixels(page)
+        return bool(red(image).any()) and outlines > 5 * outlines_n(image)
+
+    live.until(is_surface, "a surface, which has no outlines of cells")
 
 
 def test_numbers_are_the_calibrated_ones(live: Live, page: Page) -> None:
