@@ -103,7 +103,7 @@ class Prefer(StrEnum):
     """Which of several sufficient models is taken."""
 
     SPEED = "speed"  # the one with the fewest terms within one standard error of the best
-    ACCURACY = "accuracy"  # the best
+    ACCURACY = "accuracy"  # the best; a process rather than a polynomial within one standard error of it
 
 
 @dataclass(frozen=True, slots=True)
@@ -571,7 +571,7 @@ def _best(
     processes: Mapping[ModelKind, FittedProcess],
     search: Search,
 ) -> Choice | FitError:
-    """The smallest model of group i within one standard error of the best, or the best.
+    """The smallest model of group i within one standard error of the best, or what `Prefer.ACCURACY` takes.
 
     of_all  models of all frames; a process is one of those with a contact, and compared on these
     """
@@ -657,9 +657,12 @@ def _sufficient(tried: list[_Tried], y: Complex, share: Array, prefer: Prefer) -
     if not tried:
         return []
     best, _, predicted = min(tried, key=lambda t: t[0].rms)
-    if prefer is Prefer.ACCURACY or _kind_of(best.name) is ModelKind.CARRIED:
-        return [t for t in tried if t[0].rms <= best.rms]
-    return [t for t in tried if _as_good(t, best, predicted, y, share)]
+    good = [t for t in tried if _as_good(t, best, predicted, y, share)]
+    if prefer is Prefer.SPEED and _kind_of(best.name) is not ModelKind.CARRIED:
+        return good
+    # The best of many polynomials looks better than it is, most of all in few poses; a process is one try.
+    processes = [t for t in good if _kind_of(t[0].name) in PROCESS_KINDS]
+    return [min(processes or good, key=lambda t: t[0].rms)]
 
 
 def _terms_then_error(tried: _Tried) -> tuple[int, float]:
