@@ -31,7 +31,7 @@ from scipy.linalg import LinAlgError, cho_solve, cholesky
 from scipy.optimize import minimize
 
 from calib.designs import GROUPS
-from calib.process_likelihood import Symmetry
+from calib.process_likelihood import Repeats, Symmetry
 from calib.process_noise import NoiseModel
 from calib.terms import evaluate_terms, term_columns
 from edge.calibration.file import CalibrationFile, Lost, Polynomial, Process
@@ -167,18 +167,24 @@ def _spin_of(term: Sequence[str]) -> int:
 
 
 def changed(
-    known: KnownModel, inputs: Complex, names: Sequence[str], target: Any, symmetry: Symmetry
+    known: KnownModel,
+    inputs: Complex,
+    names: Sequence[str],
+    target: Any,
+    symmetry: Symmetry,
+    repeats: Repeats,
 ) -> tuple[Complex, Complex, float]:
     """The likeliest prior of another tip's weights, in the unit of the target.
 
     known    in that unit, `scaled`, and `in_the_image`
     inputs   (n, k) complex128, columns `names`
     target   (n,) complex128, of one output real
+    repeats  how frames of one pose share their noise
     Returns  mean (terms,) of the weights; root (terms, features) of their covariance, of one output with
              real features; and the variance of the noise
     """
     turning = symmetry is Symmetry.TURNING
-    rows = np.random.default_rng(0).permutation(len(target))[: PARAMS.rows]
+    rows = slice(0, PARAMS.rows)
     psi = evaluate_terms(inputs[rows], term_columns(known.terms, names))
     target = target[rows] if turning else target[rows].real
     mean = known.weights
@@ -192,7 +198,7 @@ def changed(
         features = psi @ kind if turning else (psi @ kind).real
         products.append(features @ features.conj().T)
     noise = (1.0 + turning) * known.sigma**2  # of two outputs together
-    variances, noise = _likeliest(products, residual, noise, turning=turning)
+    variances, noise = _likeliest(products, residual, noise, repeats.first(PARAMS.rows), turning=turning)
     roots = [math.sqrt(v) * kind for v, kind in zip(variances, kinds, strict=True)]
     return mean, np.hstack(roots), noise
 
@@ -220,16 +226,17 @@ def _kinds(known: KnownModel, mean: Complex, *, turning: bool) -> Sequence[Compl
 
 
 def _likeliest(
-    products: Sequence[Any], residual: Any, noise: float, *, turning: bool
+    products: Sequence[Any], residual: Any, noise: float, repeats: Repeats, *, turning: bool
 ) -> tuple[list[float], float]:
     """Variances of the kinds of change, of the last one 1, and of the noise: the likeliest."""
     half = 1.0 if turning else 0.5
     start = np.log([*[PARAMS.change] * (len(products) - 1), max(noise, PARAMS.jitter)])
     eye = np.eye(len(residual))
+    alike, own = repeats.noise()
 
     def cost(logs: Array) -> tuple[float, Array]:
         v = np.exp(logs)
-        covariance = (v[-1] + PARAMS.jitter) * eye + products[-1]
+        covariance = v[-1] * alike + own + PARAMS.jitter * eye + products[-1]
         for variance, product in zip(v[:-1], products[:-1], strict=True):
             covariance = covariance + variance * product
         try:
@@ -239,7 +246,7 @@ def _likeliest(
         alpha = cho_solve((root, True), residual)
         slope = cho_solve((root, True), eye) - np.outer(alpha, alpha.conj())
         gradient = [float((slope.conj() * product).sum().real) for product in products[:-1]]
-        gradient.append(float(np.trace(slope).real))
+        gradient.append(float((slope.real * alike).sum()))
         value = float((residual.conj() @ alpha).real) + 2.0 * float(np.log(np.diag(root).real).sum())
         off = logs - start
         return (

@@ -4,8 +4,8 @@ For each output, candidates from the paper's own curve (depth: monotone in the v
 mean motion, with an offset for preload) up to cubic products (`calib.designs`) are fitted by ridge regression
 (`calib.ridge`). Each is evaluated by grouped cross-validation (frames of one pose stay together), and the one
 with the fewest terms is chosen whose squared errors exceed the best's by no more than one standard error of
-their difference. Its sigma is the 68.3 % quantile of the held-out errors, divided by the widening that
-follows from the distance to the data.
+their difference, and by a tenth at most. Its sigma is the 68.3 % quantile of the held-out errors, divided by
+the widening that follows from the distance to the data.
 
 A symmetric Gaussian process (`calib.process_fit`), with the contact's place among its inputs, is a candidate
 like the others; so is another tip's model that was changed as these frames say (`calib.carry_over`). If the
@@ -102,8 +102,8 @@ PROCESS_KINDS = (ModelKind.CARRIED, ModelKind.PROCESS)
 class Prefer(StrEnum):
     """Which of several sufficient models is taken."""
 
-    SPEED = "speed"  # the one with the fewest terms within one standard error of the best
-    ACCURACY = "accuracy"  # the best
+    SPEED = "speed"  # the one with the fewest terms of those as good as the best
+    ACCURACY = "accuracy"  # the best; a process rather than a polynomial as good as it
 
 
 @dataclass(frozen=True, slots=True)
@@ -571,7 +571,7 @@ def _best(
     processes: Mapping[ModelKind, FittedProcess],
     search: Search,
 ) -> Choice | FitError:
-    """The smallest model of group i within one standard error of the best, or the best.
+    """The smallest model of group i that is as good as the best, or what `Prefer.ACCURACY` takes.
 
     of_all  models of all frames; a process is one of those with a contact, and compared on these
     """
@@ -657,9 +657,12 @@ def _sufficient(tried: list[_Tried], y: Complex, share: Array, prefer: Prefer) -
     if not tried:
         return []
     best, _, predicted = min(tried, key=lambda t: t[0].rms)
-    if prefer is Prefer.ACCURACY or _kind_of(best.name) is ModelKind.CARRIED:
-        return [t for t in tried if t[0].rms <= best.rms]
-    return [t for t in tried if _as_good(t, best, predicted, y, share)]
+    good = [t for t in tried if _as_good(t, best, predicted, y, share)]
+    if prefer is Prefer.SPEED and _kind_of(best.name) is not ModelKind.CARRIED:
+        return good
+    # The best of many polynomials looks better than it is, most of all in few poses; a process is one try.
+    processes = [t for t in good if _kind_of(t[0].name) in PROCESS_KINDS]
+    return [min(processes or good, key=lambda t: t[0].rms)]
 
 
 def _terms_then_error(tried: _Tried) -> tuple[int, float]:
@@ -673,10 +676,12 @@ def _unchanged(model: Polynomial | Process) -> Polynomial | Process:
 def _as_good(tried: _Tried, best: Candidate, predicted: Complex, y: Complex, share: Array) -> bool:
     """Whether a model errs more than the best by no more than one standard error of the difference.
 
-    Frames that are hard for all models are in the errors of each, not in their difference.
+    Frames that are hard for all models are in the errors of each, not in their difference. In few poses that
+    error is large because they do not tell: then a model that errs clearly more is not as good.
     """
     more = np.abs(tried[2] - y) ** 2 - np.abs(predicted - y) ** 2
-    return tried[0].rms ** 2 - best.rms**2 <= error_of_mean(more, share)
+    allowed = min(error_of_mean(more, share), PARAMS.worse_max * best.rms**2)
+    return tried[0].rms ** 2 - best.rms**2 <= allowed
 
 
 def _polynomial(

@@ -20,6 +20,7 @@ class FitParams:
         0.1  # smaller over larger variance of x and y: below it, one direction alone was tried
     )
     explained_min: float = 0.1  # share of the held-out variance that a model must explain
+    worse_max: float = 0.1  # of the best's mean square error: what a model that is as good may err more
     pin_noise: float = 0.003  # pitches: error of a pin's place in use, of each coordinate
     noise_draws: int = 4  # of that noise, for each frame
     folds: int = 10  # of the cross-validation

@@ -14,6 +14,10 @@ The noise (`calib.process_noise`) is the likeliest for those errors, along the v
 Judged by a noise that has not seen their group either, they say how much wider or narrower sigma has to be to
 cover as many of them as it should.
 
+Frames of one pose share how the tool was set down, so most of their noise is common to them. Their
+differences, with one and the same truth, show what the value does not depend on (a skin that creeps), and
+count the more, the less unseen poses differ in themselves (`_own`).
+
 If a model of another tip is known (`calib.carry_over`), its weights and what changes them take the place of
 the kernel: few frames are enough then.
 """
@@ -24,7 +28,7 @@ import itertools
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -32,7 +36,7 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 from calib.carry_over import KnownModel, changed
-from calib.process_likelihood import Settings, Symmetry, fit_settings
+from calib.process_likelihood import Repeats, Settings, Symmetry, fit_settings
 from calib.process_noise import NoiseModel, fit_lost, fit_noise, scale_of
 from calib.ridge import blocks, share_of_pose
 from calib.terms import evaluate_terms, term_columns
@@ -74,6 +78,8 @@ class ProcessParams:
     open_share: float = 0.99  # of what the weights leave open, that these rows hold
     apart: float = 0.1  # share of inputs that go their own ways in what the rows must hold
     constant: float = 0.1  # prior deviation of the constant, in units of the output's own
+    repeats: int = 4  # frames of a pose that settings are fitted to
+    own_min: float = 0.1  # variance of a frame about its pose, over that of the pose, assumed at least
     groups_min: int = 3  # that settings are fitted without
     rows_groups: int = 1440  # frames of all groups' fits together that are worth their time, with more groups
     far: float = 4.0  # times the largest of held-out frames: twice their sigma
@@ -158,12 +164,13 @@ def fit_process(
     if known is not None:
         known = known.scaled(unit, mean)
         find = partial(_changed, known, names=names, symmetry=symmetry)
-    one = _one_each(pose)
-    prior = find(inputs[one], target=target[one])
+    data = _Data(inputs, moved, target, fold, pose)
+    data = replace(data, own=_own(find, data))
+    prior = data.prior(find, data.some_each(PARAMS.repeats))
     features = prior.features
-    posterior = _posterior(prior, inputs, moved, target, pose)
-    group = fold % _n_groups(fold, len(one))
-    unseen, learnt = _held_out(partial(find, start=prior.start), inputs, moved, target, fold, group, pose)
+    posterior = _Posterior(prior, data)
+    group = fold % _n_groups(fold, int(pose.max()) + 1)
+    unseen, learnt = _held_out(partial(find, start=prior.start), data, group)
     factor = posterior.factor()
     learnt *= posterior.share_held(inputs, factor)
     if features.turning:  # the variance of a complex weight is that of its two parts together
@@ -225,44 +232,90 @@ def _n_groups(fold: Index, poses: int) -> int:
     return min(folds, max(PARAMS.groups_min, PARAMS.rows_groups // poses))
 
 
-def _one_each(pose: Index) -> Index:
-    """Rows of one frame, by chance, of each pose."""
-    order = np.random.default_rng(0).permutation(len(pose))
-    return np.sort(order[np.unique(pose[order], return_index=True)[1]]).astype(np.int32)
+@dataclass(frozen=True, slots=True)
+class _Data:
+    """What a process is fitted to, as `fit_process` has it; the target in its unit.
+
+    own  variance of a frame about its pose
+    """
+
+    inputs: Complex
+    moved: Sequence[Complex]
+    target: Complex
+    fold: Index
+    pose: Index
+    own: float = 0.0
+
+    def some_each(self, most: int, among: Mask | slice = EVERY) -> Index:
+        """Rows of up to so many frames of each pose, by chance: first one of each, then the others."""
+        order = np.arange(len(self.pose))[among]
+        order = order[np.random.default_rng(0).permutation(len(order))]
+        by_pose = np.argsort(self.pose[order], kind="stable")
+        rank = np.empty(len(order), dtype=np.int32)
+        rank[by_pose] = np.concatenate([np.arange(n) for n in np.bincount(self.pose[order])])
+        first = np.argsort(rank, kind="stable")
+        return order[first[rank[first] < most]].astype(np.int32)
+
+    def prior(self, find: Callable[..., _Prior], rows: Index) -> _Prior:
+        """Of settings that are fitted to these rows."""
+        repeats = Repeats(self.pose[rows], self.own)
+        return find(self.inputs[rows], target=self.target[rows], repeats=repeats)
+
+    def whole_poses(self) -> Sequence[Index]:
+        """Some rows at a time, those of one pose together."""
+        order = np.argsort(self.pose, kind="stable")
+        pose = self.pose[order]
+        starts = np.unique(np.searchsorted(pose, [pose[block.start] for block in blocks(len(pose))]))
+        return np.split(order, starts[1:])
+
+    def whitened(self, values: Any, rows: Index, noise: float) -> Any:
+        """Values (n, k) of whole poses, in combinations with independent noise, of the variance of a pose."""
+        pose = np.unique(self.pose[rows], return_inverse=True)[1]
+        counts = np.bincount(pose)
+        mean = np.zeros((len(counts), values.shape[1]), values.dtype)
+        np.add.at(mean, pose, values)
+        mean /= counts[:, None]
+        if len(counts) == len(pose):
+            return values
+        to_own = math.sqrt(noise / self.own)
+        return mean[pose] / np.sqrt(counts)[pose, None] + to_own * (values - mean[pose])
 
 
-def _posterior(
-    prior: _Prior, inputs: Complex, moved: Sequence[Complex], target: Complex, pose: Index
-) -> _Posterior:
-    features = prior.features
-    left = target - features.values(inputs, prior.mean)
-    y = left if features.turning else left.real
-    return _Posterior(features, inputs, moved, y, prior.noise, share_of_pose(pose))
+def _own(find: Callable[..., _Prior], data: _Data) -> float:
+    """Variance of a frame about its pose, by predictions of unseen poses.
+
+    Their truth is the same in all frames; if they differ in themselves as much as from it, the press was not
+    held, and what they differ by must not count as what the value does not depend on.
+    """
+    counts = np.bincount(data.pose)
+    if counts.max() == 1:
+        return 0.0
+    prior = data.prior(find, data.some_each(1))
+    posterior = _Posterior(prior, replace(data, own=prior.noise))
+    error = prior.features.values(data.inputs, prior.mean) - data.target
+    for k in np.unique(data.fold):
+        error[data.fold == k] += posterior.held_out(data.fold == k)[0]
+    mean = np.zeros(len(counts), error.dtype)
+    np.add.at(mean, data.pose, error)
+    mean /= counts
+    within = float((np.abs(error - mean[data.pose]) ** 2).sum()) / (len(error) - len(counts))
+    return max(within, PARAMS.own_min * float((np.abs(mean) ** 2).mean()))
 
 
-def _held_out(
-    find: Callable[..., _Prior],
-    inputs: Complex,
-    moved: Sequence[Complex],
-    target: Complex,
-    fold: Index,
-    group: Index,
-    pose: Index,
-) -> tuple[Complex, Array]:
+def _held_out(find: Callable[..., _Prior], data: _Data, group: Index) -> tuple[Complex, Array]:
     """(n,) prediction of each row, and what the weights leave open of it.
 
     Settings have not seen its group, weights not its fold. Weights that have not seen the group either would
     err more than the edge's, which all rows decide.
     """
-    predicted, learnt = np.empty_like(target), np.empty(len(target))
+    predicted, learnt = np.empty_like(data.target), np.empty(len(data.target))
     for k in range(int(group.max()) + 1):
         unseen = group == k
-        rows = np.flatnonzero(~unseen)[_one_each(pose[~unseen])]
-        prior = find(inputs[rows], target=target[rows])
-        posterior = _posterior(prior, inputs, moved, target, pose)
-        for j in np.unique(fold[unseen]):
-            predicted[fold == j], learnt[fold == j] = posterior.held_out(fold == j)
-        predicted[unseen] += prior.features.values(inputs[unseen], prior.mean)
+        prior = data.prior(find, data.some_each(PARAMS.repeats, ~unseen))
+        posterior = _Posterior(prior, data)
+        for j in np.unique(data.fold[unseen]):
+            predicted[data.fold == j], learnt[data.fold == j] = posterior.held_out(data.fold == j)
+        predicted[unseen] += prior.features.values(data.inputs[unseen], prior.mean)
     return predicted, learnt
 
 
@@ -351,10 +404,11 @@ def _changed(
     names: Sequence[str],
     target: Complex,
     symmetry: Symmetry,
+    repeats: Repeats,
     start: int | None = None,
 ) -> _Prior:
     """Another tip's weights, and what is likely to have changed them."""
-    mean, root, noise = changed(known, inputs, names, target, symmetry)
+    mean, root, noise = changed(known, inputs, names, target, symmetry, repeats)
     return _Prior(_Features(names, known.terms, root, symmetry), mean, noise, start)
 
 
@@ -366,24 +420,26 @@ def _prior(
     *,
     all_round: bool,
     terms_max: int,
+    repeats: Repeats,
     start: int | None = None,
 ) -> _Prior:
-    """The features of the likeliest kernel that are not negligible.
+    """The features of the likeliest kernel that are not negligible; the likelihood takes the first rows.
 
-    start  the search's only one; None: all are tried
+    repeats  how frames of one pose share their noise
+    start     the search's only one; None: all are tried
     """
     columns = [names.index(one.name) for one in INPUTS]
     scale = np.sqrt((np.abs(inputs[:, columns]) ** 2).mean(axis=0))
     used = [i for i, rms in enumerate(scale) if rms > 0]
     letters = [INPUTS[i] for i in used]
-    order = np.random.default_rng(0).permutation(len(target))  # the likelihood takes the first rows
     settings = fit_settings(
-        inputs[order][:, [columns[i] for i in used]] / scale[used],
+        inputs[:, [columns[i] for i in used]] / scale[used],
         np.array([one.spin for one in letters]),
         np.array([float(max(1, one.degree)) for one in letters]),
-        target[order],
+        target,
         symmetry,
         asymmetric=all_round,
+        repeats=repeats,
         start=start,
     )
     terms: list[list[str]] = [[]]
@@ -484,47 +540,45 @@ class _Features:
 
 
 class _Posterior:
-    """Bayesian linear regression with unit prior variances.
+    """Bayesian linear regression of what a prior's mean leaves, with unit prior variances."""
 
-    y      (n,) what the features explain
-    share  (n,) what each row counts
-    """
-
-    def __init__(
-        self,
-        features: _Features,
-        inputs: Complex,
-        moved: Sequence[Complex],
-        y: Any,
-        noise: float,
-        share: Array,
-    ) -> None:
-        self._features, self._inputs, self._y, self._noise = features, inputs, y, noise
-        self._share = share[:, None]
+    def __init__(self, prior: _Prior, data: _Data) -> None:
+        features, inputs, moved = prior.features, data.inputs, data.moved
+        left = data.target - features.values(inputs, prior.mean)
+        self._y: Any = left if features.turning else left.real
+        self._features, self._data, self._noise = features, data, prior.noise
+        share = share_of_pose(data.pose)[:, None]
         gram: Any = 0.0
+        size: Any = 0.0
         off: Any = 0.0  # what the features may be off, squared
         self._right: Any = 0.0
-        for rows in blocks(len(y)):
+        for rows in data.whole_poses():
             design = features.rows(inputs[rows])
-            left = (design * self._share[rows]).conj().T
-            gram = gram + left @ design
-            self._right = self._right + left @ y[rows]
+            size = size + (design * share[rows]).conj().T @ design
+            square, right = self._products(design, rows)
+            gram = gram + square
+            self._right = self._right + right
             for d in moved:
                 change = features.rows(inputs[rows] + d[rows]) - features.rows(inputs[rows] - d[rows])
-                off = off + (change * self._share[rows]).conj().T @ change / (4.0 * len(moved))
-        self._precision = gram + off + noise * np.eye(len(gram))
-        self._second_moment = gram / share.sum()
+                off = off + (change * share[rows]).conj().T @ change / (4.0 * len(moved))
+        self._precision = gram + off + self._noise * np.eye(len(gram))
+        self._second_moment = size / share.sum()
         self.weights: Complex = np.linalg.solve(self._precision, self._right)
 
     def held_out(self, rows: Mask) -> tuple[Complex, Array]:
-        """Prediction of these rows by weights that have not seen them; what the weights leave open of it."""
-        design = self._features.rows(self._inputs[rows])
-        counted = (design * self._share[rows]).conj().T
-        others = self._precision - counted @ design
-        right = self._right - counted @ self._y[rows]
-        solved = np.linalg.solve(others, np.column_stack([design.conj().T, right]))
+        """Prediction of whole poses by weights that have not seen them; what the weights leave open of it."""
+        design = self._features.rows(self._data.inputs[rows])
+        square, right = self._products(design, np.flatnonzero(rows).astype(np.int32))
+        others = self._precision - square
+        solved = np.linalg.solve(others, np.column_stack([design.conj().T, self._right - right]))
         left = self._noise * (design * solved[:, :-1].T).sum(axis=1).real
         return design @ solved[:, -1], np.maximum(left, 0.0)
+
+    def _products(self, design: Any, rows: Index) -> tuple[Any, Any]:
+        """(f, f), (f,) squares of whole poses' features, and their products with the truth."""
+        both = self._data.whitened(np.column_stack([design, self._y[rows]]), rows, self._noise)
+        left = both[:, :-1].conj().T
+        return left @ both[:, :-1], left @ both[:, -1]
 
     def root(self) -> Complex:
         """(f, f) of the weights' covariance: root root^H."""

@@ -30,9 +30,9 @@ from scipy.linalg.blas import dsyr, zher
 from scipy.linalg.lapack import dpotri, zpotri
 from scipy.optimize import minimize
 
-from edge.types import Array, Complex
+from edge.types import Array, Complex, Index
 
-__all__ = ["Likelihood", "LikelihoodParams", "Settings", "Symmetry", "fit_settings"]
+__all__ = ["Likelihood", "LikelihoodParams", "Repeats", "Settings", "Symmetry", "fit_settings"]
 
 
 class Symmetry(Enum):
@@ -81,6 +81,31 @@ class Settings:
     start: int
 
 
+@dataclass(frozen=True, slots=True)
+class Repeats:
+    """How frames of one pose share their noise: all of it is their mean's, but for this variance.
+
+    pose  (n,) its number
+    own   variance of a frame about the mean of its pose; no setting, because a truth that is the same in all
+          frames of a pose says nothing of it
+    """
+
+    pose: Index
+    own: float
+
+    @classmethod
+    def none(cls, n: int) -> Repeats:
+        return cls(np.arange(n, dtype=np.int32), 0.0)
+
+    def first(self, rows: int) -> Repeats:
+        return Repeats(self.pose[:rows], self.own)
+
+    def noise(self) -> tuple[Array, Array]:
+        """(n, n) covariance of unit noise of the poses; and of the frames about their poses' means."""
+        alike = (self.pose[:, None] == self.pose).astype(np.float64)
+        return alike, self.own * (np.eye(len(alike)) - alike / alike.sum(axis=1))
+
+
 class Likelihood:
     """Negative logarithm of the likelihood of (x, y), and its gradient in the settings' logarithms.
 
@@ -88,6 +113,7 @@ class Likelihood:
     spins       (k,) int
     y           (n,) complex128; real but for turning outputs
     asymmetric  whether the part without symmetry is there
+    repeats     how frames of one pose share their noise; None: none does
 
     Matrices of all turns are computed for some rows at a time, which a processor's cache holds, and up to
     the diagonal only. A scalar product g = u + v is the sum of two halves, of which one changes its sign in
@@ -100,8 +126,18 @@ class Likelihood:
     The half that stands alone at n = 1 is called `even` below, the other one `odd`.
     """
 
-    def __init__(self, x: Complex, spins: Array, y: Complex, symmetry: Symmetry, *, asymmetric: bool) -> None:
+    def __init__(
+        self,
+        x: Complex,
+        spins: Array,
+        y: Complex,
+        symmetry: Symmetry,
+        *,
+        asymmetric: bool,
+        repeats: Repeats | None = None,
+    ) -> None:
         self._n, self._k = x.shape
+        self._alike, self._own = (np.tril(part) for part in (repeats or Repeats.none(self._n)).noise())
         self._turning = symmetry is Symmetry.TURNING
         self._asymmetric = asymmetric
         self._y = y if self._turning else y.real
@@ -133,7 +169,8 @@ class Likelihood:
             g = block.even[0] + block.odd[0]
             part[0] += g * (s.asymmetric[0] + g * s.asymmetric[1])
             covariance[block.rows, : block.rows.stop] = part[0] + 1j * part[1] if self._turning else part[0]
-        covariance[np.diag_indices(self._n)] += s.noise + PARAMS.jitter
+        covariance += s.noise * self._alike + self._own
+        covariance[np.diag_indices(self._n)] += PARAMS.jitter
         try:  # in place, and up to the diagonal; zeros beyond it
             root = cholesky(covariance, lower=True, overwrite_a=True, check_finite=False)
         except LinAlgError:
@@ -163,9 +200,9 @@ class Likelihood:
     def _gradient(self, s: Settings, slope: Complex) -> Array:
         """slope: of the value in the covariance, up to the diagonal."""
         k, a, m = self._k, s.symmetric, s.asymmetric
-        noise = float(np.trace(slope).real) * s.noise
         slope *= 2.0  # what is beyond the diagonal counts alike
         slope[np.diag_indices(self._n)] /= 2.0
+        noise = float((slope.real * self._alike).sum()) * s.noise
         of_weight, of_a, of_m = np.zeros(2 * k), np.zeros(3), np.zeros(2)
         for block in self._blocks:
             here, even, odd = slope[block.rows, : block.rows.stop], block.even, block.odd
@@ -231,16 +268,19 @@ def fit_settings(
     symmetry: Symmetry,
     *,
     asymmetric: bool,
+    repeats: Repeats | None = None,
     start: int | None = None,
 ) -> Settings:
     """The settings of largest likelihood: several starts on part of the rows, the best one on more.
 
     degrees  (k,) of each input's polynomial: high ones start with a smaller weight
+    repeats  how frames of one pose share their noise; None: none does
     start    the only one of STARTS, at once on more rows; None: all are tried
     """
 
     def search(first: Array, rows: int) -> tuple[float, Array]:
-        likelihood = Likelihood(x[:rows], spins, y[:rows], symmetry, asymmetric=asymmetric)
+        some = repeats and repeats.first(rows)
+        likelihood = Likelihood(x[:rows], spins, y[:rows], symmetry, asymmetric=asymmetric, repeats=some)
 
         def penalised(logs: Array) -> tuple[float, Array]:
             value, slope = likelihood(logs)

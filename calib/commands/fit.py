@@ -47,7 +47,7 @@ from hostlink.output_file import check_output, writing
     type=click.Choice([p.value for p in Prefer]),
     default=Prefer.SPEED.value,
     show_default=True,
-    help="speed: the smallest model within one standard error of the best; accuracy: the best.",
+    help="speed: the smallest model as good as the best; accuracy: the best, or a process that is as good.",
 )
 @click.option(
     "--hold-out",

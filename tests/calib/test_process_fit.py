@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import approx_fprime
 
 from calib.process_fit import FittedProcess, fit_process
-from calib.process_likelihood import Likelihood, Symmetry, fit_settings
+from calib.process_likelihood import Likelihood, Repeats, Symmetry, fit_settings
 from calib.terms import evaluate_terms, term_columns
 from edge.calibration.inputs import FRAME_INPUTS
 from edge.types import Complex, Index
@@ -135,12 +135,36 @@ def test_the_effect_of_lost_pins_is_learnt_as_a_power_of_the_gap() -> None:
 
 def test_repeats_of_a_pose_count_as_one() -> None:
     """They share how the tip was set down; counted as six, they make the model sure of what was chance."""
-    inputs = _inputs(40, 4)
-    y, pose = _shear(inputs) + _noise(inputs, 5), np.repeat(np.arange(40, dtype=np.int32), 6)
-    once, repeated = _fitted(inputs, y), _fitted(inputs[pose], y[pose], pose=pose)
-    assert repeated.terms == once.terms
-    assert repeated.weights == pytest.approx(once.weights, rel=1e-6, abs=1e-9)
-    assert repeated.held_out == pytest.approx(once.held_out[pose], rel=1e-6, abs=1e-9)
+    x, y = _data(24)
+    pose = np.repeat(np.arange(24, dtype=np.int32), 3)
+    once = Likelihood(x, SPINS, y, Symmetry.TURNING, asymmetric=True)
+    repeated = Likelihood(
+        x[pose], SPINS, y[pose], Symmetry.TURNING, asymmetric=True, repeats=Repeats(pose, 0.01)
+    )
+    logs = np.random.default_rng(6).normal(size=(2, 10))
+    (first, slope), (second, _) = (once(one) for one in logs)
+    assert repeated(logs[0])[1] == pytest.approx(slope, rel=1e-5, abs=1e-5)
+    assert repeated(logs[0])[0] - repeated(logs[1])[0] == pytest.approx(first - second, rel=1e-6)
+    inputs = _inputs(100, 4)
+    y, pose = _shear(inputs) + _noise(inputs, 5), np.repeat(np.arange(100, dtype=np.int32), 6)
+    alone, six = _fitted(inputs, y), _fitted(inputs[pose], y[pose], pose=pose)
+    assert six.sigma == pytest.approx(alone.sigma, rel=0.1)
+    left_open = [(np.abs(one.uncertainty.rows(inputs)) ** 2).sum(axis=1).mean() for one in (six, alone)]
+    assert left_open[0] == pytest.approx(left_open[1], rel=0.3)
+
+
+def test_a_value_does_not_follow_what_differs_within_a_pose() -> None:
+    """The skin creeps under a load that is the same, along an input that tells of the load, too."""
+    rng, loads = np.random.default_rng(7), np.random.default_rng(8).uniform(0.2, 1.0, 30)
+    pose = np.repeat(np.arange(30, dtype=np.int32), 8)
+    inputs = np.zeros((len(pose), len(FRAME_INPUTS)), dtype=np.complex128)
+    creep = rng.normal(0.0, 0.03, len(pose))
+    for name, crept, off in (("volume", 1.0, 0.0), ("peak", 0.0, 0.03)):
+        inputs[:, FRAME_INPUTS.index(name)] = loads[pose] + crept * creep + rng.normal(0.0, off, 30)[pose]
+    steady = _fitted(inputs, (5.0 * loads[pose]).astype(np.complex128), pose=pose, symmetry=Symmetry.EVEN)
+    value = evaluate_terms(inputs, term_columns(steady.terms, FRAME_INPUTS)) @ steady.weights
+    within = np.array([value.real[pose == k].std() for k in range(30)]).mean()
+    assert within < 0.05
 
 
 def test_a_depth_is_zero_at_rest_unless_it_counts_from_elsewhere() -> None:
