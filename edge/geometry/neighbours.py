@@ -129,8 +129,6 @@ def _nearest(
     """
     n: cython.Py_ssize_t = points.shape[0]
     k: cython.Py_ssize_t = distance.shape[1]
-    j: cython.Py_ssize_t
-    c: cython.Py_ssize_t
     for i in range(xy.shape[0]):
         for side in range(2):
             j = begin[i] - side

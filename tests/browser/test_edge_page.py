@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
@@ -130,18 +131,22 @@ def test_safe_colours(live: Live, page: Page) -> None:
     assert red(pixels(page)).sum() > 100
 
 
+def outlines_n(image: np.ndarray) -> int:
+    """How many pixels have the colour of the cells' outlines."""
+    return int((image == (190, 190, 190)).all(axis=2).sum())
+
+
 def test_surface(live: Live, page: Page) -> None:
     live.show(PRESSED)
     shown(page, "1 contact")
-    cells = pixels(page)
-    n = int(page.evaluate("Number(document.body.dataset.packets)"))
+    outlines = outlines_n(pixels(page))
     page.keyboard.press("s")
-    page.wait_for_function(f"() => Number(document.body.dataset.packets) > {n + 10}")
-    surface = pixels(page)
-    assert red(surface).any()
-    edge = (190, 190, 190)
-    outlines, left = ((image == edge).all(axis=2).sum() for image in (cells, surface))
-    assert outlines > 5 * left, "the surface has no outlines of cells"
+
+    def is_surface() -> bool:
+        image = pixels(page)
+        return bool(red(image).any()) and outlines > 5 * outlines_n(image)
+
+    live.until(is_surface, "a surface, which has no outlines of cells")
 
 
 def test_numbers_are_the_calibrated_ones(live: Live, page: Page) -> None:
@@ -286,50 +291,43 @@ def test_no_connection_leaves_this_machine(live: Live, page: Page) -> None:
 # ---- the program itself: a recording replayed, killed, started again -------------------------------------
 
 
-class Replay:
-    """`python -m edge replay --view` as a user starts it."""
+def replay(data_dir: Path, port: int = 0) -> tuple[subprocess.Popen[str], str]:
+    """`python -m edge replay --view` as a user starts it, and the address of its page."""
+    process = subprocess.Popen(
+        [
+            *(sys.executable, "-m", "edge", "replay", str(data_dir / "press.mcap"), "--sink", "memory:"),
+            *("--calibration", str(data_dir / "rings331_ball.json"), "--loop", "--speed", "0.5"),
+            *("--view-at", f"127.0.0.1:{port}", "--view-token", TOKEN),
+        ],
+        stderr=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        text=True,
+        env={**os.environ, "OMP_NUM_THREADS": "1"},
+    )
+    assert process.stderr is not None
+    line = next(line for line in process.stderr if line.startswith("live page: "))
+    return process, line.removeprefix("live page: ").strip()
 
-    def __init__(self, data_dir: Path, port: int = 0) -> None:
-        self._process = subprocess.Popen(
-            [
-                *(sys.executable, "-m", "edge", "replay", str(data_dir / "press.mcap"), "--sink", "memory:"),
-                *("--calibration", str(data_dir / "rings331_ball.json"), "--loop", "--speed", "0.5"),
-                *("--view-at", f"127.0.0.1:{port}", "--view-token", TOKEN),
-            ],
-            stderr=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
-            text=True,
-            env={**os.environ, "OMP_NUM_THREADS": "1"},
-        )
-        assert self._process.stderr is not None
-        for line in self._process.stderr:
-            if line.startswith("live page: "):
-                self.url = line.removeprefix("live page: ").strip()
-                break
-        self.port = int(self.url.split(":")[2].split("/")[0])
 
-    def kill(self) -> None:
-        self._process.kill()
-        self._process.communicate(timeout=SOON_S)
-
-    def stop(self) -> int:
-        self._process.send_signal(signal.SIGTERM)
-        self._process.communicate(timeout=SOON_S)
-        return self._process.returncode
+def ended(process: subprocess.Popen[str], by: signal.Signals) -> int:
+    """Its exit code."""
+    process.send_signal(by)
+    process.communicate(timeout=SOON_S)
+    return process.returncode
 
 
 def test_disconnect_and_reconnect_are_shown(data_dir: Path, context: BrowserContext) -> None:
-    replay = Replay(data_dir)
-    with closing(opened(context, replay.url)) as page:
+    process, url = replay(data_dir)
+    with closing(opened(context, url)) as page:
         page.wait_for_function(LIVE)
         shown(page, "press.mcap")
         until_red(page)
-        replay.kill()
+        ended(process, signal.SIGKILL)
         page.wait_for_function("() => document.body.dataset.state === 'disconnected'")
         assert re.search(r"trying again in \d+ s", page.evaluate(STATE))
         assert pixels(page).std() > 10, "the last picture stays"
-        again = Replay(data_dir, replay.port)
+        again, _ = replay(data_dir, urlsplit(url).port or 0)
         page.wait_for_function(LIVE)
         until_red(page)
-        assert again.stop() == 0
+        assert ended(again, signal.SIGTERM) == 0
         page.wait_for_function("() => document.body.dataset.state === 'disconnected'")

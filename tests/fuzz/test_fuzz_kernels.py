@@ -35,9 +35,8 @@ from tests.support.processes import python
 
 # The last: no array at all, one that must be writable, and points that span no plane.
 REFUSALS = (ValueError, TypeError, OverflowError, AttributeError, BufferError, DegenerateLayout)
-OUT_OF_BOUNDS = (
-    "Out of bounds on buffer access"  # raised by the checked build; the others would access the memory
-)
+# Raised by the checked build; the others would access the memory.
+OUT_OF_BOUNDS = "Out of bounds on buffer access"
 SAMPLES = 4  # recorded calls of each function
 RETRIES = 3  # calls of each object with one wrong argument each
 NUMBERS = (0, -1, 1, 2, 7, 255, 2**31 - 1, 2**31, -(2**31), 2**40, 10**30)
@@ -174,9 +173,7 @@ def wrong_array(rng: random.Random, array: NDArray[Any]) -> Any:
     if kind == 0 and flat.size:  # a value
         values: tuple[Any, ...] = REALS if array.dtype.kind in "fc" else NUMBERS
         for _ in range(rng.choice((1, 1, flat.size))):
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                flat[rng.randrange(flat.size)] = np.array(float(rng.choice(values))).astype(array.dtype)
+            flat[rng.randrange(flat.size)] = np.array(float(rng.choice(values))).astype(array.dtype)
         return flat.reshape(array.shape)
     if kind == 1 and flat.size and array.dtype.kind in "iu":  # an index just out of range
         below = -1 if array.dtype.kind == "i" else np.iinfo(array.dtype).max
@@ -190,9 +187,7 @@ def wrong_array(rng: random.Random, array: NDArray[Any]) -> Any:
     if kind == 3:  # other dimensions
         return flat if array.ndim != 1 else flat[:, None].copy()
     if kind == 4 and array.dtype.names is None:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            return array.astype(rng.choice(DTYPES))
+        return array.astype(rng.choice(DTYPES))
     if kind == 5 and array.ndim:  # strided
         return np.repeat(array, 2, axis=array.ndim - 1)[..., ::2]
     if kind == 6:
@@ -283,9 +278,7 @@ class Fuzzer:
     def _try(self, name: str, work: Callable[..., Any], call: Call) -> Any:
         args, kwargs = frozen(call[0]), call[1]
         try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                answer = work(*args, **kwargs)
+            answer = work(*args, **kwargs)
             self.answers += 1
             return answer
         except REFUSALS:
@@ -306,6 +299,7 @@ def main(arguments: list[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     kernels.install()
     faulthandler.enable()
+    warnings.simplefilter("ignore")
     unraisable: list[str] = []
     sys.unraisablehook = lambda event: unraisable.append(f"{event.object}: {event.exc_value!r}")
     # Those of hostlink take bytes and numbers alone, which tests/hostlink/test_decoder.py makes wrong.

@@ -44,11 +44,9 @@ def relative_errors(areas: NDArray[np.float64], exact: list[Fraction]) -> NDArra
 
 def _as_integers(points: NDArray[np.float64]) -> tuple[list[tuple[int, int]], Fraction]:
     """The points in whole multiples of a unit."""
-    ratios = [[float(v).as_integer_ratio() for v in p] for p in points]
-    denominator = max(d for p in ratios for _, d in p)  # powers of two: the largest serves all
-    return [
-        (p[0][0] * (denominator // p[0][1]), p[1][0] * (denominator // p[1][1])) for p in ratios
-    ], Fraction(1, denominator)
+    exact = [[Fraction(float(v)) for v in p] for p in points]
+    unit = Fraction(1, max(v.denominator for p in exact for v in p))  # powers of two: the largest serves all
+    return [(int(x / unit), int(y / unit)) for x, y in exact], unit
 
 
 def _cell(

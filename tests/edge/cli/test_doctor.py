@@ -9,7 +9,6 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 from calib.sim import Camera as SimulatedCamera
 from calib.sim import Simulator, Tip, ToolPose
@@ -18,13 +17,13 @@ from edge.cli import checks
 from edge.cli.checks import Line
 from edge.cli.doctor import examine
 from edge.cli.machine import Machine
-from edge.cli.program import cli
 from edge.config import Config, LinkTable, SourceTable, StateTable
 from edge.errors import SourceError
 from edge.runtime.board_monitor import STORED_BYTES
 from edge.sources.live import PARAMS as LIVE
 from edge.types import Clock, Frame, Image
 from tests.support import finger
+from tests.support.commands import run_edge
 from tests.support.fault_injection import _PICTURES
 
 UP: dict[str, Any] = {
@@ -90,12 +89,7 @@ def examined(config: Config, rest: list[Image], data_dir: Path) -> Callable[...,
         camera: Camera | Exception | None = None,
     ) -> dict[str, Line]:
         chosen = camera or Camera(rest if images is None else images)
-
-        def opener() -> Any:
-            if isinstance(chosen, Exception):
-                raise chosen
-            return chosen
-
+        opener = Mock(side_effect=[chosen])  # an exception is raised
         found: dict[str, Line] = {}
         for line in examine(config, opener, calibration, machine or well()):
             if line.topic not in found or line.level != "ok":
@@ -245,13 +239,12 @@ def test_the_machine_itself(tmp_path: Path) -> None:
 
 
 def test_on_the_command_line(data_dir: Path) -> None:
-    arguments = ["doctor", "--source", str(data_dir / "press.mcap"), "--sink", "virtual:doctor", "--json"]
-    arguments += ["--calibration", str(data_dir / "rings331_ball.json")]
-    done = CliRunner().invoke(cli, arguments)
-    reported = json.loads(done.stdout)
-    assert done.exit_code == (reported["worst"] == "fail")
+    arguments = ("doctor", "--source", data_dir / "press.mcap", "--sink", "virtual:doctor", "--json")
+    done = run_edge(*arguments, "--calibration", data_dir / "rings331_ball.json")
+    reported = json.loads(done.out)
+    assert done.code == (reported["worst"] == "fail")
     levels = {line["topic"]: line["level"] for line in reported["lines"]}
     assert levels["pins"] == levels["calibration"] == levels["link"] == "ok"
-    done = CliRunner().invoke(cli, ["doctor", "--source", "nothing.mcap"])
-    assert done.exit_code == 1
-    assert "no such file" in done.stdout
+    done = run_edge("doctor", "--source", "nothing.mcap")
+    assert done.code == 1
+    assert "no such file" in done.out

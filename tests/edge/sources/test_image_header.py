@@ -14,7 +14,6 @@ from edge.sources import open_source
 from edge.sources.image_header import check_size, image_size
 
 FORMATS = (".png", ".jpg", ".bmp", ".tif", ".pgm", ".webp")
-SHAPES = [(48, 64), (1, 300), (301, 7)]
 
 
 def png_of(width: int, height: int) -> bytes:
@@ -28,7 +27,7 @@ def png_of(width: int, height: int) -> bytes:
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + pixels + chunk(b"IEND", b"")
 
 
-@pytest.mark.parametrize("shape", SHAPES, ids=str)
+@pytest.mark.parametrize("shape", [(48, 64), (1, 300), (301, 7)], ids=str)
 @pytest.mark.parametrize("suffix", FORMATS)
 def test_the_size_is_that_of_the_decoded_image(suffix: str, shape: tuple[int, int]) -> None:
     for image in (np.full(shape, 7, np.uint8), np.full((*shape, 3), 7, np.uint8)):

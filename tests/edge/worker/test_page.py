@@ -3,6 +3,8 @@
 import asyncio
 import json
 from collections.abc import Awaitable, Callable, Iterator
+from contextlib import closing
+from http.client import HTTPConnection
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -66,13 +68,6 @@ class Viewer:
                 pass
             return packet
 
-    async def meanwhile(self, work: Callable[[], None]) -> None:
-        """Do slow work and go on reading: a viewer that does not is disconnected."""
-        doing = asyncio.create_task(asyncio.to_thread(work))
-        while not doing.done():
-            await self.packet()
-        await doing
-
     async def do(self, name: str, **more: Any) -> dict[str, Any]:
         self.answer = {}
         await self.socket.send_json({"do": name, **more})
@@ -135,15 +130,12 @@ def test_bad_addresses_are_one_line(live: Live) -> None:
     assert "give another HOST:PORT" in one_line(WebError, used.start)
 
 
-def get(live: Live, path: str, headers: dict[str, str] | None = None) -> tuple[int, str, Any]:
-    async def run() -> tuple[int, str, Any]:
-        async with (
-            aiohttp.ClientSession() as session,
-            session.get(f"http://{live.worker.url.split('/')[2]}{path}", headers=headers) as answer,
-        ):
-            return answer.status, await answer.text(), answer.headers
-
-    return asyncio.run(run())
+def get(live: Live, path: str) -> tuple[int, str, Any]:
+    """The path as it is: other clients resolve its dots themselves."""
+    with closing(HTTPConnection(live.worker.url.split("/")[2])) as connection:
+        connection.request("GET", path)
+        answer = connection.getresponse()
+        return answer.status, answer.read().decode(), answer.headers
 
 
 def test_files_are_ours_and_name_no_one_else(live: Live) -> None:
