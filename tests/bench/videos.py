@@ -143,12 +143,18 @@ def felt(video: str, results: list[Result], rest: Rest) -> Felt:
 
 
 def untouched(images: Sequence[Image]) -> Rest:
-    """The rest frame from where the tip stays most of the time: the pose that is nearest to the others."""
-    tracks = [result.tracks for result in run(images, take_rest(images[:TARE_FRAMES]))]
-    usable = [k for k, t in enumerate(tracks) if t.confidence >= Tracks.LOW_CONFIDENCE]
-    xy = np.array([tracks[k].xy_img for k in usable])
-    away = [np.median(np.nanmedian(np.hypot(*np.moveaxis(xy - pose, -1, 0)), axis=1)) for pose in xy]
-    middle = usable[int(np.argmin(away))]
+    """The rest frame from where the tip stays most of the time."""
+    first = take_rest(images[:TARE_FRAMES])
+    tracks = [result.tracks for result in run(images, first)]
+    mean = np.array(
+        [
+            np.nanmean(t.xy_img - first.xy_img, axis=0) if t.confidence >= 0.5 else (np.inf, np.inf)
+            for t in tracks
+        ]
+    )
+    usable = np.flatnonzero(np.isfinite(mean[:, 0]))
+    apart = np.hypot(*(mean[usable, None] - mean[usable]).transpose(2, 0, 1))
+    middle = usable[int(np.sum(apart < 1.0, axis=1).argmax())]
     return take_rest(images[middle : middle + TARE_FRAMES])
 
 
