@@ -88,12 +88,12 @@ bench: $(READY)
 stability: $(READY)
 	OMP_NUM_THREADS=1 $(BIN)/python -m tests.bench stability
 
-## make fuzz       kernels, decoder, and random files, frames, requests and clocks; SECONDS=60 of each
+## make fuzz       kernels, and the tests marked generative with other seeds, rounds of a minute; SECONDS=60 of each
 fuzz: $(READY)
-	$(BIN)/python -m tests.fuzz.fuzz_kernels --seconds $(SECONDS) --seed $$$$
-	$(BIN)/pip install -q -c constraints.txt atheris
-	$(BIN)/python tests/fuzz/fuzz_decoder.py -max_total_time=$(SECONDS)
-	OMP_NUM_THREADS=1 $(BIN)/python -m tests.fuzz.repeat --seconds $(SECONDS)
+	$(BIN)/python -m tests.fuzz.test_fuzz_kernels --seconds $(SECONDS) --seed $$$$
+	end=$$(($$(date +%s) + $(SECONDS))); until [ $$(date +%s) -ge $$end ]; do \
+		seed=$$(($$(od -An -N3 -tu4 /dev/urandom))); echo "FUZZ_SEED=$$seed --hypothesis-seed=$$seed"; \
+		FUZZ_SEED=$$seed $(PYTEST) -x -m generative --hypothesis-seed=$$seed || exit 1; done
 
 ## make soak       the program under a random schedule of all faults, and its promises; SECONDS=3600
 soak: $(READY)

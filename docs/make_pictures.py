@@ -5,14 +5,12 @@ example:press --loop --view` while the tip is twisted; latency and rate are this
 It has all colours: 256 leave steps in colour bar and image.
 """
 
-import base64
 import io
 import signal
 import subprocess
 import sys
 import tempfile
 import threading
-from contextlib import closing
 from pathlib import Path
 
 import cv2
@@ -22,7 +20,7 @@ from PIL import Image
 from edge.calibration import Calibration
 from edge.cli.render import render_recording
 from edge.examples import example_file
-from tests.browser.chrome import Chrome
+from tests.browser.pages import browser, errors, opened
 
 PICTURES = Path(__file__).resolve().parents[1] / "tests" / "data" / "pictures"
 EACH = 3  # pictures of the recording that one of the GIF stands for
@@ -45,14 +43,15 @@ def moving(path: Path) -> None:
 
 
 def page(path: Path) -> None:
-    with closing(Chrome()) as chrome, subprocess.Popen(REPLAY, stderr=subprocess.PIPE, text=True) as replay:
+    with browser() as context, subprocess.Popen(REPLAY, stderr=subprocess.PIPE, text=True) as replay:
         assert replay.stderr is not None
         try:
-            shown = chrome.open(replay.stderr.readline().removeprefix("live page: ").strip())
+            shown = opened(context, replay.stderr.readline().removeprefix("live page: ").strip())
             threading.Event().wait(FULL_S)
-            shown.until("/Torsion\\s*°\\s*[3456]/.test(document.getElementById('numbers').innerText)")
-            raw = base64.b64decode(shown.call("Page.captureScreenshot", {"format": "png"})["data"])
-            assert shown.errors == []
+            twisted = "/Torsion\\s*°\\s*[3456]/.test(document.getElementById('numbers').innerText)"
+            shown.wait_for_function(f"() => {twisted}")
+            raw = shown.screenshot()
+            assert errors(shown) == []
         finally:
             replay.send_signal(signal.SIGINT)
     with Image.open(io.BytesIO(raw)) as shot:

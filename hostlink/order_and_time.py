@@ -50,8 +50,8 @@ from operator import add
 from typing import Final, NamedTuple
 
 __all__ = [
-    "DRIFT_MAX", "EVIDENCE_P5", "EVIDENCE_P11", "ClockMap", "Evidence", "HostTime", "LinkStatistics",
-    "SenderWatch", "Sequence",
+    "DRIFT_MAX", "EVIDENCE_P5", "EVIDENCE_P11", "ClockMap", "Evidence", "LinkStatistics", "SenderWatch",
+    "Sequence",
 ]  # fmt: skip
 
 WINDOW: Final = 64  # samples; a bus that reorders does not hold one back for longer
@@ -263,13 +263,6 @@ class Evidence:
         self._implied = None
 
 
-class HostTime(NamedTuple):
-    """A moment on the host's clock, +- `error_s`."""
-
-    time_s: float
-    error_s: float
-
-
 class _Bucket(NamedTuple):
     at_s: float  # device time of the least offset
     offset_s: float
@@ -313,25 +306,16 @@ class ClockMap:
         self._late_least_s = inf  # by at least this
         self._uncertainty_s = 0.0  # lateness that caused the last restart
 
-    @property
-    def drift_ppm(self) -> float:
-        """How much faster the host's clock runs than the device's; 0 until known."""
-        return self._slope * 1e6
-
     def restart(self) -> None:
         """The device's clock has changed: it booted, or reported a clock step."""
         with self._lock:
             self._restart()
 
-    def sample(self, capture_us: int, latency_us: float, host_s: float) -> HostTime:
+    def take(self, capture_us: int, latency_us: float, host_s: float) -> tuple[float, float]:
         """A sample, captured at `capture_us` (modulo 2**32) and sent `latency_us` later, arrived at `host_s`.
 
-        Samples must come in the order in which they were captured. Returns when it was captured.
+        Samples must come in the order in which they were captured. Returns the capture and its error, s.
         """
-        return HostTime(*self.take(capture_us, latency_us, host_s))
-
-    def take(self, capture_us: int, latency_us: float, host_s: float) -> tuple[float, float]:
-        """The same as `sample`, in less time: the moment and its error."""
         self._acquire()  # `with` takes four times as long
         try:
             captured_us = self._unwrap(capture_us, host_s)
@@ -345,11 +329,6 @@ class ClockMap:
         finally:
             self._release()
 
-    def observe(self, device_us: int, host_s: float) -> None:
-        """A message sent at `device_us` (modulo 2**32) arrived at `host_s`."""
-        with self._lock:
-            self._observe(self._unwrap(device_us, host_s), host_s)
-
     def bracket(self, asked_s: float, device_us: int, answered_s: float) -> None:
         """A round trip: the device read its clock as `device_us` between two moments of the host's."""
         with self._lock:
@@ -360,16 +339,6 @@ class ClockMap:
             self._observe(unwrapped_us, answered_s)
             self._floors.append(_Bucket(at_s, asked_s - at_s))
             self._uncertainty_s = 0.0
-
-    def to_host(self, device_us: int) -> HostTime | None:
-        """Host time of a moment of the device (modulo 2**32, within 35 min of the last sample).
-
-        None before anything was observed.
-        """
-        with self._lock:
-            if not self._is_known:
-                return None
-            return HostTime(*self._host_time(self._last_us + _signed(device_us - self._last_us)))
 
     # ------------------------------------------------------------------------------------------------
 

@@ -21,11 +21,11 @@ import pytest
 from edge.calibration import Calibration
 from hostlink import connect
 from hostlink.client import Connection, Finger
-from hostlink.errors import ConnectError, LinkError
+from hostlink.errors import LinkError
 from hostlink.output_file import find_unfinished
 from hostlink.wire import CanIds, Kind
 from tests.bench.soak import CALIBRATION
-from tests.support.fingers import free_port
+from tests.support.fingers import free_port, need_multicast
 from tests.support.seeds import SEED
 from tests.support.waiting import SOON_S
 
@@ -36,11 +36,7 @@ GROUP = "239.255.43.21"
 @pytest.fixture(autouse=True)
 def multicast() -> None:
     """The bus that two processes can share without hardware."""
-    try:
-        connect(f"udp:{GROUP}?ttl=0").close()
-    except ConnectError as error:
-        # Two processes need a bus between them, and some containers have no network at all.
-        pytest.skip(f"no UDP multicast here: {error}")
+    need_multicast()
 
 
 @dataclass(frozen=True)

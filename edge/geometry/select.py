@@ -11,13 +11,6 @@ SIGMA_OF_MAD = 1.4826
 _SIGMA_OF_MAD = cython.declare(cython.double, SIGMA_OF_MAD)
 
 
-def kth_smallest(values: cython.double[::1], k: cython.Py_ssize_t) -> float:
-    """k-th smallest, from 0, of (n,) float64 without NaN, which change places. Raises ValueError."""
-    if not 0 <= k < values.shape[0]:
-        raise ValueError(f"the {k}-th of {values.shape[0]} values: k must be 0 to {values.shape[0] - 1}")
-    return select_kth(values, values.shape[0], k)
-
-
 def select_kth(v: cython.double[::1], n: cython.Py_ssize_t, k: cython.Py_ssize_t) -> cython.double:
     """k-th smallest of the first n > k, which change places: none before it is larger then, none behind it
     smaller.

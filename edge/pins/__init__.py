@@ -1,7 +1,7 @@
 """Where the pins are in an image.
 
-    learn_pattern    radius, pitch, circle, brightness and blur of the pins, from one image
-    detect           all pins of an image, in no order; without a pattern it is learnt from that image
+    learn            pins of one image, in no order, and their pattern: size, pitch, circle, brightness, blur
+    detect           all pins of a known pattern in an image, in no order
     take_rest        the untouched tip, from several images: row i defines pin i
     CentroidRefiner  where each pin of the rest is now, read from its neighbourhood alone: the hot path
 
@@ -10,8 +10,8 @@ refiner reads windows only; both end in the same estimator (`centroids`), so a p
 way it was found.
 """
 
-from edge.pins.detect import detect, learn_pattern, to_grey
+from edge.pins.detect import detect, learn, to_grey
 from edge.pins.refine import CentroidRefiner
 from edge.pins.rest_frame import take_rest
 
-__all__ = ["CentroidRefiner", "detect", "learn_pattern", "take_rest", "to_grey"]
+__all__ = ["CentroidRefiner", "detect", "learn", "take_rest", "to_grey"]

@@ -244,8 +244,7 @@ class CentroidKernel:
     @cython.cfunc
     def _read(self) -> cython.void:
         """Each pin steps from its prediction to its centroid."""
-        n: cython.Py_ssize_t = self.n  # that have to take the next step
-        iteration: cython.int = 0
+        n: cython.Py_ssize_t = self.n
         if n == 0:
             return
         self._steps_of = steps_of(
@@ -254,7 +253,7 @@ class CentroidKernel:
         )  # fmt: skip
         if self._wide:
             for i in range(n):
-                self._find(i, 0)
+                self._find(i)
             return
         self._begin_to_fetch()
         self._windows = windows_of(
@@ -263,20 +262,18 @@ class CentroidKernel:
         )  # fmt: skip
         for i in range(n):
             self._who[i] = i
+        first = True
         while n > 0:
-            asked = take_steps(
-                self._windows, self._steps_of, self._who, n, self._near2_of(iteration),
-                self._far2_of(iteration), iteration == 0,
-            )  # fmt: skip
+            asked = take_steps(self._windows, self._steps_of, self._who, n, self._near2, self._far2, first)
             n = 0
             for k in range(asked):
                 i = self._who[k] >> 1
-                if self._who[k] & 1:
+                if first and self._who[k] & 1:
                     self._who[n] = i
                     n += 1
                 else:
-                    self._find(i, iteration)
-            iteration += 1
+                    self._find(i)
+            first = False
 
     @cython.cfunc
     def _reject(self) -> cython.void:
@@ -310,28 +307,37 @@ class CentroidKernel:
                 xy[i, 0] = xy[i, 1] = sigma[i] = NAN
 
     @cython.cfunc
-    @cython.inline
-    def _far2_of(self, iteration: cython.int) -> cython.double:
-        """Far off, slopes alone give a coarse step first."""
-        return self._far2 if iteration + 3 < self._steps_max else HUGE_VAL
-
-    @cython.cfunc
-    @cython.inline
-    def _near2_of(self, iteration: cython.int) -> cython.double:
-        """The last step that is allowed ends everywhere."""
-        return self._near2 if iteration + 1 < self._steps_max else HUGE_VAL
-
-    @cython.cfunc
     @cython.exceptval(check=False)
-    def _find(self, i: cython.Py_ssize_t, iteration: cython.int) -> cython.void:
-        """Steps of pin i, which has taken `iteration` of them."""
-        while iteration < self._steps_max:
-            x, y = self.predicted[i, 0], self.predicted[i, 1]
-            if iteration:
-                x, y = self.xy[i, 0], self.xy[i, 1]
-            if not self._step(i, x, y, self._near2_of(iteration), self._far2_of(iteration), iteration == 0):
+    def _find(self, i: cython.Py_ssize_t) -> cython.void:
+        """All steps of pin i, from its prediction.
+
+        Beside a glint the slopes change faster than a disc's, and steps would lead to and fro for ever. One
+        that leads back at least as far as the last one came ends where both would be zero if they changed
+        evenly between their beginnings. Steps of the same kind that follow are shortened likewise.
+        """
+        n: cython.int = 0
+        part: cython.double = 1.0
+        far2 = self._far2  # far off, slopes alone give a coarse step first
+        x, y = self.predicted[i, 0], self.predicted[i, 1]
+        old_x = old_y = old_step_x = old_step_y = NAN  # where the step before began, and itself
+        while n < self._steps_max and self._step(i, x, y, far2):
+            n += 1
+            x = 0.25 * cython.cast(cython.int, N_PHASES * x + 2) - 0.375  # where it began
+            y = 0.25 * cython.cast(cython.int, N_PHASES * y + 2) - 0.375
+            step_x, step_y = self.xy[i, 0] - x, self.xy[i, 1] - y
+            way_x, way_y = x - old_x, y - old_y
+            came = way_x * old_step_x + way_y * old_step_y
+            back = -(way_x * step_x + way_y * step_y)
+            to_and_fro = back >= came > 0.0
+            if to_and_fro:
+                part = square(way_x, way_y) / (came + back)
+            old_x, old_y, old_step_x, old_step_y = x, y, step_x, step_y
+            x, y = x + part * step_x, y + part * step_y
+            self.xy[i, 0], self.xy[i, 1] = x, y
+            if far2 == HUGE_VAL and square(x - old_x, y - old_y) < self._near2:
                 return
-            iteration += 1
+            if far2 < HUGE_VAL and (to_and_fro or n + 3 >= self._steps_max):
+                far2, part = HUGE_VAL, 1.0
 
     @cython.cfunc
     def _begin_to_fetch(self) -> cython.void:
@@ -367,14 +373,11 @@ class CentroidKernel:
 
     @cython.cfunc
     def _step(
-        self, i: cython.Py_ssize_t, px: cython.double, py: cython.double, near2: cython.double,
-        far2: cython.double, first: cython.bint,
-    ) -> cython.bint:  # fmt: skip
+        self, i: cython.Py_ssize_t, px: cython.double, py: cython.double, far2: cython.double
+    ) -> cython.bint:
         """A step of pin i from a place, px. Returns that it has to go on.
 
-        near2  px2: a step this short is the last
-        far2   px2: of a longer one the slopes alone are enough
-        first  it is its first step
+        far2  px2: of a longer one the slopes alone are enough
         """
         x4: cython.double = N_PHASES * px + 2
         y4: cython.double = N_PHASES * py + 2
@@ -395,9 +398,9 @@ class CentroidKernel:
         else:
             self._take_window(cx, cy, kind)
             if self._in_view < self._kinds[kind].pixels:
-                return self._step_cut(i, kind, phase, middle_x, middle_y, near2)
+                return self._step_cut(i, kind, phase, middle_x, middle_y)
             self._sum_levels(kind, phase, norm)
-        return take_step(self._steps_of, self._sums, i, norm, middle_x, middle_y, near2, far2, first)
+        return take_step(self._steps_of, self._sums, i, norm, middle_x, middle_y, self._near2, far2, False)
 
     @cython.cfunc
     def _sum_levels(
@@ -447,14 +450,12 @@ class CentroidKernel:
                     self._in_view += 1
                 self._window[at] = cython.cast(cython.short, min(max(step, -LEVEL_MAX), LEVEL_MAX))
                 at += 1
-        while at < k.plane:
-            self._window[at] = 0
-            at += 1
+        self._window[at : k.plane] = 0
 
     @cython.cfunc
     def _step_cut(
         self, i: cython.Py_ssize_t, kind: cython.Py_ssize_t, phase: cython.Py_ssize_t,
-        middle_x: cython.double, middle_y: cython.double, near2: cython.double,
+        middle_x: cython.double, middle_y: cython.double,
     ) -> cython.bint:  # fmt: skip
         """The same for a pin that the border cuts: the fit of 1, d, tx, ty over the pixels there are."""
         n: cython.Py_ssize_t = self._norm_of[i] + phase
@@ -482,15 +483,13 @@ class CentroidKernel:
         went2 = square(self.xy[i, 0] - self.predicted[i, 0], self.xy[i, 1] - self.predicted[i, 1])
         if went2 > self._reach2:
             return False
-        if far * far >= near2:
-            return True
         self.amplitude[i] = amplitude * self._gain
         self.sigma[i] = sigma_of(
             variance * 0.5 * (self._inverse[2, 2] + self._inverse[3, 3]) / (amplitude * amplitude),
             rest, freedom, energy, self._noise2, self._norms[n, RADIUS],
         )  # fmt: skip
         self.fit[i] = explained / energy
-        return False
+        return far * far >= self._near2
 
     @cython.cfunc
     def _gather_cut(

@@ -43,24 +43,9 @@ from edge.types import Array, Image, Mask, PinPattern, Pins, Polarity, Rest
 _TRIED = {Polarity.FOUND: (False, True), Polarity.BRIGHT: (False,), Polarity.DARK: (True,)}
 
 
-def learn_pattern(image: Image, polarity: Polarity = Polarity.FOUND) -> PinPattern:
-    """Size, pitch, circle, brightness and blur of the pins in one image of the untouched tip.
-
-    image   (h, w) uint8 or uint16, or (h, w, 3) BGR
-    Raises  NoPins: no pins of a tip in it
-    """
-    return learn(to_grey(image), polarity)[0]
-
-
-def detect(image: Image, pattern: PinPattern | None = None) -> Pins:
-    """All pins of the image, in no order.
-
-    With a pattern, an image without pins gives no rows. Without one the pattern is learnt from this image,
-    and NoPins is raised if that fails.
-    """
+def detect(image: Image, pattern: PinPattern) -> Pins:
+    """All pins of this pattern in the image, in no order; it may have none."""
     grey = to_grey(image)
-    if pattern is None:
-        return learn(grey)[1]
     if pattern.lens is not None:
         return corrected_pins(detect(grey, pattern_as_seen(pattern)), pattern.lens)
     grey = as_bright(grey, pattern.dark)
@@ -94,11 +79,15 @@ def noise_of(grey: Image) -> float:
     return float(SIGMA_OF_MAD * np.float32(middle.mean()) / np.sqrt(20.0))
 
 
-def learn(grey: Image, polarity: Polarity = Polarity.FOUND) -> tuple[PinPattern, Pins]:
-    """Pattern and pins of a grey image of which nothing is known; raises NoPins where there are none.
+def learn(image: Image, polarity: Polarity = Polarity.FOUND) -> tuple[PinPattern, Pins]:
+    """Pattern and pins, in no order, of one image of the untouched tip, of which nothing is known.
 
-    Where bright and dark ones are found, those of the more even pattern are taken.
+    Where bright and dark pins are found, those of the more even pattern are taken.
+
+    image   (h, w) uint8 or uint16, or (h, w, 3) BGR
+    Raises  NoPins: no pins of a tip in it
     """
+    grey = to_grey(image)
     found: list[_Learnt] = []
     failures: list[str] = []
     for dark in _TRIED[polarity]:
@@ -214,7 +203,8 @@ def _refuse_glints(grey: Image, pins: Pins, pattern: PinPattern) -> None:
         raise _NotThese(f"{len(pins)} spots on ground that is unlike the skin between them: reflections")
 
 
-def _find(grey: Image, pattern: PinPattern) -> Spots:
+def spots_of(grey: Image, pattern: PinPattern) -> Spots:
+    """All spots of about the pins' size on the tip that would be bright enough in twice the light."""
     small, large = pattern.radius_range_px
     if small <= 0.0:
         small = large = pattern.pin_radius_px
@@ -223,7 +213,11 @@ def _find(grey: Image, pattern: PinPattern) -> Spots:
     scales = small * (large / small) ** ((np.arange(count) + 0.5) / count)
     # The light may have halved since.
     found = _at_scales(grey, scales, 0.5 * PARAMS.depth_min_pins * pattern.brightness)
-    found = found[np.hypot(*(found.xy_img - pattern.centre_img).T) < 1.1 * pattern.tip_radius_px]
+    return found[np.hypot(*(found.xy_img - pattern.centre_img).T) < 1.1 * pattern.tip_radius_px]
+
+
+def _find(grey: Image, pattern: PinPattern) -> Spots:
+    found = spots_of(grey, pattern)
     spots = found[_well_shaped(found)]
     if len(spots) == 0:
         return spots

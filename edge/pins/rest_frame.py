@@ -10,7 +10,7 @@ from edge.errors import NoPins
 from edge.geometry.lattice import pitch_of
 from edge.geometry.neighbours import nearest_of
 from edge.pins.blobs import join, rows_of
-from edge.pins.detect import as_bright, circle_of, detect, in_view, learn, noise_of, to_grey
+from edge.pins.detect import as_bright, circle_of, detect, in_view, learn, noise_of, spots_of, to_grey
 from edge.pins.lens import corrected_rest
 from edge.pins.params import PARAMS
 from edge.pins.pattern import FLAT, one_of_each_marker, trend_of
@@ -95,6 +95,10 @@ def with_voted(greys: Sequence[Image], pattern: PinPattern, pins: Pins) -> tuple
     reach_px = pattern.tip_radius_px + PARAMS.link_pitches_outside * pattern.pitch_px
     wider = replace(pattern, tip_radius_px=reach_px, count=0)
     near_px = 0.5 * pattern.pitch_px
+    # What half of the images show, their mean shows as a spot at least.
+    spots = spots_of(_mean(greys), wider)
+    if np.all(nearest_of(pins.xy_img, spots.xy_img)[0] <= near_px):
+        return pattern, pins
     shown: list[Pins] = []
     with_more_n = 0
     for grey in greys:

@@ -19,13 +19,14 @@ Rules
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from itertools import permutations
 from math import ceil, nan
 from pathlib import Path
 
 import click
 import numpy as np
 from rich.progress import track
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial.distance import cdist
 
 from calib.extract import DEMAND, Measured, contact_inputs, frame_inputs, gather
 from calib.fit import ModelKind, Search, fit
@@ -289,10 +290,9 @@ def read(result: Result, tools: Tools) -> Errors:
 def _in_order(contacts: Array, balls: Sequence[Ball]) -> Array:
     """The contacts as they fit the balls best: least sum of distances."""
     place = np.array([(ball.x_mm, ball.y_mm) for ball in balls]).reshape(-1, 2)
-
-    orders = [contacts[list(order)] for order in permutations(range(len(balls)))]
-    distances = [np.hypot(*(ordered[:, :2] - place).T).sum() for ordered in orders]
-    return orders[int(np.argmin(distances))]
+    _, order = linear_sum_assignment(cdist(place, contacts[:, :2]))
+    ordered: Array = contacts[order]
+    return ordered
 
 
 def measure(tip: SecondTip, scene: Scene, n: int, seed: int) -> Measures:

@@ -17,7 +17,7 @@ GRASP = frozenset({Feature.DISPLACEMENT, Feature.SHEAR})
 
 def scene(name: str, pins: int = 331, size_px: tuple[int, int] = (640, 480)) -> list[Frame]:
     """Every frame of a scene of the simulator; the first `REST_FRAMES` show the untouched tip."""
-    camera = Camera(tip=Tip(n_pins=pins, pin_radius_mm=0.6), size_px=size_px)
+    camera = Camera(tip=Tip(n_pins=pins, pin_radius_mm=0.6 * (331 / pins) ** 0.5), size_px=size_px)
     simulator = Simulator(camera, seed=1, rate_hz=240.0)
     return [simulator.frame(contacts) for contacts in play(SCENES[name])]
 

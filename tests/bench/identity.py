@@ -13,7 +13,6 @@ blob.
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import combinations_with_replacement
 from pathlib import Path
 
 import click
@@ -21,6 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.progress import track
 from scipy.spatial import Delaunay
+from sklearn.linear_model import RidgeCV
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
 from calib.sim import Camera, Tip, Tool, ToolPose, deform
 from edge.pins import detect, take_rest
@@ -97,18 +99,10 @@ def off_the_pose(jumps: list[Jump], folder: Path) -> Array:
     """
     poses = poses_of_stills(folder)
     pose = np.array([poses[j.frame] for j in jumps])
-    pose = (pose - pose.mean(0)) / pose.std(0)
-    columns = [np.ones(len(pose))]
-    for degree in (1, 2, 3):
-        columns += [
-            np.prod(pose[:, c], axis=1) for c in combinations_with_replacement(range(pose.shape[1]), degree)
-        ]
-    basis = np.stack(columns, axis=1)
     moved = np.array([j.mean_motion_px for j in jumps])
-    inverse = np.linalg.inv(basis.T @ basis + 1e-3 * np.eye(basis.shape[1]))
-    leverage = np.einsum("ij,jk,ik->i", basis, inverse, basis)
-    residual = moved - basis @ (inverse @ (basis.T @ moved))
-    off: Array = np.hypot(*(residual / (1 - leverage)[:, None]).T)
+    basis = make_pipeline(StandardScaler(), PolynomialFeatures(3)).fit_transform(pose)
+    fitted = RidgeCV([1e-3], fit_intercept=False, store_cv_results=True).fit(basis, moved)
+    off: Array = np.sqrt(fitted.cv_results_[..., 0].sum(axis=1))
     return off
 
 

@@ -19,6 +19,7 @@ from pathlib import Path
 import click
 import cv2
 import numpy as np
+from scipy.interpolate import make_interp_spline
 
 from calib.sim import Camera, Simulator, Tip, Tool, ToolPose, deform
 from edge.frame import Pipeline
@@ -135,7 +136,7 @@ class Bench:
         for way in (there, np.array(back)):
             pipeline = Pipeline(self.rest, demand=DEMAND)
             shares = np.concatenate([np.zeros(PRESS_N + HOLD_N), np.interp(way, ways, known[:, 0])])
-            pins = [*press, *[press[-1]] * HOLD_N, *_between(way, ways, places)]
+            pins = [*press, *[press[-1]] * HOLD_N, *make_interp_spline(ways, places, k=1)(way)]
             probable = np.array([self._probability(pipeline, xy, rng) for xy in pins]) > PROBABLE
             rises = probable & ~np.append(False, probable[:-1])
             quiet = shares < FALSE_BELOW
@@ -150,14 +151,6 @@ class Bench:
     def _probability(self, pipeline: Pipeline, xy: Array, rng: np.random.Generator) -> float:
         noisy = xy + rng.normal(0.0, NOISE_PX, xy.shape)
         return pipeline.features(tracks_of(noisy)).slip_probability or 0.0
-
-
-def _between(way: Array, ways: Array, places: Array) -> Iterator[Array]:
-    """Pins at points of the way, between the solved ones."""
-    for at in way:
-        k = min(int(np.searchsorted(ways, at, side="right")) - 1, len(ways) - 2)
-        share = (at - ways[k]) / (ways[k + 1] - ways[k])
-        yield (1 - share) * places[k] + share * places[k + 1]
 
 
 def watch(path: Path) -> dict[str, object]:

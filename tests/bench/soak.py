@@ -35,6 +35,7 @@ import click
 import cv2
 import numpy as np
 from rich.console import Console
+from scipy.stats import theilslopes
 
 from calib.sim.source import SceneSource
 from edge.calibration import Calibration
@@ -164,9 +165,7 @@ class Outcome:
         kept = np.array(self.memory_mb[len(self.memory_mb) // 3 :])
         if len(kept) < MEMORY_LEAST_N:
             return
-        i, j = np.triu_indices(len(kept), 1)
-        slopes_mb = (kept[j] - kept[i]) / (j - i)  # the median of all pairs', Theil and Sen's, knows no steps
-        grown_mb = float(np.median(slopes_mb)) * len(kept)
+        grown_mb = float(theilslopes(kept).slope) * len(kept)  # the median of all pairs' knows no steps
         slope = 2**20 * grown_mb / (samples_n * len(kept) / len(self.memory_mb))
         self.slope_bytes = round(slope, 1)
         if slope > SLOPE_BYTES and grown_mb > NOISE_MB:

@@ -31,6 +31,8 @@ from tests.bench.counter import ENVIRONMENT, Counts, counted, run
 from tests.bench.frames import GRASP, calibration_of, scene
 from tests.bench.output import show, write_json, writes_results
 
+Size = tuple[int, int]  # of an image, px
+
 
 @dataclass(frozen=True)
 class Variant:
@@ -91,9 +93,9 @@ MACHINES = ("x86_64", "aarch64")
 class Step:
     """The frames of one variant in files in an empty folder, and what is counted of them."""
 
-    def __init__(self, variant: Variant, folder: Path) -> None:
+    def __init__(self, variant: Variant, folder: Path, pins: int = 331, size_px: Size = (640, 480)) -> None:
         self._folder = folder
-        frames = scene(variant.scene)
+        frames = scene(variant.scene, pins, size_px)
         first = REST_FRAMES + variant.skipped
         images, calibration = folder / "images.npz", folder / "tip.json"
         np.savez(
@@ -117,10 +119,10 @@ class Step:
         return {kind: {name: n / COUNTED for name, n in found.items()} for kind, found in printed.items()}
 
 
-def measure(name: str, board: Board | None = None) -> dict[str, Any]:
+def measure(name: str, board: Board | None, pins: int, size_px: Size) -> dict[str, Any]:
     """The figures of one variant, on this machine and on an emulated board."""
     with tempfile.TemporaryDirectory() as folder:
-        step = Step(VARIANTS[name], Path(folder))
+        step = Step(VARIANTS[name], Path(folder), pins, size_px)
         counts = {platform.machine(): step.native()}
         calls = step.calls()
         if board is not None:
@@ -140,27 +142,34 @@ def measure(name: str, board: Board | None = None) -> dict[str, Any]:
 @click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout, nothing else.")
 @click.option("--top", type=click.IntRange(min=0), default=0, help="Show so many functions, parts and calls.")
 @click.option("--arch", type=click.Choice(["arm64"]), help="Count on an emulated board, too.")
+@click.option("--rings", default=10, show_default=True, type=click.IntRange(2, 31), help="Of pins.")
+@click.option(
+    "--size", "size_px", default=(640, 480), show_default=True, type=(int, int), help="Of the image."
+)
 @writes_results
-def command(as_json: bool, top: int, arch: str | None, out: Path) -> None:
+def command(as_json: bool, top: int, arch: str | None, rings: int, size_px: Size, out: Path) -> None:
     """Instructions, cache misses and calls of one step of the loop, from the image to the CAN FD frame."""
+    pins = 1 + 3 * rings * (rings + 1)
     workers = ThreadPoolExecutor(len(os.sched_getaffinity(0)))  # they wait for valgrind alone
     with tempfile.TemporaryDirectory() as folder, workers as pool:
         board = Board(Path(folder)) if arch else None
-        found = dict(zip(VARIANTS, pool.map(lambda name: measure(name, board), VARIANTS), strict=True))
+        found = dict(
+            zip(VARIANTS, pool.map(lambda name: measure(name, board, pins, size_px), VARIANTS), strict=True)
+        )
     details = {name: {kind: row.pop(kind) for kind in ("counts", "calls")} for name, row in found.items()}
     result = {f"step_{name}": row for name, row in found.items()}
     write_json(out / "step.json", result)
     if as_json:
         click.echo(json.dumps(result))
     else:
-        show_steps(found)
+        show_steps(found, f"{pins} pins at {size_px[0]}x{size_px[1]}, from the image to the CAN FD frame")
         if arch:
             show_boards(found["contact"])
         for name in found if top else ():
             show_top(name, details[name], top)
 
 
-def show_steps(found: dict[str, dict[str, Any]]) -> None:
+def show_steps(found: dict[str, dict[str, Any]], title: str) -> None:
     """A row for each variant."""
     show(
         [
@@ -172,7 +181,7 @@ def show_steps(found: dict[str, dict[str, Any]]) -> None:
             }
             for name, row in found.items()
         ],
-        "331 pins at 640x480, from the image to the CAN FD frame",
+        title,
     )
 
 

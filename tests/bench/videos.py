@@ -18,15 +18,14 @@ from pathlib import Path
 from typing import Any
 
 import click
-import cv2
 import numpy as np
 
 from edge.frame import Pipeline
 from edge.geometry.layout import affine_terms
-from edge.pins import CentroidRefiner, detect, take_rest
-from edge.tracking import Tracker
+from edge.pins import take_rest
+from edge.sources import open_source
 from edge.tracking.tip import TrackedTip
-from edge.types import Feature, Frame, Image, Rest, Tracks
+from edge.types import Feature, Frame, Image, Rest, Result, Tracks
 from tests.bench.output import show, write_json, writes_results
 from tests.bench.recordings import REAL
 
@@ -85,32 +84,19 @@ class Felt:
 
 def read(path: Path) -> list[Image]:
     """All frames, grey."""
-    video = cv2.VideoCapture(str(path))
-    frames: list[Image] = []
-    while (got := video.read())[0]:
-        frames.append(np.asarray(cv2.cvtColor(got[1], cv2.COLOR_BGR2GRAY), np.uint8))
-    if not frames:
-        raise click.ClickException(f"{path}: no video; set VORONOI_TOUCH_REAL to the recordings' folder")
-    return frames
+    return [frame.image for frame in open_source(str(path))]
 
 
-def run(images: Sequence[Image], rest: Rest) -> tuple[list[Tracks], int]:
-    """Tracks of each image, and how many images were searched as a whole."""
-    refiner, tracker = CentroidRefiner(rest), Tracker(rest)
-    out, searched = [], 0
-    for image in images:
-        predicted = tracker.predict()
-        tracks = None if predicted is None else tracker.follow(refiner.refine(image, predicted))
-        if tracks is None or tracks.confidence < Tracks.LOW_CONFIDENCE:
-            tracks, searched = tracker.identify(detect(image, rest.pattern)), searched + 1
-        out.append(tracks)
-    return out, searched
+def run(images: Sequence[Image], rest: Rest) -> list[Result]:
+    """What a pipeline finds in each image."""
+    pipeline = Pipeline(rest, demand=frozenset({Feature.CONTACTS}))
+    return [pipeline.process(Frame(image, k, k)) for k, image in enumerate(images)]
 
 
-def evaluate(video: str, way: str, rest: Rest, tracks: list[Tracks], searched: int, back: bool) -> Play:
+def evaluate(video: str, way: str, rest: Rest, results: list[Result], back: bool = False) -> Play:
     tip = TrackedTip(rest)
     pitch = rest.pattern.pitch_px
-    sure = [t for t in tracks if t.confidence >= Tracks.LOW_CONFIDENCE]
+    sure = [r.tracks for r in results if r.tracks.confidence >= Tracks.LOW_CONFIDENCE]
     nearest, leaps, before = np.inf, 0, None
     for t in sure:
         a, b = tip.lattice.pairs.T
@@ -128,8 +114,8 @@ def evaluate(video: str, way: str, rest: Rest, tracks: list[Tracks], searched: i
         left = int(np.sum(off > pitch / 3))
     count = [t.n_seen for t in sure] or [0]
     return Play(
-        video, way, len(tracks), len(rest), (int(np.median(count)), min(count)),
-        len(tracks) - len(sure), searched, round(nearest, 3), leaps, left,
+        video, way, len(results), len(rest), (int(np.median(count)), min(count)),
+        len(results) - len(sure), sum(r.searched for r in results), round(nearest, 3), leaps, left,
     )  # fmt: skip
 
 
@@ -141,10 +127,8 @@ def residual_of(tracks: Tracks, rest: Rest) -> float:
     return float(np.median(np.hypot(*off.T)))
 
 
-def felt(video: str, images: Sequence[Image], rest: Rest) -> Felt:
+def felt(video: str, results: list[Result], rest: Rest) -> Felt:
     """Contacts in the trusted frames of a video, against how bent the motion is."""
-    pipeline = Pipeline(rest, demand=frozenset({Feature.CONTACTS}))
-    results = [pipeline.process(Frame(image, k, k)) for k, image in enumerate(images)]
     sure = [r for r in results if r.features is not None]
     off = np.full(len(results), np.inf)  # of frames whose identities are not trusted nothing is known
     off[[r.frame.sequence for r in sure]] = [residual_of(r.tracks, rest) for r in sure]
@@ -159,18 +143,12 @@ def felt(video: str, images: Sequence[Image], rest: Rest) -> Felt:
 
 
 def untouched(images: Sequence[Image]) -> Rest:
-    """The rest frame from where the tip stays most of the time."""
-    first = take_rest(images[:TARE_FRAMES])
-    tracks, _ = run(images, first)
-    mean = np.array(
-        [
-            np.nanmean(t.xy_img - first.xy_img, axis=0) if t.confidence >= 0.5 else (np.inf, np.inf)
-            for t in tracks
-        ]
-    )
-    usable = np.flatnonzero(np.isfinite(mean[:, 0]))
-    apart = np.hypot(*(mean[usable, None] - mean[usable]).transpose(2, 0, 1))
-    middle = usable[int(np.sum(apart < 1.0, axis=1).argmax())]
+    """The rest frame from where the tip stays most of the time: the pose that is nearest to the others."""
+    tracks = [result.tracks for result in run(images, take_rest(images[:TARE_FRAMES]))]
+    usable = [k for k, t in enumerate(tracks) if t.confidence >= Tracks.LOW_CONFIDENCE]
+    xy = np.array([tracks[k].xy_img for k in usable])
+    away = [np.median(np.nanmedian(np.hypot(*np.moveaxis(xy - pose, -1, 0)), axis=1)) for pose in xy]
+    middle = usable[int(np.argmin(away))]
     return take_rest(images[middle : middle + TARE_FRAMES])
 
 
@@ -183,19 +161,18 @@ def command(out: Path) -> None:
     for name in NAMES:
         images = read(REAL / "video" / f"{name}.avi")
         rest = take_rest(images[:TARE_FRAMES])
-        tracks, searched = run(images, rest)
-        plays.append(evaluate(name, "start to end", rest, tracks, searched, back=False))
+        results = run(images, rest)
+        plays.append(evaluate(name, "start to end", rest, results))
         if name == "Movement4":
             for stride in STRIDES:
                 there = images[::stride]
                 both = run([*there, *there[::-1]], rest)
-                plays.append(evaluate(name, f"there and back, every {stride}", rest, *both, back=True))
-        calm = rest
+                plays.append(evaluate(name, f"there and back, every {stride}", rest, both, back=True))
         if name in ("north", "west"):
-            calm = untouched(images)
-            at_ease, searched = run(images, calm)
-            plays.append(evaluate(name, "tare where it is untouched", calm, at_ease, searched, back=False))
-        contacts.append(felt(name, images, calm))
+            rest = untouched(images)
+            results = run(images, rest)
+            plays.append(evaluate(name, "tare where it is untouched", rest, results))
+        contacts.append(felt(name, results, rest))
     report: dict[str, Any] = {
         "plays": [asdict(p) for p in plays],
         "contacts": [asdict(f) for f in contacts],

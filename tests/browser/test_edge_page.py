@@ -11,18 +11,20 @@ from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
+from playwright.sync_api import BrowserContext, Page, ViewportSize
 
 from edge.recording.reader import RecordingSource
-from tests.browser.chrome import Chrome, Page
+from tests.browser.pages import errors, opened
 from tests.support.viewing import TOKEN, Live
 from tests.support.waiting import SOON_S, until
 
 PRESSED = -1
 PRELOADED = 14  # 1.5 mm: a forced tare accepts it; pressed deeper, the pins look like another tip's
-LIVE = "document.body.dataset.state === 'live'"
+LIVE = "() => document.body.dataset.state === 'live'"
 STATE = "document.getElementById('state').textContent"
 
 
@@ -34,13 +36,13 @@ def live(data_dir: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[L
 
 
 @pytest.fixture
-def page(live: Live, chrome: Chrome) -> Iterator[Page]:
+def page(live: Live, context: BrowserContext) -> Iterator[Page]:
     live.show(0)
-    with closing(chrome.open(live.url)) as opened:
-        opened.until(LIVE)
-        opened.until("Number(document.body.dataset.packets) > 0")  # the first picture came
-        yield opened
-        assert opened.errors == []
+    with closing(opened(context, live.url)) as page:
+        page.wait_for_function(LIVE)
+        page.wait_for_function("() => Number(document.body.dataset.packets) > 0")  # the first picture came
+        yield page
+        assert errors(page) == []
 
 
 def pixels(page: Page) -> np.ndarray:
@@ -95,7 +97,7 @@ def on_canvas(live: Live, xy_img: Any, width: int) -> np.ndarray:
 
 
 def shown(page: Page, message: str) -> None:
-    page.until(f"document.body.innerText.includes({message!r})")
+    page.wait_for_function(f"() => document.body.innerText.includes({message!r})")
 
 
 def test_red_where_the_simulator_pressed(live: Live, page: Page) -> None:
@@ -119,28 +121,32 @@ def test_red_where_the_simulator_pressed(live: Live, page: Page) -> None:
 def test_safe_colours(live: Live, page: Page) -> None:
     live.show(PRESSED)
     shown(page, "1 contact")
-    page.press("c")
-    page.until("document.getElementById('safe').ariaPressed === 'true'")
+    page.keyboard.press("c")
+    page.wait_for_function("() => document.getElementById('safe').ariaPressed === 'true'")
     image = pixels(page)
     assert orange(image).sum() > 100
     assert not red(image).any()
-    page.press("c")
-    page.until("document.getElementById('safe').ariaPressed === 'false'")
+    page.keyboard.press("c")
+    page.wait_for_function("() => document.getElementById('safe').ariaPressed === 'false'")
     assert red(pixels(page)).sum() > 100
+
+
+def outlines_n(image: np.ndarray) -> int:
+    """How many pixels have the colour of the cells' outlines."""
+    return int((image == (190, 190, 190)).all(axis=2).sum())
 
 
 def test_surface(live: Live, page: Page) -> None:
     live.show(PRESSED)
     shown(page, "1 contact")
-    cells = pixels(page)
-    n = int(page.evaluate("Number(document.body.dataset.packets)"))
-    page.press("s")
-    page.until(f"Number(document.body.dataset.packets) > {n + 10}")
-    surface = pixels(page)
-    assert red(surface).any()
-    edge = (190, 190, 190)
-    outlines, left = ((image == edge).all(axis=2).sum() for image in (cells, surface))
-    assert outlines > 5 * left, "the surface has no outlines of cells"
+    outlines = outlines_n(pixels(page))
+    page.keyboard.press("s")
+
+    def is_surface() -> bool:
+        image = pixels(page)
+        return bool(red(image).any()) and outlines > 5 * outlines_n(image)
+
+    live.until(is_surface, "a surface, which has no outlines of cells")
 
 
 def test_numbers_are_the_calibrated_ones(live: Live, page: Page) -> None:
@@ -172,10 +178,10 @@ def test_charts_move(live: Live, page: Page) -> None:
         "if (d[i] < 40 && d[i + 2] > 120 && d[i + 3] > 200) { top = Math.floor(i / 4 / c.width); break }"
         "return top })()"
     )
-    page.until(f"{chart}.width && {ink}")  # a chart is laid out after the first packet
+    page.wait_for_function(f"() => {chart}.width && {ink}")  # a chart is laid out after the first packet
     low = page.evaluate(ink)
     live.show(PRESSED)
-    page.until(f"{ink} < {low} - 20")
+    page.wait_for_function(f"() => {ink} < {low} - 20")
 
 
 def test_tare_works_and_shows(live: Live, page: Page) -> None:
@@ -183,21 +189,21 @@ def test_tare_works_and_shows(live: Live, page: Page) -> None:
     shown(page, "1 contact")
     live.until(lambda: bool(red(pixels(page)).any()), "the pressed cells in the picture")
     pressed = red(pixels(page)).sum()
-    page.press("t")
+    page.keyboard.press("t")
     shown(page, "something touches the tip")
     tares_n = live.loop.measurement.tares_n
     page.click("#toast button")  # tare anyway: then the pressed tip is the rest
     shown(page, "rest frame taken")
     assert live.loop.measurement.tares_n == tares_n + 1
     shown(page, "untouched")
-    page.until("!document.getElementById('felt_about').textContent.includes('contact')")
+    page.wait_for_function("() => !document.getElementById('felt_about').textContent.includes('contact')")
     # Only pins hidden at the forced tare (under the indenter) may still look pressed.
     live.until(lambda: bool(red(pixels(page)).sum() < 0.3 * pressed), "cells that are no longer pressed")
     live.show(0)
     live.loop.measurement.tare.ask().done.result(20)
     live.until(lambda: live.loop.measurement.tares_n == tares_n + 2, "the rest frame of the untouched tip")
-    page.until("document.getElementById('toast').hidden")
-    page.press("t")  # untouched: no confirmation is needed
+    page.wait_for_function("() => document.getElementById('toast').hidden")
+    page.keyboard.press("t")  # untouched: no confirmation is needed
     shown(page, "rest frame taken")
     live.show(PRESSED)
     shown(page, "1 contact")
@@ -205,54 +211,57 @@ def test_tare_works_and_shows(live: Live, page: Page) -> None:
 
 
 def test_record_button(live: Live, page: Page) -> None:
-    page.press("r")
-    page.until("/Stop \\d\\d/.test(document.getElementById('record').textContent)")
-    page.press("r")
-    page.until("/[1-9]\\d* frames/.test(document.getElementById('toast').textContent)")
+    page.keyboard.press("r")
+    page.wait_for_function("() => /Stop \\d\\d/.test(document.getElementById('record').textContent)")
+    page.keyboard.press("r")
+    page.wait_for_function("() => /[1-9]\\d* frames/.test(document.getElementById('toast').textContent)")
     message = page.evaluate("document.getElementById('toast').textContent")
     frames_n = len(list(RecordingSource(live.recordings / message.split(":")[0])))
     assert f"{frames_n} frames" in message
     assert "lost" not in message
 
 
-def test_read_only_without_the_token(live: Live, chrome: Chrome) -> None:
-    with closing(chrome.open(live.url.partition("#")[0])) as page:
-        page.until(LIVE)
+def test_read_only_without_the_token(live: Live, context: BrowserContext) -> None:
+    with closing(opened(context, live.url.partition("#")[0])) as page:
+        page.wait_for_function(LIVE)
         assert page.evaluate("document.getElementById('tare').disabled")
         tares_n = live.loop.measurement.tares_n
-        page.press("t")
-        page.click("#tare")
-        page.until("document.getElementById('tare').title.includes('token')")
+        page.keyboard.press("t")
+        page.click("#tare", force=True)
+        page.wait_for_function("() => document.getElementById('tare').title.includes('token')")
         assert live.loop.measurement.tares_n == tares_n
-    with closing(chrome.open(live.url.replace(TOKEN, "not-the-token"))) as wrong:
+    with closing(opened(context, live.url.replace(TOKEN, "not-the-token"))) as wrong:
         shown(wrong, "the token is missing or wrong")
         assert wrong.evaluate("document.body.dataset.state") == "refused"
 
 
 def test_a_stalled_camera_shows(live: Live, page: Page) -> None:
     live.hold()
-    page.until("document.body.dataset.state === 'stale'")
+    page.wait_for_function("() => document.body.dataset.state === 'stale'")
     shown(page, "nothing new for")
     shown(page, "camera is there but sends no images")
     live.go_on()
-    page.until(LIVE)
-    page.until("document.getElementById('faults').children.length === 0")
+    page.wait_for_function(LIVE)
+    page.wait_for_function("() => document.getElementById('faults').children.length === 0")
 
 
 def test_hold_keeps_the_picture(live: Live, page: Page) -> None:
-    page.press(" ")
-    page.until("document.getElementById('hold').ariaPressed === 'true'")
+    page.keyboard.press(" ")
+    page.wait_for_function("() => document.getElementById('hold').ariaPressed === 'true'")
     before = pixels(page)
     live.show(PRESSED)
     assert (pixels(page) == before).all()
-    page.press(" ")
+    page.keyboard.press(" ")
     shown(page, "1 contact")
 
 
-def test_phone(live: Live, chrome: Chrome) -> None:
+def test_phone(live: Live, context: BrowserContext) -> None:
     live.show(PRESSED)
-    with closing(chrome.open(live.url, phone=True)) as page:
-        page.until(LIVE)
+    assert context.browser is not None
+    screen = ViewportSize(width=390, height=844)  # the commonest of the last years
+    view = context.browser.new_context(viewport=screen, device_scale_factor=3, is_mobile=True, has_touch=True)
+    with closing(view), closing(opened(view, live.url)) as page:
+        page.wait_for_function(LIVE)
         assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), "it scrolls sideways"
         boxes = page.evaluate(
             "[...document.querySelectorAll('nav button')].map(b => { const r = b.getBoundingClientRect();"
@@ -264,64 +273,61 @@ def test_phone(live: Live, chrome: Chrome) -> None:
             assert bottom <= 844
             assert height >= 44, "a thumb needs 44 px"
         until_red(page)
-        assert page.errors == []
+        assert errors(page) == []
 
 
 def test_no_connection_leaves_this_machine(live: Live, page: Page) -> None:
-    page.until("Number(document.body.dataset.packets) > 30")
+    sockets: list[str] = []
+    page.on("websocket", lambda socket: sockets.append(socket.url))
+    page.reload()
+    page.wait_for_function("() => Number(document.body.dataset.packets) > 30")
+    addresses = [request.url for request in page.requests()]
     own = live.worker.url.partition("#")[0]
-    assert {"touch.js", "kit.js", "kit.css", "touch.css"} <= {a.rsplit("/")[-1] for a in page.requests}
-    assert all(address.startswith(own) for address in page.requests), page.requests
-    assert page.sockets == [own.replace("http", "ws") + "live"]
+    assert {"touch.js", "kit.js", "kit.css", "touch.css"} <= {a.rsplit("/")[-1] for a in addresses}
+    assert all(address.startswith(own) for address in addresses), addresses
+    assert sockets == [own.replace("http", "ws") + "live"]
 
 
 # ---- the program itself: a recording replayed, killed, started again -------------------------------------
 
 
-class Replay:
-    """`python -m edge replay --view` as a user starts it."""
-
-    def __init__(self, data_dir: Path, port: int = 0) -> None:
-        self._process = subprocess.Popen(
-            [
-                *(sys.executable, "-m", "edge", "replay", str(data_dir / "press.mcap"), "--sink", "memory:"),
-                *("--calibration", str(data_dir / "rings331_ball.json"), "--loop", "--speed", "0.5"),
-                *("--view-at", f"127.0.0.1:{port}", "--view-token", TOKEN),
-            ],
-            stderr=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
-            text=True,
-            env={**os.environ, "OMP_NUM_THREADS": "1"},
-        )
-        assert self._process.stderr is not None
-        for line in self._process.stderr:
-            if line.startswith("live page: "):
-                self.url = line.removeprefix("live page: ").strip()
-                break
-        self.port = int(self.url.split(":")[2].split("/")[0])
-
-    def kill(self) -> None:
-        self._process.kill()
-        self._process.communicate(timeout=SOON_S)
-
-    def stop(self) -> int:
-        self._process.send_signal(signal.SIGTERM)
-        self._process.communicate(timeout=SOON_S)
-        return self._process.returncode
+def replay(data_dir: Path, port: int = 0) -> tuple[subprocess.Popen[str], str]:
+    """`python -m edge replay --view` as a user starts it, and the address of its page."""
+    process = subprocess.Popen(
+        [
+            *(sys.executable, "-m", "edge", "replay", str(data_dir / "press.mcap"), "--sink", "memory:"),
+            *("--calibration", str(data_dir / "rings331_ball.json"), "--loop", "--speed", "0.5"),
+            *("--view-at", f"127.0.0.1:{port}", "--view-token", TOKEN),
+        ],
+        stderr=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        text=True,
+        env={**os.environ, "OMP_NUM_THREADS": "1"},
+    )
+    assert process.stderr is not None
+    line = next(line for line in process.stderr if line.startswith("live page: "))
+    return process, line.removeprefix("live page: ").strip()
 
 
-def test_disconnect_and_reconnect_are_shown(data_dir: Path, chrome: Chrome) -> None:
-    replay = Replay(data_dir)
-    with closing(chrome.open(replay.url)) as page:
-        page.until(LIVE)
+def ended(process: subprocess.Popen[str], by: signal.Signals) -> int:
+    """Its exit code."""
+    process.send_signal(by)
+    process.communicate(timeout=SOON_S)
+    return process.returncode
+
+
+def test_disconnect_and_reconnect_are_shown(data_dir: Path, context: BrowserContext) -> None:
+    process, url = replay(data_dir)
+    with closing(opened(context, url)) as page:
+        page.wait_for_function(LIVE)
         shown(page, "press.mcap")
         until_red(page)
-        replay.kill()
-        page.until("document.body.dataset.state === 'disconnected'")
+        ended(process, signal.SIGKILL)
+        page.wait_for_function("() => document.body.dataset.state === 'disconnected'")
         assert re.search(r"trying again in \d+ s", page.evaluate(STATE))
         assert pixels(page).std() > 10, "the last picture stays"
-        again = Replay(data_dir, replay.port)
-        page.until(LIVE)
+        again, _ = replay(data_dir, urlsplit(url).port or 0)
+        page.wait_for_function(LIVE)
         until_red(page)
-        assert again.stop() == 0
-        page.until("document.body.dataset.state === 'disconnected'")
+        assert ended(again, signal.SIGTERM) == 0
+        page.wait_for_function("() => document.body.dataset.state === 'disconnected'")

@@ -5,12 +5,13 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 
 import pytest
+from playwright.sync_api import BrowserContext, Page
 
 import hostlink
 from hostlink.view import HandView
 from hostlink.web import parse_listen
 from hostlink.wire import Contact, State, Status
-from tests.browser.chrome import Chrome, Page
+from tests.browser.pages import errors, opened
 from tests.support.bus import open_wire
 from tests.support.fingers import Fingers, state
 
@@ -35,20 +36,20 @@ def hand() -> Iterator[Fingers]:
 
 
 @contextmanager
-def opened(bus: str, chrome: Chrome) -> Iterator[Page]:
+def page_of(bus: str, context: BrowserContext) -> Iterator[Page]:
     """The page of the fingers on a bus."""
     with hostlink.connect(bus) as connection, closing(HandView(connection, LISTEN)) as view:
         view.start()
-        with closing(chrome.open(view.server.url)) as page:
-            page.until("document.body.dataset.state === 'live'")
+        with closing(opened(context, view.server.url)) as page:
+            page.wait_for_function("() => document.body.dataset.state === 'live'")
             yield page
-            assert page.errors == []
+            assert errors(page) == []
 
 
 @pytest.fixture
-def page(hand: Fingers, chrome: Chrome) -> Iterator[Page]:
-    with opened(BUS, chrome) as made:
-        made.until("document.querySelectorAll('.finger canvas').length === 4")
+def page(hand: Fingers, context: BrowserContext) -> Iterator[Page]:
+    with page_of(BUS, context) as made:
+        made.wait_for_function("() => document.querySelectorAll('.finger canvas').length === 4")
         yield made
 
 
@@ -66,12 +67,12 @@ def test_fingers_lie_as_a_hand(page: Page) -> None:
     assert "not heard" in page.evaluate("document.querySelectorAll('.finger')[3].innerText")
 
 
-def test_one_finger_has_its_charts_beside_it_on_one_screen(chrome: Chrome) -> None:
+def test_one_finger_has_its_charts_beside_it_on_one_screen(context: BrowserContext) -> None:
     bus = f"udp:239.0.0.8?port={41_000 + os.getpid() % 20_000}"  # the other tests use its port
-    with Fingers(bus, (2,), sample), opened(bus, chrome) as page:
-        page.until("document.querySelectorAll('.finger canvas').length === 1")
+    with Fingers(bus, (2,), sample), page_of(bus, context) as page:
+        page.wait_for_function("() => document.querySelectorAll('.finger canvas').length === 1")
         # A value has its chart from its first one on; nothing feeds the torsion.
-        page.until("document.querySelectorAll('.chart:not([hidden])').length === 5")
+        page.wait_for_function("() => document.querySelectorAll('.chart:not([hidden])').length === 5")
         finger, *charts = page.evaluate(
             "[...document.querySelectorAll('.finger, .chart:not([hidden])')].map(e => {"
             "const r = e.getBoundingClientRect(); return [r.left, r.top, r.right, r.bottom] })"
@@ -82,13 +83,13 @@ def test_one_finger_has_its_charts_beside_it_on_one_screen(chrome: Chrome) -> No
         assert page.evaluate("document.getElementById('next').disabled")
 
 
-def test_twenty_fingers_are_on_one_screen(chrome: Chrome) -> None:
+def test_twenty_fingers_are_on_one_screen(context: BrowserContext) -> None:
     with open_wire("page") as wire, closing(HandView(wire.hand, LISTEN)) as view:
         view.start()
         for n in range(1, 21):
             wire.send_state(n, sample(n % 5, 0))
-        with closing(chrome.open(view.server.url)) as page:
-            page.until("document.querySelectorAll('.finger canvas').length === 20")
+        with closing(opened(context, view.server.url)) as page:
+            page.wait_for_function("() => document.querySelectorAll('.finger canvas').length === 20")
             assert page.evaluate("document.documentElement.scrollHeight <= innerHeight")
             names = page.evaluate("[...document.querySelectorAll('.finger h2 span')].map(e => e.innerText)")
     known = ["thumb", "index", "middle", "ring", "little"]
@@ -122,7 +123,7 @@ def test_no_shear_is_no_arrow(page: Page) -> None:
 def test_numbers_and_contacts_are_those_of_the_frames(page: Page) -> None:
     for place, n in ((0, 1), (2, 3), (4, 5)):
         card = f"document.querySelectorAll('.finger')[{place}]"
-        page.until(f"{card}.innerText.includes('{1 + n / 10:.2f}')")
+        page.wait_for_function(f"() => {card}.innerText.includes('{1 + n / 10:.2f}')")
         assert f"{n / 2:.2f}" in page.evaluate(f"{card}.innerText")
         assert "0.50" in page.evaluate(f"{card}.innerText")  # shear (0.3, 0.4)
     # (-4, 3) mm on a tip of 10 mm: left of the middle and below it.
@@ -132,36 +133,35 @@ def test_numbers_and_contacts_are_those_of_the_frames(page: Page) -> None:
         "return [...c.getContext('2d').getImageData(at(x), at(y), 1, 1).data] })"
     )
     red = "(([r, g, b]) => r > 190 && Math.max(g, b) < 90)"
-    page.until(f"{red}({colour}(0, -4.6, 3))")  # numbers stand before the canvas is drawn
+    page.wait_for_function(f"() => {red}({colour}(0, -4.6, 3))")  # numbers stand before the canvas is drawn
     _, g, _, alpha = page.evaluate(f"{colour}(0, 5, -2)")
     assert g > 90 or alpha < 200, "the thumb has one contact"
-    page.until(f"{red}({colour}(2, 5, -2))")
+    page.wait_for_function(f"() => {red}({colour}(2, 5, -2))")
 
 
 def test_tare_of_the_chosen_finger(page: Page, hand: Fingers) -> None:
     page.click(".finger.place1")
-    page.until("document.getElementById('whose').textContent.includes('index 2')")
-    page.press("t")
-    page.until("document.body.innerText.includes('finger 2: the new rest frame is in use')")
+    page.wait_for_function("() => document.getElementById('whose').textContent.includes('index 2')")
+    page.keyboard.press("t")
+    page.wait_for_function("() => document.body.innerText.includes('finger 2: the new rest frame is in use')")
     assert hand.applications[2].tares == [False]
     hand.applications[2].touched = True
-    page.press("t")
-    page.until("document.querySelector('#toast button') !== null")
+    page.keyboard.press("t")
     page.click("#toast button")
-    page.until("document.body.innerText.includes('finger 2: the new rest frame is in use')")
+    page.wait_for_function("() => document.body.innerText.includes('finger 2: the new rest frame is in use')")
     assert hand.applications[2].tares == [False, True]
     assert hand.applications[1].tares == []
 
 
 def test_silence_is_shown(page: Page, hand: Fingers) -> None:
     hand.running.clear()
-    page.until("document.body.dataset.state === 'stale'")
-    page.until("document.querySelector('.finger').innerText.includes('no samples')")
+    page.wait_for_function("() => document.body.dataset.state === 'stale'")
+    page.wait_for_function("() => document.querySelector('.finger').innerText.includes('no samples')")
     hand.running.set()
-    page.until("document.body.dataset.state === 'live'")
+    page.wait_for_function("() => document.body.dataset.state === 'live'")
 
 
 def test_no_connection_leaves_this_machine(page: Page) -> None:
     own = page.evaluate("location.origin")
-    assert page.requests
-    assert all(address.startswith(own) for address in page.requests)
+    assert page.requests()
+    assert all(request.url.startswith(own) for request in page.requests())

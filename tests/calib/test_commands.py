@@ -40,7 +40,10 @@ from tests.support.commands import Done, run_calib
         ("scale -o {out}/new --scale /dev/absent", "give the scale's port, e.g. /dev/ttyUSB0"),
         ("demo --data {data} --out {data}", "the recordings are there; give another folder"),
         ("fit {data}/press.mcap -o {out}/tip.json --hold-out nan", "'nan' is not a number; give"),
+        # An output before the recording, which is no capture.
         ("fit {data}/press.mcap -o {data}/press.mcap", "press.mcap: the name must end in .json"),
+        ("fit {data}/press.mcap -o {data}/hex127_flat.json", "hex127_flat.json: exists already"),
+        ("fit {data}/press.mcap -o {data}/tip.json --prior {data}/tip.json", "tip.json: is an input of this"),
         ("demo --data {data} --out {data}/pictures", "exists already; give another name, or --overwrite"),
         ("demo --data {out} --out {out}/demo", "no press.mcap in it; give --data"),
         ("simulate digitac -o {out}/tip.json", "digitac cannot be simulated: its file has no pins.layout"),

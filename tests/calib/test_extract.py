@@ -167,27 +167,6 @@ def test_fit_is_evaluated_on_held_out_frames(
     assert json.loads(run(*words, "--overwrite", "--json"))["held_out"]["n_frames"] == 9
 
 
-@pytest.mark.parametrize(
-    ("output", "expected"),
-    [
-        ("targets.csv", "the name must end in .json"),
-        ("given.json", "is an input of this command"),
-        ("old.json", "exists already; give another name, or --overwrite"),
-    ],
-)
-def test_a_forbidden_output_is_refused_before_the_work(
-    images: Images, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, output: str, expected: str
-) -> None:
-    table, frames, rest = images
-    for name, text in (("given.json", table.read_text()), ("targets.csv", "mine"), ("old.json", "old")):
-        (tmp_path / name).write_text(text)
-    monkeypatch.setattr("calib.dataset.Dataset.extract", lambda *_: pytest.fail("the work was begun"))
-    inputs: list[str | Path] = [tmp_path / "given.json", "--frames", frames, "--rest", rest]
-    before = {path: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()}
-    assert expected in run_calib("fit", *inputs, "-q", "-o", tmp_path / output).refusal
-    assert before == {path: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()}
-
-
 INTERRUPTED = """
 import os, signal
 from calib.extract import executor

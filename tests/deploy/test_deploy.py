@@ -54,10 +54,7 @@ def unit(tmp_path: Path) -> Path:
 @pytest.mark.parametrize("drop_in", ["", "realtime.conf", "network.conf", "view.conf", "hand.conf"])
 def test_the_unit_verifies_with_each_drop_in(unit: Path, drop_in: str) -> None:
     if drop_in:
-        added = (
-            (DEPLOY / drop_in).read_text().replace("/opt/voronoi-touch/current/bin/python", sys.executable)
-        )
-        unit.write_text(f"{unit.read_text()}\n{added}")
+        unit.write_text(f"{unit.read_text()}\n{runnable(drop_in)}")
     done = run(tool("systemd-analyze", "systemd"), "verify", "--recursive-errors=no", unit)
     assert done.returncode == 0, done.stderr
     assert "Unknown" not in done.stderr, done.stderr  # a misspelt key is only a warning

@@ -106,20 +106,15 @@ def test_friction_and_slip_margin_come_with_the_forces(
 
 
 def _with_friction(calibration: Calibration) -> Calibration:
-    """With forces along the surface of 0.2 N a mm of shear, and a torque of 0.3 Nmm a degree of torsion."""
-    models = {outputs_of(model)[0]: model for model in calibration.content.models}
-    added = []
-    for name, outputs, scale in (
-        ("shear_x_mm", ["force_x_n", "force_y_n"], 0.2),
-        ("torsion_deg", ["torque_z_nmm"], 0.3),
-    ):
-        model = models[name]
-        assert isinstance(model, Polynomial)
-        weights = [(scale * re, scale * im) for re, im in model.weights]
-        sigma = [scale * s for s in model.sigma]
-        added.append(msgspec.structs.replace(model, outputs=outputs, weights=weights, sigma=sigma))
-    content = msgspec.structs.replace(calibration.content, models=[*models.values(), *added])
-    return Calibration.of(content, "with friction")
+    """With forces along the surface of 0.2 N a mm of shear."""
+    models = calibration.content.models
+    shear = next(model for model in models if outputs_of(model)[0] == "shear_x_mm")
+    assert isinstance(shear, Polynomial)
+    along = msgspec.structs.replace(
+        shear, outputs=["force_x_n", "force_y_n"], weights=[(0.2 * re, 0.2 * im) for re, im in shear.weights],
+        sigma=[0.2 * sigma for sigma in shear.sigma],
+    )  # fmt: skip
+    return Calibration.of(msgspec.structs.replace(calibration.content, models=[*models, along]), "friction")
 
 
 def test_learnt_drift_is_subtracted_from_the_values(frames: list[Frame], rest: Rest) -> None:

@@ -8,21 +8,6 @@ from hostlink.order_and_time import LATE_RUN, SETTLE_SPAN_S, ClockMap
 from tests.support.seeds import SEED
 
 
-def test_silence_longer_than_a_wrap() -> None:
-    clock = ClockMap()
-    clock.observe(500, 1.0)
-    hours = 3 * 3600.0
-    clock.observe(int(500 + hours * 1e6) % 2**32, 1.0 + hours)
-    mapped = clock.to_host(int(500 + hours * 1e6) % 2**32)
-    assert clock.restarts == 0
-    assert mapped is not None
-    assert mapped.time_s == pytest.approx(1.0 + hours, abs=0.002)
-
-
-def test_without_a_message_there_is_no_host_time() -> None:
-    assert ClockMap().to_host(5) is None
-
-
 class SteppingWorld:
     """A sensor and a host whose clocks can be changed; `sample` gives a sample to the map and checks its
     error.
@@ -53,9 +38,9 @@ class SteppingWorld:
                 transit_s += self.random.uniform(0.003, 0.04)  # the receiver was not scheduled
             sent_s = self.now_s + self.LATENCY_US * 1e-6
             self.arrival_s = max(self.arrival_s, sent_s + transit_s)
-            taken = self.clock.sample(self.device_us(self.now_s), self.LATENCY_US, self.arrival_s)
-            self.errors_s.append(taken.error_s)
-            worst_s = max(worst_s, abs(taken.time_s - self.now_s) - taken.error_s)
+            time_s, error_s = self.clock.take(self.device_us(self.now_s), self.LATENCY_US, self.arrival_s)
+            self.errors_s.append(error_s)
+            worst_s = max(worst_s, abs(time_s - self.now_s) - error_s)
         return worst_s
 
     def reboot(self, announced: bool = False) -> None:
@@ -83,7 +68,6 @@ def test_true_time_is_inside_the_bound(drift: float, start_us: int) -> None:
     assert world.sample(6000) < INSIDE
     assert max(world.errors_s) < 0.06
     assert max(world.errors_s[round(SETTLE_SPAN_S * 100) + 1 :]) < 0.0014
-    assert world.clock.drift_ppm == pytest.approx(-drift * 1e6, abs=15)
     assert world.clock.restarts == 0
 
 
@@ -141,7 +125,7 @@ def test_any_sequence_of_clock_events() -> None:
                 case 2:
                     world.sleep(world.random.uniform(0.5, 200))
                 case 3:
-                    world.now_s += world.random.uniform(0, 4000)
+                    world.now_s += world.random.uniform(0, 12_000)  # longer than a wrap
                 case _:
                     world.step(world.random.uniform(-0.004, 0.05))
                     world.clock.restart()

@@ -1,10 +1,11 @@
 """The documentation's code is compiled and run unchanged, and obeys WIRE.md's rules."""
 
+import ctypes
 import re
 import threading
 import time
 from itertools import count
-from math import isnan, nan
+from math import nan
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,6 @@ import hostlink
 from hostlink.order_and_time import RESTART_RUN
 from hostlink.recording import LogWriter
 from hostlink.wire import NO_CONTROL, State, Status, pack_state
-from tests.support import processes
 from tests.support.bus import message
 from tests.support.c_programs import C, compiled
 from tests.support.fingers import make_node
@@ -116,34 +116,12 @@ def test_the_wire_document_names_the_restart_run() -> None:
     assert f"after {RESTART_RUN} frames of another sequence" in " ".join(text.split())
 
 
-MAIN = r"""
-#include <stdio.h>
-
-int main(void)
-{
-    unsigned long id, now_ms, size, byte;
-
-    while (scanf("%lx %lu %lu", &id, &now_ms, &size) == 3) {
-        uint8_t data[64];
-        for (unsigned long i = 0; i < size; i++) {
-            if (scanf("%2lx", &byte) != 1) {
-                return 1;
-            }
-            data[i] = (uint8_t)byte;
-        }
-        if (size > 0u) {
-            on_can_frame((uint32_t)id, data, size, (uint32_t)now_ms);
-        }
-        printf("%.3f %lu\n", (double)pressed((uint32_t)now_ms), (unsigned long)samples_lost);
-    }
-    return 0;
-}
-"""
-
-
 def test_c_receive_interrupt_drops_old_invalid_and_replayed_samples(tmp_path: Path) -> None:
-    (tmp_path / "main.c").write_text(code("A receive interrupt", "c") + MAIN)
-    program = compiled(tmp_path / "receive", [tmp_path / "main.c", C / "vt_e2e.c", C / "vt_fd.c"])
+    (tmp_path / "receive.c").write_text(code("A receive interrupt", "c"))
+    sources = [tmp_path / "receive.c", C / "vt_e2e.c", C / "vt_fd.c"]
+    program = ctypes.CDLL(str(compiled(tmp_path / "receive.so", sources, "-shared", "-fPIC")))
+    program.on_can_frame.argtypes = (ctypes.c_uint32, ctypes.c_char_p, ctypes.c_size_t, ctypes.c_uint32)
+    program.pressed.argtypes, program.pressed.restype = (ctypes.c_uint32,), ctypes.c_float
     good = State(displacement_mm=0.5)
     damaged = bytearray(pack_state(good, 9))
     damaged[20] ^= 1
@@ -161,14 +139,11 @@ def test_c_receive_interrupt_drops_old_invalid_and_replayed_samples(tmp_path: Pa
         (0, 27, b"", nan),  # silence
         (0x181, 28, pack_state(good, 12), 0.5),
     ]  # fmt: skip
-    text = "\n".join(f"{can_id:x} {ms} {len(data)} {data.hex()}" for can_id, ms, data, _ in steps)
-    run = processes.program(program, input=text, check=True)
-    rows = [line.split() for line in run.stdout.splitlines()]
-    assert [float(row[0]) for row in rows] == [
-        pytest.approx(expected, nan_ok=True) for _, _, _, expected in steps
-    ]
-    assert isnan(float(rows[1][0]))
-    assert int(rows[-1][1]) == 2, "frames 10 and 11 never came"
+    for can_id, now_ms, data, expected in steps:
+        if data:
+            program.on_can_frame(can_id, data, len(data), now_ms)
+        assert program.pressed(now_ms) == pytest.approx(expected, nan_ok=True)
+    assert ctypes.c_uint32.in_dll(program, "samples_lost").value == 2, "frames 10 and 11 never came"
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,6 @@ from hostlink.web import pack_packet, parse_listen
 from hostlink.wire import Contact, State
 from tests.edge.worker.test_page import Viewer, unpack, watch
 from tests.support.bus import open_wire
-from tests.support.commands import run_host
 from tests.support.fingers import Fingers, state
 from tests.support.waiting import SOON_S, until
 
@@ -143,9 +142,3 @@ def test_packets_keep_numbers_in_their_places() -> None:
     assert packet["ä"] == "ü"
     assert bytes(packet["arrays"]["a"].tolist()) == b"abc"
     assert packet["arrays"]["b"].tolist() == [0, 1, 2]
-
-
-def test_the_command() -> None:
-    done = run_host("view", BUS, "--listen", "127.0.0.1:0", "--seconds", "0.2")
-    assert done.code == 0
-    assert "live page: http://127.0.0.1:" in done.err

@@ -69,7 +69,9 @@ def _done(main: Callable[[], object]) -> Done:
         with _printing_to(out, err), pytest.raises(SystemExit) as end:
             main()
         assert isinstance(end.value.code, int)
-        return Done(end.value.code, _content(out), _content(err))
+        for file in (out, err):
+            file.seek(0)
+        return Done(end.value.code, out.read(), err.read())
 
 
 @contextmanager
@@ -85,8 +87,3 @@ def _printing_to(out: IO[str], err: IO[str]) -> Iterator[None]:
         for number, descriptor in enumerate(kept, 1):
             os.dup2(descriptor, number)
             os.close(descriptor)
-
-
-def _content(file: IO[str]) -> str:
-    file.seek(0)
-    return file.read()

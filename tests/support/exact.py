@@ -32,16 +32,6 @@ def cell_areas(points: NDArray[np.float64], n_pins: int) -> list[Fraction]:
     return [area[p] for p in whole[:n_pins]]
 
 
-def circumcentre(
-    a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64]
-) -> tuple[Fraction, Fraction]:
-    """Centre of the circle through three points, exactly."""
-    (ax, ay), (bx, by), (cx, cy) = ([Fraction(float(v)) for v in p] for p in (a, b, c))
-    ux, uy, vx, vy = bx - ax, by - ay, cx - ax, cy - ay
-    u2, v2, cross = ux * ux + uy * uy, vx * vx + vy * vy, 2 * (ux * vy - uy * vx)
-    return ax + (vy * u2 - uy * v2) / cross, ay + (ux * v2 - vx * u2) / cross
-
-
 def relative_errors(areas: NDArray[np.float64], exact: list[Fraction]) -> NDArray[np.float64]:
     """|area - exact| / exact, computed exactly; NaN in `areas` counts as infinite."""
     return np.array(
@@ -54,11 +44,9 @@ def relative_errors(areas: NDArray[np.float64], exact: list[Fraction]) -> NDArra
 
 def _as_integers(points: NDArray[np.float64]) -> tuple[list[tuple[int, int]], Fraction]:
     """The points in whole multiples of a unit."""
-    ratios = [[float(v).as_integer_ratio() for v in p] for p in points]
-    denominator = max(d for p in ratios for _, d in p)  # powers of two: the largest serves all
-    return [
-        (p[0][0] * (denominator // p[0][1]), p[1][0] * (denominator // p[1][1])) for p in ratios
-    ], Fraction(1, denominator)
+    exact = [[Fraction(float(v)) for v in p] for p in points]
+    unit = Fraction(1, max(v.denominator for p in exact for v in p))  # powers of two: the largest serves all
+    return [(int(x / unit), int(y / unit)) for x, y in exact], unit
 
 
 def _cell(

@@ -1,10 +1,5 @@
 """Fault injection: cameras and links that fail on a schedule, to test the program's promises.
 
-    schedule(seed, seconds) -> [Episode(kind, start_s, length_s)]
-    FaultySource(source, episodes)      a live source whose camera fails in these ways
-    faulty_medium(open_medium, episodes)    opens a bus whose link fails in these ways: for the sinks
-    FaultyBoard(episodes)               temperature and storage
-
 Rules
 - A fault is injected where the hardware would cause it, below everything that is meant to detect it: the
   faulty camera's images pass the same check for frozen and black ones as a real camera's.

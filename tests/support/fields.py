@@ -11,6 +11,7 @@ from tests.support import layouts
 
 SIZE = (640, 480)
 CENTRE = np.array([319.3, 241.7])
+SIGMA_PX = 0.05  # of a pin in one image
 
 
 def hexagon(rings: int, pitch: float) -> Array:
@@ -18,18 +19,18 @@ def hexagon(rings: int, pitch: float) -> Array:
     return layouts.hexagonal(rings, pitch) - layouts.CENTRE
 
 
-def make_rest(xy: Array, pitch: float, sigma: float = 0.05) -> Rest:
+def make_rest(xy: Array, pitch: float) -> Rest:
     n = len(xy)
     radius = 0.3 * pitch
     reach = float(np.hypot(*(xy - CENTRE).T).max()) + radius
     pattern = PinPattern(radius, pitch, CENTRE.copy(), reach, 20.0, 150.0, 2.0, SIZE)
     # Rest positions are means of many frames.
-    return Rest(Pins(xy, np.full(n, 0.1 * sigma), np.full(n, radius), np.full(n, 150.0)), pattern)
+    return Rest(Pins(xy, np.full(n, 0.1 * SIGMA_PX), np.full(n, radius), np.full(n, 150.0)), pattern)
 
 
-def tip(pins: int = 331, sigma: float = 0.05) -> Rest:
+def tip(pins: int = 331) -> Rest:
     rings, pitch = {127: (6, 32.0), 331: (10, 19.0), 61: (4, 45.0)}[pins]
-    return make_rest(hexagon(rings, pitch) + CENTRE, pitch, sigma)
+    return make_rest(hexagon(rings, pitch) + CENTRE, pitch)
 
 
 def areas(xy: Array, rest: Rest) -> Array:
@@ -48,15 +49,13 @@ def _rest_areas(xy: bytes, pitch: float) -> Array:
     return areas(points, make_rest(points, pitch))
 
 
-def frame(
-    rest: Rest, xy: Array, lost: NDArray[np.int64] | None = None, sigma: float = 0.05
-) -> tuple[Tracks, Cells]:
+def frame(rest: Rest, xy: Array, lost: NDArray[np.int64] | None = None) -> tuple[Tracks, Cells]:
     """Tracks and cells of pins at xy; lost pins are tessellated where they are but reported as NaN."""
     seen = np.ones(len(xy), dtype=np.bool_)
     if lost is not None:
         seen[lost] = False
     gone = np.where(seen, 0.0, np.nan)
-    tracks = Tracks.of(xy + gone[:, None], np.full(len(xy), sigma) + gone, seen)
+    tracks = Tracks.of(xy + gone[:, None], np.full(len(xy), SIGMA_PX) + gone, seen)
     none = np.empty((0, 3), dtype=np.int32)
     at_rest = _rest_areas(rest.xy_img.tobytes(), rest.pattern.pitch_px)
     return tracks, Cells(areas(xy, rest) + gone, at_rest, xy, none, np.empty((0, 2)))

@@ -30,9 +30,6 @@ class Camera(ThreadedSource):
     def _work(self) -> None:
         raise AssertionError("the test gives the frames")
 
-    def __iter__(self) -> Any:
-        raise AssertionError("a live source is read, not iterated")
-
     def read(self, timeout_s: float | None = None) -> None:
         """No image; does not wait, so that a test takes no longer than it must."""
         self.waiting.release()

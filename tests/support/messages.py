@@ -11,8 +11,6 @@ from edge.errors import SourceError
 from edge.recording.mcap_file import damage, raw_messages
 from edge.recording.topics import proto
 
-__all__ = ["read_messages"]
-
 
 def read_messages(path: str | Path, topics: Sequence[str] | None = None) -> Iterator[tuple[str, int, Any]]:
     """(topic, log time ns, message) in order of time: JSON as dict, Foxglove as protobuf object.

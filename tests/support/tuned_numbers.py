@@ -13,117 +13,77 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 
-#: Constants that nobody chose, by the reason. A file alone: all of its constants.
-NOT_TUNED: dict[str, frozenset[str]] = {
-    "codes and layouts of a protocol or format": frozenset({
-        "edge/calibration/file.py:VERSION", "edge/calibration/file.py:UNTOUCHED",
-        "edge/calibration/inputs.py:MODES",
-        "edge/features/modes.py:DEGREE", "edge/features/params.py:CONTACTS_MAX",
-        "edge/cli/checks.py:FD_MTU", "edge/cli/checks.py:_WARNING_N", "edge/cli/checks.py:_STAMP_NS",
-        "edge/sources/options.py:EXPOSURE_MAX_US", "edge/sources/options.py:_VIDEO_MAX_FRAME",
-        "edge/view/palette.py:COLOUR_STEPS",
-        "edge/link/medium.py:CAN_ERR_BUSOFF",
-        "edge/link/medium.py:CAN_ERR_RESTARTED", "edge/link/socketcan.py", "edge/link/commands.py",
-        "edge/limits.py:TICK_HZ", "edge/limits.py:RATE_MIN_HZ", "edge/link/object_server.py:FORCE",
-        "edge/link/sinks.py:NODE_DEFAULT", "edge/link/sinks.py:BITRATE", "edge/link/sinks.py:DBITRATE",
-        "edge/recording/messages.py:_PIXEL_CENTRE", "edge/recording/messages.py:_POINT",
-        "edge/recording/messages.py:_FILL_COLOR", "edge/sources/image_header.py",
-        "edge/sources/v4l2.py:_EXPOSURE_UNIT_US", "edge/sources/v4l2.py:_MANUAL",
-        "edge/sources/v4l2.py:_NO_FOCUS",
-        "edge/link/sdo_server.py:TOO_LONG",
-        "edge/sources/files.py:_DEPTHS",
-        "edge/recording/messages.py:_NUMERIC",
-        "edge/runtime/systemd.py:_WATCHDOG_SHARE",
-    }),
-    "names of states and of places in an array": frozenset({
-        "edge/features/contact_field.py:_UNKNOWN", "edge/features/contact_field.py:_SLOPE",
-        "edge/features/contact_field.py:_TOP", "edge/features/contact_field.py:_PLATEAU",
-        "edge/features/contact_field.py:_REACHED", "edge/features/contacts.py:_NONE",
-        "edge/features/several/contact_fit.py:_OWN", "edge/features/several/contact_fit.py:_COMMON",
-        "edge/features/several/contact_fit.py:_EVEN",
-        "edge/features/contacts.py:_UNKNOWN", "edge/features/contacts.py:_NOISE",
-        "edge/features/pin_motion.py:ROW", "edge/tracking/match.py:UNMATCHED",
-        "edge/tracking/match.py:SEED", "edge/tracking/outliers.py:UNKNOWN",
-        "edge/tracking/outliers.py:UNSUPPORTED",
-    }),
-    "mathematics": frozenset({
-        "edge/calibration/checks.py:_CELL_AREA", "edge/cli/picture.py:_AROUND",
-        "edge/pins/lens.py",
-        "edge/features/several/fitted_contacts.py:_HALF",
-        "edge/features/several/fitted_contacts.py:_PINS_MIN",
-        "edge/features/params.py:CELL_NOISE",
-        "edge/features/params.py:RING_NOISE", "edge/features/params.py:MEDIAN_NOISE",
-        "edge/tracking/outliers.py:_SIGMA_OF_MAD",
-        "edge/geometry/select.py:SIGMA_OF_MAD",
-        "edge/features/pin_motion.py:_ELLIPSE", "edge/features/modes.py:MODE_POWERS",
-        "edge/pins/blobs.py:_ANGLES", "edge/pins/pattern.py:FLAT", "edge/faults/detector.py:_NOWHERE",
-        "edge/geometry/lattice.py:N_RING", "edge/geometry/lattice.py:N_TWO_RINGS",
-        "edge/geometry/lattice.py:THIRD_RING", "edge/rest/sensor_match.py:_SYMMETRY",
-        "edge/rest/sensor_match.py:CLEAR", "edge/pins/templates.py:FAR_PX",
-        "edge/calibration/grip.py:_RADIUS",
-        "edge/cells/mesh.py:N_GUARD",
-        "edge/features/slip_and_vibration.py:_SHARES",
-    }),
-    "rounding and the width of a number": frozenset({
-        "edge/cells/mesh.py:EPSILON", "edge/cells/mesh.py:SLIVER", "edge/cells/mesh.py:AREA_TOLERANCE",
-        "edge/cells/mesh.py:ERROR_BOUND", "edge/cells/mesh.py:ORIENT_BOUND",
-        "edge/cells/mesh.py:INCIRCLE_BOUND",
-        "edge/cells/mesh.py:EXTENT_MIN", "edge/cells/mesh.py:EXTENT_MAX", "edge/cells/mesh.py:SNAP",
-        "edge/limits.py:POINTS_MAX",
-        "edge/limits.py:NUMBER_MAX", "edge/pins/templates.py:STEP_MAX",
-        "edge/calibration/evaluation.py:LOST_MAX",
-        "edge/cells/boundary.py:ARC_MIN", "edge/cells/boundary.py:NEGLIGIBLE",
-        "edge/calibration/evaluation.py:VOLUME_MIN", "edge/features/modes.py:INDEPENDENT_REL",
-        "edge/features/pin_motion.py:_RIDGE", "edge/features/pin_motion.py:_FLAT",
-        "edge/features/contact_field.py:_WEIGHT_MAX", "edge/features/contact_field.py:_VALUE_MAX",
-        "edge/features/contact_field.py:_ROW_MAX", "edge/features/contact_field.py:_ROUND",
-        "edge/features/contact_field.py:BLOCK", "edge/features/contacts.py:_VARIANCE_MIN",
-        "edge/geometry/lattice.py:RANK_TOLERANCE", "edge/geometry/layout.py",
-        "edge/faults/image_quality.py:ONE_LEVEL",
-        "edge/tracking/outliers.py:NO_NEIGHBOUR", "edge/tracking/motion_model.py:UNDETERMINED",
-        "edge/recording/reader.py:_TIME_MAX_NS",
-        "edge/recording/reader.py:_SEQUENCE_MAX", "edge/view/panels.py:_SHIFT", "edge/view/panels.py:_ONE",
-    }),
-    "a processor's lanes and cache lines": frozenset({
-        "edge/calibration/evaluation.py:ROWS",
-        "edge/pins/templates.py:LANES", "edge/pins/templates.py:BLOCK",
-        "edge/sources/shared_memory.py:ALIGN",
-    }),
-    "names of glibc's settings": frozenset({
-        "edge/runtime/process.py:_MMAP_THRESHOLD", "edge/runtime/process.py:_TRIM_THRESHOLD",
-    }),
-    "figures of a maker": frozenset({
-        "edge/runtime/board_monitor.py:HOT_DEGC", "edge/sources/oak.py:RATE_HZ",
-    }),
-    "colours": frozenset({
-        "edge/view/palette.py:PAPER", "edge/view/palette.py:SAFE", "edge/view/panels.py:_CROSS",
-        "edge/view/panels.py:_RING", "edge/view/panels.py:_HOLE",
-    }),
+#: Constants that nobody chose, by the reason, then by the file in `edge`. A file without names: all of its.
+NOT_TUNED: dict[str, dict[str, str]] = {
+    "codes and layouts of a protocol or format": {
+        "calibration/file": "VERSION UNTOUCHED", "calibration/inputs": "MODES", "features/modes": "DEGREE",
+        "features/params": "CONTACTS_MAX", "cli/checks": "FD_MTU _WARNING_N _STAMP_NS",
+        "sources/options": "EXPOSURE_MAX_US _VIDEO_MAX_FRAME", "view/palette": "COLOUR_STEPS",
+        "link/medium": "CAN_ERR_BUSOFF CAN_ERR_RESTARTED", "link/socketcan": "", "link/commands": "",
+        "limits": "TICK_HZ RATE_MIN_HZ", "link/object_server": "FORCE",
+        "link/sinks": "NODE_DEFAULT BITRATE DBITRATE",
+        "recording/messages": "_PIXEL_CENTRE _POINT _FILL_COLOR _NUMERIC", "sources/image_header": "",
+        "sources/v4l2": "_EXPOSURE_UNIT_US _MANUAL _NO_FOCUS", "link/sdo_server": "TOO_LONG",
+        "sources/files": "_DEPTHS", "runtime/systemd": "_WATCHDOG_SHARE",
+    },
+    "names of states and of places in an array": {
+        "features/contact_field": "_UNKNOWN _SLOPE _TOP _PLATEAU _REACHED",
+        "features/contacts": "_NONE _UNKNOWN _NOISE", "features/several/contact_fit": "_OWN _COMMON _EVEN",
+        "features/pin_motion": "ROW", "tracking/match": "UNMATCHED SEED",
+        "tracking/outliers": "UNKNOWN UNSUPPORTED",
+    },
+    "mathematics": {
+        "calibration/checks": "_CELL_AREA", "cli/picture": "_AROUND", "pins/lens": "",
+        "features/several/fitted_contacts": "_HALF _PINS_MIN",
+        "features/params": "CELL_NOISE RING_NOISE MEDIAN_NOISE", "tracking/outliers": "_SIGMA_OF_MAD",
+        "geometry/select": "SIGMA_OF_MAD", "features/pin_motion": "_ELLIPSE", "features/modes": "MODE_POWERS",
+        "pins/blobs": "_ANGLES", "pins/pattern": "FLAT", "faults/detector": "_NOWHERE",
+        "geometry/lattice": "N_RING N_TWO_RINGS THIRD_RING", "rest/sensor_match": "_SYMMETRY CLEAR",
+        "pins/templates": "FAR_PX", "calibration/grip": "_RADIUS", "cells/mesh": "N_GUARD",
+        "features/slip_and_vibration": "_SHARES",
+    },
+    "rounding and the width of a number": {
+        "cells/mesh": "EPSILON SLIVER AREA_TOLERANCE ERROR_BOUND ORIENT_BOUND INCIRCLE_BOUND EXTENT_MIN "
+            "EXTENT_MAX SNAP", "limits": "POINTS_MAX NUMBER_MAX", "pins/templates": "STEP_MAX",
+        "calibration/evaluation": "LOST_MAX VOLUME_MIN", "cells/boundary": "ARC_MIN NEGLIGIBLE",
+        "features/modes": "INDEPENDENT_REL", "features/pin_motion": "_RIDGE _FLAT",
+        "features/contact_field": "_WEIGHT_MAX _VALUE_MAX _ROW_MAX _ROUND BLOCK",
+        "features/contacts": "_VARIANCE_MIN", "geometry/lattice": "RANK_TOLERANCE", "geometry/layout": "",
+        "faults/image_quality": "ONE_LEVEL", "tracking/outliers": "NO_NEIGHBOUR",
+        "tracking/motion_model": "UNDETERMINED", "recording/reader": "_TIME_MAX_NS _SEQUENCE_MAX",
+        "view/panels": "_SHIFT _ONE",
+    },
+    "a processor's lanes and cache lines": {
+        "calibration/evaluation": "ROWS", "pins/templates": "LANES BLOCK", "sources/shared_memory": "ALIGN",
+    },
+    "names of glibc's settings": {"runtime/process": "_MMAP_THRESHOLD _TRIM_THRESHOLD"},
+    "figures of a maker": {"runtime/board_monitor": "HOT_DEGC", "sources/oak": "RATE_HZ"},
+    "colours": {"view/palette": "PAPER SAFE", "view/panels": "_CROSS _RING _HOLE"},
 }  # fmt: skip
-_EXEMPT = frozenset().union(*NOT_TUNED.values())
+EXEMPT = frozenset(
+    f"edge/{file}.py:{name}"
+    for files in NOT_TUNED.values()
+    for file, names in files.items()
+    for name in names.split() or [""]
+)
 _PARAMETERS = ("Params", "Limits")
 
 
 def _has_number(value: ast.expr) -> bool:
     """Whether the number itself is written here; one that is computed from others is none of its own."""
-    leaves = [node for node in ast.walk(value) if isinstance(node, ast.Constant)]
-    numbers = [n for n in leaves if isinstance(n.value, int | float) and not isinstance(n.value, bool)]
-    return bool(numbers)
+    leaves = [node.value for node in ast.walk(value) if isinstance(node, ast.Constant)]
+    return any(isinstance(leaf, int | float) and not isinstance(leaf, bool) for leaf in leaves)
 
 
-def _assigned(node: ast.stmt) -> list[tuple[str, ast.expr]]:
-    if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name) and node.value is not None:
-        return [(node.target.id, node.value)]
-    if not isinstance(node, ast.Assign):
-        return []
-    pairs: list[tuple[str, ast.expr]] = []
-    for target in node.targets:
-        if isinstance(target, ast.Name):
-            pairs.append((target.id, node.value))
-        elif isinstance(target, ast.Tuple):
-            values = node.value.elts if isinstance(node.value, ast.Tuple) else [node.value] * len(target.elts)
-            pairs += [(t.id, v) for t, v in zip(target.elts, values, strict=True) if isinstance(t, ast.Name)]
-    return pairs
+def _assigned(node: ast.stmt) -> Iterator[tuple[str, ast.expr]]:
+    if not isinstance(node, ast.Assign | ast.AnnAssign) or node.value is None:
+        return
+    for target in node.targets if isinstance(node, ast.Assign) else [node.target]:
+        pairs: list[tuple[ast.expr, ast.expr]] = [(target, node.value)]
+        if isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple):
+            pairs = list(zip(target.elts, node.value.elts, strict=True))
+        for names, value in pairs:
+            yield from ((name.id, value) for name in ast.walk(names) if isinstance(name, ast.Name))
 
 
 def _is_constant(name: str) -> bool:
@@ -133,18 +93,16 @@ def _is_constant(name: str) -> bool:
 def numbers_of(path: Path) -> Iterator[str]:
     """Names of the tuned numbers of a file."""
     file = path.relative_to(ROOT).as_posix()
-    if file in _EXEMPT:
+    if f"{file}:" in EXEMPT:
         return
     for node in ast.parse(path.read_text(encoding="utf-8")).body:
-        for name, value in _assigned(node):
-            if _is_constant(name) and _has_number(value) and f"{file}:{name}" not in _EXEMPT:
-                yield f"{file}:{name}"
-        if isinstance(node, ast.ClassDef):
-            parameters = node.name.endswith(_PARAMETERS)
-            for item in node.body:
-                for name, value in _assigned(item):
-                    if (parameters or _is_constant(name)) and _has_number(value):
-                        yield f"{file}:{node.name}.{name}"
+        owner = node.name if isinstance(node, ast.ClassDef) else ""
+        for item in node.body if isinstance(node, ast.ClassDef) else [node]:
+            for name, value in _assigned(item):
+                full = f"{file}:{owner}.{name}" if owner else f"{file}:{name}"
+                chosen = owner.endswith(_PARAMETERS) or _is_constant(name)
+                if chosen and _has_number(value) and full not in EXEMPT:
+                    yield full
 
 
 def tuned_numbers() -> dict[str, list[str]]:

@@ -10,7 +10,6 @@ import threading
 import time
 from dataclasses import replace
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 from edge.calibration import Calibration
@@ -114,9 +113,7 @@ class Live:
         self.until(lambda: self.loop.measurement.last is not None, "a first result")
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.worker.close()
         self.loop.stop()
         self.source.close()

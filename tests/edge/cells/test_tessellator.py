@@ -11,16 +11,7 @@ from edge.types import Cells
 from tests.bench import stability
 from tests.bench.stability import cells_of, worst_error
 from tests.support.cell_checks import Points, points_of, random_walks, worst_relative
-from tests.support.layouts import (
-    CENTRE,
-    PITCH_PX,
-    TIPS,
-    hexagonal,
-    pressed,
-    rest_of,
-    square,
-    tracks_of,
-)
+from tests.support.layouts import CENTRE, PITCH_PX, TIPS, hexagonal, pressed, rest_of, square, tracks_of
 
 
 def test_the_tips_of_the_stability_report_hold() -> None:

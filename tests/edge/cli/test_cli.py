@@ -33,6 +33,7 @@ from edge.runtime.loop import Loop
 from edge.runtime.statistics import LoopStatistics, StatisticsCollector
 from edge.sensors import load_sensor
 from edge.sources import open_source
+from edge.types import Frame
 from hostlink.wire import Status
 from tests.support.commands import run_edge as command
 from tests.support.messages import read_messages
@@ -141,22 +142,22 @@ def test_replay_prints_what_was_held_and_sent(data_dir: Path) -> None:
     assert table["shear_peak_deg"] == pytest.approx(np.degrees(np.arctan2(-0.9, 1.2)), abs=3.0)
 
 
+def calibrated(example: str, frames: list[Frame]) -> Pipeline:
+    """The pipeline of an example's tip, with its calibration."""
+    calibration = Calibration.load(example_file(example, ".json"))
+    return Pipeline(in_order_of(calibration, take_rest([frame.image for frame in frames[:8]])), calibration)
+
+
 def test_the_simulator_has_a_calibration() -> None:
-    calibration = Calibration.load(example_file("example:sim", ".json"))
     frames = list(open_source("sim:press?paced=0"))
-    pipeline = Pipeline(
-        in_order_of(calibration, take_rest([frame.image for frame in frames[:8]])), calibration
-    )
+    pipeline = calibrated("example:sim", frames)
     last = [pipeline.process(frame) for frame in frames[8:]][-1]
     assert last.reading.contacts[0] == pytest.approx([4.0, -3.0, 3.0], abs=0.2)
 
 
 def test_the_example_loops_without_a_search_and_fits_its_truth() -> None:
-    calibration = Calibration.load(example_file("example:press", ".json"))
     frames = list(open_source("example:press"))
-    pipeline = Pipeline(
-        in_order_of(calibration, take_rest([frame.image for frame in frames[:8]])), calibration
-    )
+    pipeline = calibrated("example:press", frames)
     assert pipeline.process(frames[8]).searched
     for frame in (*frames[9:], *frames):
         result, truth = pipeline.process(frame), frame.truth or {}
@@ -277,6 +278,8 @@ def test_replay_of_a_recording_that_begins_touched_corrects_its_rest_frame(tmp_p
     assert done.code == 0
     contacts = [json.loads(line)["contact_n"] > 0 for line in done.out.splitlines()]
     assert contacts == [True] * 8 + [False] * 16
+    alone = command("replay", tmp_path / "0.png", "--sink", "memory:", "--speed", "max", "-q")
+    assert alone.code == 2  # there is no untouched image
 
 
 BLACK, WHITE = np.zeros((240, 320), np.uint8), np.full((240, 320), 255, np.uint8)

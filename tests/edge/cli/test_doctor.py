@@ -9,7 +9,6 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 from calib.sim import Camera as SimulatedCamera
 from calib.sim import Simulator, Tip, ToolPose
@@ -18,14 +17,14 @@ from edge.cli import checks
 from edge.cli.checks import Line
 from edge.cli.doctor import examine
 from edge.cli.machine import Machine
-from edge.cli.program import cli
 from edge.config import Config, LinkTable, SourceTable, StateTable
 from edge.errors import SourceError
 from edge.runtime.board_monitor import STORED_BYTES
-from edge.sources import open_source
 from edge.sources.live import PARAMS as LIVE
 from edge.types import Clock, Frame, Image
 from tests.support import finger
+from tests.support.commands import run_edge
+from tests.support.fault_injection import _PICTURES
 
 UP: dict[str, Any] = {
     "ifname": "can0", "flags": ["NOARP", "UP", "LOWER_UP"], "mtu": 72,
@@ -66,8 +65,8 @@ class Camera(finger.Camera):
 
 
 @pytest.fixture(scope="module")
-def rest(data_dir: Path) -> list[Image]:
-    return [f.image for f in list(open_source(str(data_dir / "press.mcap")))[:8]]
+def rest(frames: list[Frame]) -> list[Image]:
+    return [frame.image for frame in frames[:8]]
 
 
 @pytest.fixture
@@ -90,12 +89,7 @@ def examined(config: Config, rest: list[Image], data_dir: Path) -> Callable[...,
         camera: Camera | Exception | None = None,
     ) -> dict[str, Line]:
         chosen = camera or Camera(rest if images is None else images)
-
-        def opener() -> Any:
-            if isinstance(chosen, Exception):
-                raise chosen
-            return chosen
-
+        opener = Mock(side_effect=[chosen])  # an exception is raised
         found: dict[str, Line] = {}
         for line in examine(config, opener, calibration, machine or well()):
             if line.topic not in found or line.level != "ok":
@@ -142,29 +136,20 @@ def test_no_camera(examined: Examined) -> None:
     assert not {"light", "pins", "focus"} & set(found)  # topics that cannot be checked are not guessed
 
 
-def black(image: Image) -> Image:
-    return np.random.default_rng(0).integers(0, 2, image.shape, dtype=np.uint8)
-
-
-def covered(image: Image) -> Image:
-    half = image.copy()
-    half[:, 160:] = np.median(image)
-    return half
-
-
 @pytest.mark.parametrize(
     ("seen", "levels", "words"),
     [
-        (black, {"light": "fail", "pins": "fail"}, "LED"),
-        (lambda image: np.full_like(image, 255), {"light": "fail"}, "overexposed"),
-        (covered, {"pins": "fail"}, "of the calibration's 331 pins"),
+        (_PICTURES["black"], {"light": "fail", "pins": "fail"}, "LED"),
+        (lambda image, random: np.full_like(image, 255), {"light": "fail"}, "overexposed"),
+        (_PICTURES["cover"], {"pins": "fail"}, "of the calibration's 331 pins"),
     ],
-    ids=["dark", "overexposed", "half of the pins lost"],
+    ids=["dark", "overexposed", "most of the pins lost"],
 )
 def test_images_without_their_pins(
-    examined: Examined, rest: list[Image], seen: Callable[[Image], Image], levels: dict[str, str], words: str
+    examined: Examined, rest: list[Image], seen: Callable[..., Image], levels: dict[str, str], words: str
 ) -> None:
-    found = examined([seen(image) for image in rest])
+    random = np.random.default_rng(0)
+    found = examined([seen(image, random) for image in rest])
     assert bad(found).items() >= levels.items()
     worst = found[next(iter(levels))]
     assert words in worst.message + worst.advice
@@ -254,13 +239,12 @@ def test_the_machine_itself(tmp_path: Path) -> None:
 
 
 def test_on_the_command_line(data_dir: Path) -> None:
-    arguments = ["doctor", "--source", str(data_dir / "press.mcap"), "--sink", "virtual:doctor", "--json"]
-    arguments += ["--calibration", str(data_dir / "rings331_ball.json")]
-    done = CliRunner().invoke(cli, arguments)
-    reported = json.loads(done.stdout)
-    assert done.exit_code == (reported["worst"] == "fail")
+    arguments = ("doctor", "--source", data_dir / "press.mcap", "--sink", "virtual:doctor", "--json")
+    done = run_edge(*arguments, "--calibration", data_dir / "rings331_ball.json")
+    reported = json.loads(done.out)
+    assert done.code == (reported["worst"] == "fail")
     levels = {line["topic"]: line["level"] for line in reported["lines"]}
     assert levels["pins"] == levels["calibration"] == levels["link"] == "ok"
-    done = CliRunner().invoke(cli, ["doctor", "--source", "nothing.mcap"])
-    assert done.exit_code == 1
-    assert "no such file" in done.stdout
+    done = run_edge("doctor", "--source", "nothing.mcap")
+    assert done.code == 1
+    assert "no such file" in done.out

@@ -9,7 +9,7 @@ import pytest
 from edge.calibration import Calibration
 from edge.cli.render import render_recording
 from edge.pins import take_rest
-from edge.recording.reader import RecordingSource
+from edge.types import Frame
 from edge.view.panels import View, draw_camera
 
 
@@ -27,26 +27,24 @@ def red_n(image: np.ndarray) -> int:
     return int(((r > 180) & (g < 110) & (b < 110)).sum())
 
 
-def test_every_frame_is_in_the_video(data_dir: Path, tmp_path: Path) -> None:
-    calibration = Calibration.load(data_dir / "rings331_ball.json")
-    made = render_recording(
-        str(data_dir / "press.mcap"), tmp_path / "a.mkv", calibration, rate_hz=25, height=320
-    )
-    recorded = list(RecordingSource(data_dir / "press.mcap"))
-    frames = frames_of(tmp_path / "a.mkv")
-    assert made.pop("without_values") == {}
-    assert made == {"frames_n": len(recorded), "pins_n": 331, "rate_hz": 25}
-    assert len(frames) == len(recorded)
-    touch_panels = [frame[:320, :320] for frame in frames]  # the left panel
+def test_every_frame_is_in_the_video(
+    data_dir: Path, tmp_path: Path, frames: list[Frame], calibration: Calibration
+) -> None:
+    recording, video = str(data_dir / "press.mcap"), tmp_path / "a.mkv"
+    made = render_recording(recording, video, calibration, rate_hz=25, height=320)
+    shown = frames_of(video)
+    assert made == {"frames_n": len(frames), "pins_n": 331, "rate_hz": 25, "without_values": {}}
+    assert len(shown) == len(frames)
+    touch_panels = [picture[:320, :320] for picture in shown]  # the left panel
     assert red_n(touch_panels[0]) == 0
     assert red_n(touch_panels[-1]) > 200
     # The right panel is the camera's own image: as recorded, except for the rings and the scale.
-    camera = cv2.cvtColor(frames[-1][:320, 324 : 324 + 320], cv2.COLOR_BGR2GRAY)
-    rest = take_rest([frame.image for frame in recorded[:8]])
+    camera = cv2.cvtColor(shown[-1][:320, 324 : 324 + 320], cv2.COLOR_BGR2GRAY)
+    rest = take_rest([frame.image for frame in frames[:8]])
     view = View.of(rest.xy_img, rest.pattern.pitch_px, 320)
     alike = [
         np.corrcoef(camera.ravel(), draw_camera(view, frame.image)[..., 0].ravel())[0, 1]
-        for frame in (recorded[0], recorded[-1])
+        for frame in (frames[0], frames[-1])
     ]
     assert alike[1] > max(0.8, alike[0])
-    assert cv2.VideoCapture(str(tmp_path / "a.mkv")).get(cv2.CAP_PROP_FPS) == pytest.approx(25)
+    assert cv2.VideoCapture(str(video)).get(cv2.CAP_PROP_FPS) == pytest.approx(25)

@@ -5,8 +5,8 @@ import pytest
 
 from edge.faults.pin_visibility import BASELINE_N, PinVisibility
 from edge.params import ASTRAY_REL
-from edge.types import Array, ContactRegion, Features, Mask, Tracks
-from tests.support.fields import tip
+from edge.types import Array, Features, Mask, Tracks
+from tests.support.fields import contact_region, tip
 
 REST = tip(331)
 N = len(REST)
@@ -73,8 +73,7 @@ def test_values_return_with_the_pins() -> None:
 
 
 def contact_at(pin: int, radius_px: float) -> Features:
-    at, none = XY[pin], np.full(2, np.nan)
-    found = ContactRegion(at, 0.3, np.pi * radius_px**2, np.nan, 1.0, at[None], at, none, none)
+    found = contact_region((XY[pin, 0], XY[pin, 1]), 0.3, np.pi * radius_px**2)
     return Features(np.zeros(N), np.zeros((N, 2)), in_contact=True, contacts=(found,))
 
 

@@ -3,6 +3,8 @@
 import math
 import socket
 import threading
+from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -151,21 +153,24 @@ def test_the_board_monitor_checks_until_closed() -> None:
 
 
 @pytest.fixture
-def manager(tmp_path: Path) -> socket.socket:
-    """The socket that systemd listens on."""
-    listener = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
-    listener.bind(str(tmp_path / "notify"))
-    listener.setblocking(False)
-    return listener
+def manager() -> Iterator[socket.socket]:
+    """The socket that systemd listens on; the kernel gives it an abstract name that is free."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener:
+        listener.bind("")
+        listener.setblocking(False)
+        yield listener
+
+
+def name_of(manager: socket.socket) -> str:
+    return f"@{manager.getsockname()[1:].decode()}"
 
 
 def received(manager: socket.socket) -> list[str]:
-    messages = []
-    while True:
-        try:
+    messages: list[str] = []
+    with suppress(BlockingIOError):
+        while True:
             messages.append(manager.recv(4096).decode())
-        except BlockingIOError:
-            return messages
+    return messages
 
 
 @pytest.mark.parametrize(
@@ -179,7 +184,7 @@ def received(manager: socket.socket) -> list[str]:
 def test_ready_once_then_the_watchdog_while_images_flow(
     manager: socket.socket, environment: dict[str, str], notified_n: int
 ) -> None:
-    notifier = Notifier({"NOTIFY_SOCKET": manager.getsockname(), **environment})
+    notifier = Notifier({"NOTIFY_SOCKET": name_of(manager), **environment})
     assert received(manager) == []  # not ready before the first image
     for _ in range(3):
         notifier.frame()
@@ -190,11 +195,8 @@ def test_ready_once_then_the_watchdog_while_images_flow(
     assert received(manager) == ["STOPPING=1"]
 
 
-def test_abstract_names_and_no_manager(tmp_path: Path) -> None:
+def test_a_line_of_status_and_no_manager(manager: socket.socket, tmp_path: Path) -> None:
     for environment in ({}, {"NOTIFY_SOCKET": str(tmp_path / "gone")}):
         Notifier(environment).frame()
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener:
-        listener.bind("")  # the kernel gives it an abstract name that is free
-        name = listener.getsockname()[1:].decode()
-        Notifier({"NOTIFY_SOCKET": f"@{name}"}).status("two\nlines")
-        assert listener.recv(100) == b"STATUS=two lines"
+    Notifier({"NOTIFY_SOCKET": name_of(manager)}).status("two\nlines")
+    assert received(manager) == ["STATUS=two lines"]

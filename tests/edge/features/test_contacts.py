@@ -127,24 +127,18 @@ def test_a_single_touch_stays_one_with_poorly_seen_pins() -> None:
         assert len(contacts(rest, motion, seed=seed)) == 1
 
 
-def finder_of(rest: Rest, xy: Array) -> ContactFinder:
-    """Regions of pins at xy, whose cells have grown by a tenth each."""
-    surface = Surface(rest)
-    made = ContactFinder(surface, xy)
-    made.field.set_area_change(np.full(127, 0.1))
-    made.field.find(xy)
-    made.peaks.set_field(made.field.divergence, made.field.active, made.field.n_active)
-    made.peaks.find(surface.divergence_noise, 0.1, 0.01)
-    made.regions.merge(surface.divergence_noise, 0.05)
-    return made
-
-
 def test_moments_are_sums_over_the_points_nearest_to_each_contact() -> None:
     rest = tip(127)
     pitch = rest.pattern.pitch_px
     turning = (rest.xy_img - CENTRE) @ np.array([[0.0, 0.03], [-0.03, 0.0]])
     xy = rest.xy_img + push(rest, (60.0, -15.0), 40.0, 0.2) + push(rest, (-50.0, 30.0), 40.0, 0.15) + turning
-    near = finder_of(rest, xy)
+    surface = Surface(rest)
+    near = ContactFinder(surface, xy)
+    near.field.set_area_change(np.full(127, 0.1))  # each cell has grown
+    near.field.find(xy)
+    near.peaks.set_field(near.field.divergence, near.field.active, near.field.n_active)
+    near.peaks.find(surface.divergence_noise, 0.1, 0.01)
+    near.regions.merge(surface.divergence_noise, 0.05)
     regions, points_img = near.regions, np.asarray(near.field.points)
     assert regions.n_contacts == 2
     near.find_moments()

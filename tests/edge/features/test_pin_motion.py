@@ -1,11 +1,11 @@
-"""Mean motion, noise, contact pins and torsion of motion fields with known truth; the volume."""
+"""Noise, contact pins and torsion of motion fields with known truth; the volume."""
 
 import numpy as np
 import pytest
 
 from edge.features.pin_motion import AreaChange, PinMotion, PinNoise
 from edge.types import Array, Index, Rest
-from tests.support.fields import CENTRE, frame, make_rest, push, tip
+from tests.support.fields import CENTRE, frame, push, tip
 
 
 def turned(xy: Array, angle: float, about: Array) -> Array:
@@ -29,19 +29,6 @@ def contact_of(rest: Rest, change: Array) -> Index:
     made = PinMotion(rest)
     found = made.find_contact(change, 0.0)
     return np.asarray(made.pins)[:found]
-
-
-def test_mean_motion_is_that_of_the_seen_pins() -> None:
-    rest = make_rest(np.array([[5.0, 5.0], [6.0, 5.0], [7.0, 5.0]]), 1.0)
-    xy = rest.xy_img + np.array([[1.0, 2.0], [3.0, 4.0], [np.nan, np.nan]])
-    motion, sigma = PinMotion(rest), np.array([0.1, 0.3, np.nan])
-    assert motion.since_rest(xy, sigma) == 2
-    assert motion.sigma_px == pytest.approx(0.2)
-    np.testing.assert_allclose(motion.mean, [2.0, 3.0])
-    np.testing.assert_array_equal(motion.xy, xy)
-    np.testing.assert_array_equal(motion.motion, xy - rest.xy_img)
-    assert motion.since_rest(np.full((3, 2), np.nan), sigma) == motion.sigma_px == 0
-    assert np.isnan(motion.mean).all()
 
 
 @pytest.mark.parametrize("angle", [-1.2, -0.05, 0.0, 0.003, 0.4])

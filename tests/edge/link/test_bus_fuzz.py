@@ -1,10 +1,10 @@
 """Any input from the bus or the line: the node survives, answers, and holds only valid values."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from edge.link.medium import CanFrame
@@ -22,29 +22,14 @@ NODE = 3
 REQUEST = CanIds().of(Kind.SDO_REQUEST, NODE)
 RESPONSE = CanIds().of(Kind.SDO_RESPONSE, NODE)
 IDENTITY = bytes((0x40, 0x18, 0x10, 0x01, 0, 0, 0, 0))  # upload of 0x1018:1
-FEW = settings(
-    max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
-)
+FEW = settings(max_examples=150)
 
 
 @contextmanager
 def a_node(kind: type[CanFdSink] | type[SerialSink]) -> Iterator[tuple[Node, Finger, Wire]]:
     wire, finger = Wire(instant=False), Finger()
-    node = Node(kind("wire", lambda: wire, NODE), finger, SettingsFile())
-    yield node, finger, wire
-    node.close()
-
-
-@pytest.fixture(scope="module")
-def on_can() -> Iterator[tuple[Node, Finger, Wire]]:
-    with a_node(CanFdSink) as made:
-        yield made
-
-
-@pytest.fixture(scope="module")
-def on_serial() -> Iterator[tuple[Node, Finger, Wire]]:
-    with a_node(SerialSink) as made:
-        yield made
+    with closing(Node(kind("wire", lambda: wire, NODE), finger, SettingsFile())) as node:
+        yield node, finger, wire
 
 
 def check_values(node: Node, finger: Finger) -> None:
@@ -76,20 +61,20 @@ identifiers = st.one_of(
 @pytest.mark.generative
 @FEW
 @given(messages=st.lists(st.tuples(identifiers, frames), max_size=40))
-def test_can(on_can: tuple[Node, Finger, Wire], messages: list[tuple[int, bytes]]) -> None:
-    node, finger, wire = on_can
-    for can_id, data in messages:
-        message = CanFrame(can_id, data)
-        node.sink.on_message(message)  # type: ignore[misc]
-    check_values(node, finger)
-    # A master restarts it after any commands; then it answers as before.
-    node.sink.on_message(CanFrame(0, bytes((1, NODE))))  # type: ignore[misc]
-    assert node.drain(SOON_S)
-    wire.items.clear()
-    node.sink.on_message(CanFrame(REQUEST, IDENTITY))  # type: ignore[misc]
-    assert node.drain(SOON_S)
-    answers = [bytes(m.data) for m in wire.items if m.can_id == RESPONSE]
-    assert [a[:4] for a in answers] == [b"\x43" + IDENTITY[1:4]]
+def test_can(messages: list[tuple[int, bytes]]) -> None:
+    with a_node(CanFdSink) as (node, finger, wire):
+        for can_id, data in messages:
+            message = CanFrame(can_id, data)
+            node.sink.on_message(message)  # type: ignore[misc]
+        check_values(node, finger)
+        # A master restarts it after any commands; then it answers as before.
+        node.sink.on_message(CanFrame(0, bytes((1, NODE))))  # type: ignore[misc]
+        assert node.drain(SOON_S)
+        wire.items.clear()
+        node.sink.on_message(CanFrame(REQUEST, IDENTITY))  # type: ignore[misc]
+        assert node.drain(SOON_S)
+        answers = [bytes(m.data) for m in wire.items if m.can_id == RESPONSE]
+        assert [a[:4] for a in answers] == [b"\x43" + IDENTITY[1:4]]
 
 
 @pytest.mark.generative
@@ -108,13 +93,13 @@ def test_can(on_can: tuple[Node, Finger, Wire], messages: list[tuple[int, bytes]
         max_size=30,
     )
 )  # fmt: skip
-def test_serial(on_serial: tuple[Node, Finger, Wire], chunks: list[bytes]) -> None:
-    node, finger, _ = on_serial
-    assert isinstance(node.sink, SerialSink)
-    for chunk in chunks:
-        node.sink._split(chunk)
-    check_values(node, finger)
-    start = encode_frame(Message.NMT, pack_message(Message.NMT, bytes((1,)), 0))
-    node.sink._split(b"\0" + start)
-    assert node.state is NmtState.OPERATIONAL
-    assert len(node.sink._buffer) <= FRAME_MAX
+def test_serial(chunks: list[bytes]) -> None:
+    with a_node(SerialSink) as (node, finger, _):
+        assert isinstance(node.sink, SerialSink)
+        for chunk in chunks:
+            node.sink._split(chunk)
+        check_values(node, finger)
+        start = encode_frame(Message.NMT, pack_message(Message.NMT, bytes((1,)), 0))
+        node.sink._split(b"\0" + start)
+        assert node.state is NmtState.OPERATIONAL
+        assert len(node.sink._buffer) <= FRAME_MAX

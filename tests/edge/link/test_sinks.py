@@ -3,9 +3,8 @@
 import errno
 import os
 import threading
-import tty
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import replace
 from functools import partial
 from itertools import count
@@ -24,8 +23,9 @@ from edge.link.params import PARAMS
 from edge.link.python_can import CanMedium
 from edge.link.sinks import CanFdSink, SerialSink, open_sink
 from hostlink.can_bus import OpenBus
-from hostlink.wire import FaultCode, Message, State, unpack_state
+from hostlink.wire import FaultCode, State, unpack_state
 from hostlink.wire.serial import decode_frame
+from tests.support.ptys import Ptys
 from tests.support.refusals import one_line
 from tests.support.waiting import SOON_S, until
 
@@ -212,102 +212,52 @@ def test_answers_overtake_samples_and_detail_waits(channel: str, slow: tuple[Fla
     assert sink.counters.detail_skipped == 2
 
 
-class Pty:
-    """The other end of a serial line, at a path that stays the same."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.open()
-
-    def open(self) -> None:
-        self.master, slave = os.openpty()
-        tty.setraw(slave)
-        os.set_blocking(self.master, False)
-        self.path.unlink(missing_ok=True)
-        self.path.symlink_to(os.ttyname(slave))
-        os.close(slave)
-
-    def unplug(self) -> None:
-        os.close(self.master)
-        self.path.unlink()
-
-    def samples(self, n: int) -> list[int]:
-        """The next n samples that came in."""
-        data = b""
-        blocks: list[bytes] = []
-        os.set_blocking(self.master, True)
-        while len(blocks) < n:
-            data += os.read(self.master, 4096)
-            *whole, _ = data.split(b"\0")
-            blocks = [block for block in whole if block]
-        os.set_blocking(self.master, False)
-        frames = [decode_frame(block) for block in blocks]
-        assert [frame[0] for frame in frames] == [Message.STATE] * n
-        return [unpack_state(frame[1]).sample for frame in frames]
-
-
-@pytest.fixture
-def pty(tmp_path: Path) -> Pty:
-    return Pty(tmp_path / "tty")
-
-
-@pytest.fixture
-def serial_sink(pty: Pty) -> Iterator[SerialSink]:
-    sink = open_sink(f"serial:{pty.path}")
-    assert isinstance(sink, SerialSink)
-    yield sink
-    sink.close()
-
-
-def test_a_line_that_is_lost_and_comes_back(
-    pty: Pty, serial_sink: SerialSink, monkeypatch: pytest.MonkeyPatch
+def test_a_sample_that_is_encoded_while_the_line_is_lost_is_dropped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    sink, encode = serial_sink, serial_sink.encode
-    for k in range(4):
-        assert sink.send(state(k))
-    assert pty.samples(4) == [0, 1, 2, 3]
+    """That both ends come back: `test_line_lost_and_back` of the host."""
+    pty = Ptys(tmp_path)
+    with closing(open_sink(f"serial:{pty.paths[0]}")) as sink:
+        assert isinstance(sink, SerialSink)
+        encode = sink.encode
 
-    def lose_meanwhile(sample: State, counter: int) -> Sequence[Any]:
-        pty.unplug()
-        until(lambda: sink._medium is None, "the loss is noticed")
-        return encode(sample, counter)
+        def lose_meanwhile(sample: State, counter: int) -> Sequence[Any]:
+            pty.close()
+            until(lambda: sink._medium is None, "the loss is noticed")
+            return encode(sample, counter)
 
-    with monkeypatch.context() as patch:
-        patch.setattr(sink, "encode", lose_meanwhile)
-        assert not sink.send(state(4))
-    assert not sink.up
-    dropped = sink.counters.dropped
-    assert not sink.send(state(5))
-    assert sink.counters.dropped == dropped + 1
-    pty.open()
-    until(lambda: sink.send(state(6)), "the line is back")
-    assert pty.samples(1) == [6]  # a gap, nothing old
-    until(lambda: sink.counters.reconnects == 1, "counted")
+        monkeypatch.setattr(sink, "encode", lose_meanwhile)
+        assert not sink.send(state(0))
+        assert not sink.up
+        assert sink.counters.dropped == 1
 
 
-def test_line_that_nobody_reads_is_full_not_fatal(pty: Pty, serial_sink: SerialSink) -> None:
-    sink = serial_sink
-    numbers = count()
-    until(lambda: sink.send(state(next(numbers))) and sink.counters.dropped, "the buffer is full")
-    oldest = next(numbers) - 2000  # a pty holds 4 kB, 60 frames; its contents were discarded
-    seen: list[int] = []
+def test_line_that_nobody_reads_is_full_not_fatal(tmp_path: Path) -> None:
+    pty, numbers, seen = Ptys(tmp_path), count(), list[int]()
+    with closing(open_sink(f"serial:{pty.paths[0]}")) as sink:
+        assert isinstance(sink, SerialSink)
+        until(lambda: sink.send(state(next(numbers))) and sink.counters.dropped, "the buffer is full")
+        oldest = next(numbers) - 2000  # a pty holds 4 kB, 60 frames; its contents were discarded
+        reader = os.open(pty.paths[1], os.O_RDONLY | os.O_NONBLOCK)
 
-    def newest_arrives() -> bool:
-        sink.send(state(next(numbers)))
-        with suppress(BlockingIOError):
-            blocks = os.read(pty.master, 65536).split(b"\0")
-            frames = [decode_frame(b) for b in blocks if len(b) == 70]
-            seen.extend(unpack_state(f[1]).sample for f in frames)
-        return len(seen) > 200
+        def newest_arrives() -> bool:
+            sink.send(state(next(numbers)))
+            with suppress(BlockingIOError):
+                blocks = os.read(reader, 65536).split(b"\0")
+                frames = [decode_frame(b) for b in blocks if len(b) == 70]
+                seen.extend(unpack_state(f[1]).sample for f in frames)
+            return len(seen) > 200
 
-    until(newest_arrives, "samples flow again")
-    until(lambda: sink.up, "and the link is up")
+        until(newest_arrives, "samples flow again")
+        until(lambda: sink.up, "and the link is up")
+    os.close(reader)
+    pty.close()
     assert seen == sorted(seen)
     assert seen[0] > oldest
 
 
-def test_detail_is_spaced_by_what_a_frame_takes(pty: Pty, channel: str) -> None:
-    line = open_sink(f"serial:{pty.path}?baud=115200")
+def test_detail_is_spaced_by_what_a_frame_takes(channel: str) -> None:
+    line = open_sink("serial:loop://?baud=115200")
     assert isinstance(line, SerialSink)
     assert line.frame_s(64) == pytest.approx(72 * 10 / 115_200)
     line.close()

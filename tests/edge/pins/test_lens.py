@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from calib.commands.lens import text_of
 from calib.fit import sensor_of
@@ -49,11 +50,6 @@ def frame(*poses: ToolPose) -> Frame:
     return Simulator(CAMERA, QUIET).frame(poses)
 
 
-def nearest(xy: Array, to: Array) -> Array:
-    """(n,) px from each point to the nearest of the others."""
-    return np.asarray(np.hypot(*(xy[:, None] - to).transpose(2, 0, 1)).min(axis=1))
-
-
 @pytest.mark.parametrize("lens", [LENS, FISHEYE], ids=["pinhole", "fisheye"])
 def test_there_and_back(lens: Lens) -> None:
     rng = np.random.default_rng(2)
@@ -70,13 +66,13 @@ def test_pins_at_rest_are_where_a_pinhole_would_see_them() -> None:
     rest = take_rest([frame().image], lens=LENS)
     true = undistorted(CAMERA.tip.tips_mm)
     raw = take_rest([frame().image])
-    assert nearest(raw.xy_img, true).max() > 2.0
+    assert cKDTree(true).query(raw.xy_img)[0].max() > 2.0
     assert len(rest) == 127
-    found_px = nearest(raw.xy_img, CAMERA.project(CAMERA.tip.tips_mm))
-    corrected_px = nearest(rest.xy_img, true)
+    found_px = cKDTree(CAMERA.project(CAMERA.tip.tips_mm)).query(raw.xy_img)[0]
+    corrected_px = cKDTree(true).query(rest.xy_img)[0]
     assert np.median(corrected_px) < 0.01
     assert np.abs(corrected_px - found_px).max() < 0.01
-    assert nearest(corrected(LENS, CAMERA.project(CAMERA.tip.tips_mm)), true).max() < 1e-6
+    assert cKDTree(true).query(corrected(LENS, CAMERA.project(CAMERA.tip.tips_mm)))[0].max() < 1e-6
     assert rest.pattern.lens == LENS
     assert rest.pattern.pitch_px > raw.pattern.pitch_px
 
@@ -95,7 +91,7 @@ def test_a_pressed_tip_is_followed_and_searched_for_in_corrected_places() -> Non
         assert result.features is not None
         assert result.searched == reference.searched
         places = corrected(LENS, reference.tracks.xy_img[reference.tracks.seen])
-        assert nearest(result.tracks.xy_img[result.tracks.seen], places).max() < 0.001
+        assert cKDTree(places).query(result.tracks.xy_img[result.tracks.seen])[0].max() < 0.001
     pipeline.forget()
     searched = pipeline.process(frame(pose))
     assert searched.searched

@@ -36,12 +36,10 @@ def good_image(value: int = 9) -> Any:
     return proto("RawImage")(width=8, height=6, encoding="mono8", step=8, data=bytes([value]) * 48)
 
 
-def write(
-    path: Path, *messages: tuple[str, Any], compression: CompressionType = CompressionType.NONE
-) -> Path:
+def write(path: Path, *messages: tuple[str, Any]) -> Path:
     """A file of another tool: (topic, protobuf image or JSON text), 1 ms apart, a chunk each."""
     with path.open("wb") as file:
-        writer = Writer(file, chunk_size=1, compression=compression)
+        writer = Writer(file, chunk_size=1, compression=CompressionType.NONE)
         writer.start()
         channels: dict[tuple[str, str], int] = {}
         for n, (topic, message) in enumerate(messages):

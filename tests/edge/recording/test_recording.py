@@ -1,7 +1,7 @@
 """Recordings are read back exactly, and damage loses only the damaged chunk."""
 
-import io
 import threading
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 from unittest.mock import Mock
@@ -27,7 +27,7 @@ from tests.support.fields import contact_region
 from tests.support.layouts import tracks_of
 from tests.support.messages import read_messages
 from tests.support.refusals import one_line
-from tests.support.waiting import SOON_S
+from tests.support.waiting import until
 
 STEP_NS = 4_166_667
 
@@ -217,12 +217,17 @@ def test_a_truth_that_cannot_be_written_is_counted_and_named(tmp_path: Path) -> 
 Long = tuple[Path, list[Frame], list[int], list[int]]
 
 
-def chunk_ends(path: Path) -> list[int]:
-    """File offsets at which a chunk is complete."""
+def chunks_of(path: Path) -> tuple[list[int], list[int]]:
+    """Where each chunk ends, and how many images it has, by the library's reader."""
+    ends, counts, images = list[int](), list[int](), set[int]()
     with path.open("rb") as file:
-        summary = make_reader(file).get_summary()
-    assert summary is not None
-    return sorted(index.chunk_start_offset + index.chunk_length for index in summary.chunk_indexes)
+        for record in StreamReader(file, emit_chunks=True).records:
+            if isinstance(record, Chunk):
+                parts = breakup_chunk(record)
+                images |= {p.id for p in parts if isinstance(p, Channel) and p.topic == "/camera/image"}
+                ends.append(file.tell())
+                counts.append(sum(isinstance(p, Message) and p.channel_id in images for p in parts))
+    return ends, counts
 
 
 @pytest.fixture
@@ -230,9 +235,9 @@ def long_recording(tmp_path: Path) -> Long:
     """Several chunks."""
     path, frames = tmp_path / "long.mcap", frames_of(30, size=(640, 480))
     write(path, frames)
-    ends = chunk_ends(path)
+    ends, counts = chunks_of(path)
     assert len(ends) >= 5
-    return path, frames, ends, _frames_by_chunk(path.read_bytes())
+    return path, frames, ends, counts
 
 
 @pytest.mark.parametrize("cut", ["just after chunk 3", "in chunk 4", "in the index"])
@@ -253,18 +258,6 @@ def test_truncated_file_yields_all_complete_chunks(long_recording: Long, cut: st
     assert source.faults["truncated"]
 
 
-def _frames_by_chunk(data: bytes) -> list[int]:
-    """Images in each chunk, counted by the library's reader."""
-    counts: list[int] = []
-    images: set[int] = set()
-    for record in StreamReader(io.BytesIO(data), emit_chunks=True).records:
-        if isinstance(record, Chunk):
-            parts = breakup_chunk(record)
-            images |= {p.id for p in parts if isinstance(p, Channel) and p.topic == "/camera/image"}
-            counts.append(sum(isinstance(p, Message) and p.channel_id in images for p in parts))
-    return counts
-
-
 def test_damage_to_one_chunk_loses_that_chunk_only(long_recording: Long) -> None:
     path, frames, ends, counts = long_recording
     data = bytearray(path.read_bytes())
@@ -279,22 +272,17 @@ def test_damage_to_one_chunk_loses_that_chunk_only(long_recording: Long) -> None
 
 def test_an_idle_recording_is_on_disk_without_being_closed(tmp_path: Path) -> None:
     """Few small messages reach the file by age, not only by size."""
-    path = tmp_path / "idle.mcap"
-    recorder = Recorder(path)
-    closed = threading.Event()
-    end_chunk = recorder._writer.end_chunk
+    path, copy = tmp_path / "idle.mcap", tmp_path / "copy.mcap"
+    with Recorder(path) as recorder:
+        recorder.frame(frames_of(1)[0])
 
-    def spy() -> None:
-        end_chunk()
-        closed.set()
+        def reads_back() -> bool:
+            copy.write_bytes(path.read_bytes())
+            with suppress(SourceError):
+                return len(list(RecordingSource(copy))) == 1
+            return False
 
-    recorder._writer.end_chunk = spy  # type: ignore[method-assign]
-    recorder.frame(frames_of(1)[0])
-    assert closed.wait(SOON_S)
-    copy = tmp_path / "copy.mcap"
-    copy.write_bytes(path.read_bytes())
-    recorder.close()
-    assert len(list(RecordingSource(copy))) == 1
+        until(reads_back, "the frame is on disk")
 
 
 def test_a_slow_disk_drops_messages_and_reports_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,7 +3,6 @@
 from contextlib import closing
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
@@ -12,10 +11,10 @@ from calib.targets import read_targets
 from edge.calibration import Calibration
 from edge.errors import NoPins
 from edge.pins import take_rest
-from edge.rest.choice import aligned, choose_rest, rest_if_touched, rest_of_source
+from edge.rest.choice import aligned, choose_rest, rest_of_source
 from edge.rest.tip_match import in_order_of
 from edge.sources import open_source
-from edge.sources.files import FileSource, read_image
+from edge.sources.files import read_image
 from edge.types import Image, Rest
 
 TIP = Tip(n_pins=127, kind="hex")
@@ -69,29 +68,6 @@ def test_a_calibration_s_rest_pins_are_moved_onto_a_touched_image(data_dir: Path
     shifted = np.roll(images[0], (3, -2), (0, 1))
     moved = aligned(calibration, take_rest([shifted]))
     assert moved.xy_img - true.xy_img == pytest.approx(np.tile([-2.0, 3.0], (len(true), 1)), abs=0.2)
-
-
-def recording(folder: Path, images: list[Image]) -> FileSource:
-    folder.mkdir()
-    for number, image in enumerate(images):
-        cv2.imwrite(str(folder / f"{number}.png"), image)
-    source = open_source(str(folder))
-    assert isinstance(source, FileSource)
-    return source
-
-
-def test_a_recording_that_begins_touched_gets_an_untouched_rest_frame(tmp_path: Path) -> None:
-    under_load = [simulator().frame((ToolPose(depth_mm=3.0, tilt_x_deg=15.0),)).image] * 8
-    resting = [simulator().frame().image for _ in range(8)]
-    given = rest_if_touched(recording(tmp_path / "begins_touched", [*under_load, *resting]))
-    assert given is not None
-    assert given.untouched
-    assert given.frame.sequence >= 8
-    assert "something touches the tip" in given.message
-    true = take_rest(resting)
-    assert np.abs(given.rest.xy_img - true.xy_img).max() < 0.05
-    assert rest_if_touched(recording(tmp_path / "begins_untouched", [*resting, *under_load])) is None
-    assert rest_if_touched(recording(tmp_path / "never_untouched", under_load[:1])) is None
 
 
 @pytest.mark.real

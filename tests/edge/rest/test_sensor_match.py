@@ -17,6 +17,7 @@ from calib.simulated_calibration import mm_per_px as true_mm_per_px
 from edge.frame import Pipeline
 from edge.pins import take_rest
 from edge.rest.sensor_match import CLEAR, layout_of, match_layout, mm_per_px, recognise
+from edge.rest.symmetry import symmetry_of
 from edge.sensors import known_sensors, load_sensor, missing_pins
 from edge.sources import open_source
 from edge.sources.files import read_image
@@ -164,6 +165,9 @@ def test_every_simulated_sensor_holds_its_pins_through_a_press(name: str) -> Non
     frames = list(open_source(f"sim:press?sensor={name}&paced=0"))
     rest = take_rest([frame.image for frame in frames[:8]])
     assert bool(rest.pattern.dark) == (name == "gelsight-mini")
+    symmetry = symmetry_of(rest)
+    assert symmetry.asymmetry < 0.02
+    assert not symmetry.in_contact
     pipeline = Pipeline(rest)
     results = [pipeline.process(frame) for frame in frames]
     assert min(result.tracks.n_seen for result in results) >= 0.95 * len(rest)

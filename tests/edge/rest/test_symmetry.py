@@ -1,6 +1,7 @@
 """A touch that is seen without knowing the tip, and what must not be taken for one."""
 
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +14,6 @@ from edge.sources import open_source
 from edge.sources.files import read_image
 from edge.types import Image
 
-SENSORS = ("gelsight-mini", "square-grid", "tactip-127", "tactip-331")
-
 
 def simulated(kind: str, pins_n: int, *poses: ToolPose) -> Image:
     return Simulator(Camera(tip=Tip(n_pins=pins_n, kind=kind), size_px=(480, 480))).frame(poses).image
@@ -22,16 +21,6 @@ def simulated(kind: str, pins_n: int, *poses: ToolPose) -> Image:
 
 def symmetry(image: Image) -> RestSymmetry:
     return symmetry_of(take_rest([image]))
-
-
-@pytest.mark.parametrize("sensor", SENSORS)
-def test_untouched_sensors_are_symmetric(sensor: str) -> None:
-    source = open_source(f"sim:tour?sensor={sensor}&paced=0")
-    image = next(iter(source)).image
-    source.close()
-    found = symmetry(image)
-    assert not found.in_contact
-    assert found.asymmetry < 0.02
 
 
 @pytest.mark.parametrize(("kind", "pins_n"), [("hex", 127), ("rings", 331)])
@@ -68,9 +57,6 @@ def test_published_recordings(real_dir: Path) -> None:
     assert np.mean(touched) > 0.8
     for video in ("gelsight_mini/press.avi", "video/Movement4.avi", "video/north.avi"):
         source = open_source(str(real_dir / video))
-        for number, frame in enumerate(source):
-            if number == 40:
-                break
-            if number % 20 == 0:
-                assert not symmetry(frame.image).in_contact
+        for frame in islice(source, 0, 40, 20):
+            assert not symmetry(frame.image).in_contact
         source.close()

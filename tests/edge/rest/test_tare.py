@@ -25,7 +25,6 @@ from edge.sources.paced import Paced
 from edge.types import Frame, Image
 from hostlink.wire import FaultCode, RestFrameReason, RestFrameState, Status
 from tests.support.finger import Finger
-from tests.support.images import grey
 from tests.support.waiting import SOON_S
 
 ACCEPTED, REFUSED, FORCED = RestFrameState.ACCEPTED, RestFrameState.REFUSED, RestFrameState.FORCED
@@ -36,14 +35,6 @@ def changed(calibration: Calibration, **sensor: object) -> Calibration:
     table = json.loads(calibration.encoded)
     table["sensor"].update(sensor)
     return Calibration.parse(json.dumps(table).encode(), "test")
-
-
-UNTOUCHED = tuple(range(8))
-
-
-def steady(k: int) -> list[int]:
-    """Eight images of one frame."""
-    return [k] * 8
 
 
 def images(frames: list[Frame], k: int) -> list[Image]:
@@ -92,9 +83,11 @@ def test_a_slightly_moved_camera_is_no_touch(
     leaning = np.eye(3)
     leaning[2, 0] = tilt
     way = back @ leaning @ there @ turn
-    moved = [grey(cv2.warpPerspective(image, way, (320, 320))) for image in images(frames, 0)]
+    moved, touched = (
+        [np.asarray(cv2.warpPerspective(image, way, (320, 320)), np.uint8) for image in images(frames, k)]
+        for k in (0, 12)
+    )
     assert take_rest_frame(moved, calibration=calibration).reason is RestFrameReason.NONE
-    touched = [grey(cv2.warpPerspective(image, way, (320, 320))) for image in images(frames, 12)]
     with pytest.raises(TareRefused, match="something touches"):
         take_rest_frame(touched, calibration=calibration)
 
@@ -128,7 +121,7 @@ def test_an_accepted_rest_frame_is_used(finger: Finger) -> None:
     assert finger.loop.measurement.tare.outcome.state is RestFrameState.BUSY
     with pytest.raises(RequestRefused):  # one at a time
         finger.loop.measurement.tare.ask()
-    finger.show(*UNTOUCHED)
+    finger.show(*range(8))
     outcome = request.done.result(0)
     assert (outcome.number, outcome.state, outcome.message) == (1, ACCEPTED, "")
     assert finger.loop.measurement.tare.outcome is outcome
@@ -158,7 +151,7 @@ def test_a_refused_rest_frame_changes_nothing_and_is_reported(finger: Finger) ->
     true = finger.show(25).displacement_mm
     before = finger.loop.measurement.pipeline
     request = finger.loop.measurement.tare.ask()
-    for k in steady(25):
+    for k in [25] * 8:
         assert finger.show(k).displacement_mm == pytest.approx(true, abs=0.05)  # also while it is being taken
     outcome = request.done.result(0)
     assert (outcome.state, outcome.reason) == (REFUSED, RestFrameReason.TOUCHED)
@@ -167,7 +160,7 @@ def test_a_refused_rest_frame_changes_nothing_and_is_reported(finger: Finger) ->
     assert finger.faults == {FaultCode.TARE_IMPLAUSIBLE}
     assert Status.TARE_FAULT in finger.show(25).status
     finger.loop.measurement.tare.ask()
-    assert finger.show(*steady(7), 7).status == Status(0)
+    assert finger.show(*[7] * 8, 7).status == Status(0)
     assert not finger.faults
 
 
@@ -177,12 +170,12 @@ def test_a_forced_rest_frame_is_flagged_and_no_reference_for_an_untouched_tip(
 ) -> None:
     finger = Finger(frames, calibration if calibrated else None)
     request = finger.loop.measurement.tare.ask(force=True)
-    assert Status.TARE_FAULT in finger.show(*steady(k)).status
+    assert Status.TARE_FAULT in finger.show(*[k] * 8).status
     outcome = request.done.result(0)
     assert (outcome.state, outcome.reason) == (FORCED, RestFrameReason.TOUCHED)
     assert FaultCode.TARE_IMPLAUSIBLE in finger.faults
     again = finger.loop.measurement.tare.ask()
-    finger.show(*steady(7))
+    finger.show(*[7] * 8)
     assert again.done.result(0).state is ACCEPTED
     assert FaultCode.TARE_IMPLAUSIBLE not in finger.faults
 
@@ -193,7 +186,7 @@ def test_a_frozen_image_is_no_evidence(finger: Finger) -> None:
     finger.show(*[0] * 20)
     assert not request.done.done()
     finger.camera.frame_condition = ""
-    finger.show(*steady(0))
+    finger.show(*[0] * 8)
     assert request.done.result(0).state is ACCEPTED
 
 
@@ -203,10 +196,10 @@ def test_a_finger_that_starts_touched_waits_until_it_is_released(
     finger = Finger([], calibration)
     finger.loop.measurement.fallbacks = (changed(calibration, serial="before"),)  # no reason to fall back
     finger.frames = frames
-    finger.show(*steady(20))
+    finger.show(*[20] * 8)
     assert finger.faults == {FaultCode.TARE_IMPLAUSIBLE}
     assert finger.loop.measurement.pipeline is None
-    finger.show(*UNTOUCHED)
+    finger.show(*range(8))
     assert not finger.faults
     assert finger.loop.measurement.pipeline is not None
     assert finger.loop.measurement.calibration is calibration
@@ -232,7 +225,7 @@ def test_an_upload_while_something_touches_changes_nothing(
     other = changed(calibration, serial="another")
     true = finger.show(25).displacement_mm
     device.upload_calibration(other.encoded)
-    state = finger.show(*steady(25))
+    state = finger.show(*[25] * 8)
     assert device.rest_frame()["rest_frame_state"] == REFUSED
     assert device.rest_frame()["rest_frame_reason"] == RestFrameReason.TOUCHED
     assert device.describe()["calibration_id"] == f"{calibration.content_id:08x}"
@@ -241,7 +234,7 @@ def test_an_upload_while_something_touches_changes_nothing(
     device.upload_calibration(other.encoded)
     with pytest.raises(RequestRefused, match="already"):
         device.upload_calibration(other.encoded)
-    finger.show(*UNTOUCHED)
+    finger.show(*range(8))
     assert device.rest_frame()["rest_frame_state"] == ACCEPTED
     assert device.describe()["calibration_id"] == f"{other.content_id:08x}"
     assert store.path.read_bytes() == other.encoded
@@ -259,7 +252,7 @@ def test_another_tips_calibration_or_one_that_cannot_be_stored_leaves_the_one_in
         (gone, changed(calibration, serial="another"), RestFrameReason.NOT_STORED),
     ):
         device.upload_calibration(upload.encoded)
-        finger.show(*UNTOUCHED)
+        finger.show(*range(8))
         assert device.rest_frame()["rest_frame_reason"] == reason
         assert not list(tmp_path.iterdir())
         assert device.describe()["calibration_id"] == f"{calibration.content_id:08x}"
@@ -294,7 +287,7 @@ def test_a_start_with_another_tips_file_falls_back_to_the_one_before(
     finger = Finger([], foreign)
     finger.loop.measurement.fallbacks = (foreign, calibration)
     finger.frames = frames
-    finger.show(*UNTOUCHED)
+    finger.show(*range(8))
     assert finger.loop.measurement.calibration is calibration
     assert finger.loop.measurement.tare.outcome.state is RestFrameState.UNKNOWN  # nobody asked
     assert not finger.faults

@@ -10,7 +10,6 @@ from tests.support.processes import python
 CUT_OFF = """
 import os, signal, sys
 from hostlink.output_file import writing
-from tests.support.waiting import SOON_S
 os.fsync = lambda number: os.kill(os.getpid(), signal.SIGKILL)
 with writing(sys.argv[1], overwrite=True) as unfinished:
     unfinished.write_bytes(b"new")

@@ -23,10 +23,11 @@ from tests.support.waiting import SOON_S
 
 
 @pytest.fixture(scope="module")
-def recorded(data_dir: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[State]]:
+def recorded(
+    data_dir: Path, calibration: Calibration, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Path, list[State]]:
     """A recording, and the samples as a host receives them."""
     path, sink = tmp_path_factory.mktemp("recorded") / "a.mcap", MemorySink()
-    calibration = Calibration.load(data_dir / "rings331_ball.json")
     loop = Loop(open_source(str(data_dir / "press.mcap")), [sink], calibration)
     with Recorder(path, tip={"serial": "T-3"}, rate_hz=60) as recorder:
         recorder.finger = 3

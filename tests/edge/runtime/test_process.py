@@ -9,7 +9,6 @@ from tests.support.processes import python
 PROGRAM = """
 import atexit, sys, threading
 from edge.runtime.process import run_and_exit
-from tests.support.waiting import SOON_S
 threading.Thread(target={work}).start()  # not a daemon: the interpreter would wait for it
 atexit.register(lambda: print("taken apart"))
 def main():

@@ -11,11 +11,9 @@ import pytest
 
 from edge.errors import SourceError
 from edge.sources import open_source
-from edge.sources.files import read_image
 from edge.sources.image_header import check_size, image_size
 
 FORMATS = (".png", ".jpg", ".bmp", ".tif", ".pgm", ".webp")
-SHAPES = [(48, 64), (1, 300), (301, 7)]
 
 
 def png_of(width: int, height: int) -> bytes:
@@ -29,7 +27,7 @@ def png_of(width: int, height: int) -> bytes:
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + pixels + chunk(b"IEND", b"")
 
 
-@pytest.mark.parametrize("shape", SHAPES, ids=str)
+@pytest.mark.parametrize("shape", [(48, 64), (1, 300), (301, 7)], ids=str)
 @pytest.mark.parametrize("suffix", FORMATS)
 def test_the_size_is_that_of_the_decoded_image(suffix: str, shape: tuple[int, int]) -> None:
     for image in (np.full(shape, 7, np.uint8), np.full((*shape, 3), 7, np.uint8)):
@@ -52,21 +50,10 @@ def test_other_kinds_of_the_same_formats() -> None:
     ("width", "height"), [(32_000, 32_000), (8193, 1), (8192, 2561), (0, 5), (1 << 31, 1 << 31)]
 )
 def test_too_many_pixels_are_refused_before_they_are_decoded(tmp_path: Path, width: int, height: int) -> None:
-    with pytest.raises(ValueError, match="pixels"):
-        check_size(width, height)
     path = tmp_path / "large.png"
     path.write_bytes(png_of(width, height))
     with pytest.raises(SourceError, match=r"large\.png: .* pixels"):
-        read_image(path)
-    with pytest.raises(SourceError, match="pixels"):
         open_source(str(path))
-
-
-def test_an_unknown_format_is_no_image(tmp_path: Path) -> None:
-    for data in (b"", b"GIF89a" + bytes(20), b"v/1\x01" + bytes(20)):
-        (tmp_path / "a.png").write_bytes(data)
-        with pytest.raises(SourceError, match=r"not an image; give \.png"):
-            read_image(tmp_path / "a.png")
 
 
 def test_modified_headers_give_a_size_or_a_value_error() -> None:

@@ -16,6 +16,7 @@ from edge.sources import open_source
 from edge.sources.files import FileSource
 from edge.sources.pixels import LAYOUTS, unpack
 from edge.types import Frame, Image
+from tests.edge.sources.test_sources import video_of
 from tests.edge.sources.test_v4l2 import FakeCamera, Opened
 
 W, H = 64, 48
@@ -175,14 +176,6 @@ def test_a_compressed_picture_is_the_same_everywhere(tmp_path: Path, kind: str) 
     assert np.array_equal(from_folder(tmp_path, suffix, data), expected)
     assert np.array_equal(from_mcap(tmp_path, suffix, data), expected)
     assert "JPEG" not in kind or np.array_equal(seen_by_camera("MJPG", data).image, expected)
-
-
-def video_of(path: Path, image: np.ndarray[Any, Any]) -> Path:
-    codec, options = cv2.VideoWriter.fourcc(*"FFV1"), [cv2.VIDEOWRITER_PROP_IS_COLOR, int(image.ndim == 3)]
-    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, codec, 50.0, (W, H), options)
-    writer.write(image)
-    writer.release()
-    return path
 
 
 def gif_of(path: Path) -> Path:

@@ -16,6 +16,7 @@ from edge.sensors import load_sensor
 from edge.sources import open_source
 from edge.sources.paced import Paced
 from edge.types import Array, Image
+from tests.edge.sources.test_sources import video_of
 from tests.support.refusals import one_line
 
 SIZE = (640, 320)
@@ -58,9 +59,7 @@ def test_every_kind_of_source_takes_a_region(two_views: Path, tmp_path: Path) ->
     frame = next(iter(open_source(str(two_views))))
     with Recorder(tmp_path / "a.mcap") as recorder:
         recorder.frame(frame)
-    video = cv2.VideoWriter(str(tmp_path / "a.avi"), cv2.VideoWriter.fourcc(*"FFV1"), 30.0, SIZE, False)
-    video.write(frame.image)
-    video.release()
+    video_of(tmp_path / "a.avi", frame.image)
     for where in (tmp_path / "a.mcap", tmp_path / "a.avi", two_views, "sim:press"):
         source = open_source(f"{where}?roi=0,0,320,320&width=640&height=320")
         live = source if isinstance(source, Paced) else Paced(source, 30.0)

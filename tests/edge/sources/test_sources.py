@@ -8,6 +8,7 @@ from importlib.metadata import EntryPoint
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import patch
 
 import cv2
 import numpy as np
@@ -23,7 +24,7 @@ from edge.sources.files import FolderSource, VideoSource, growing, read_image
 from edge.sources.live import ThreadedSource, Watch
 from edge.sources.options import Options, parse_spec
 from edge.sources.paced import Paced
-from edge.types import Clock, Frame, Lens, Polarity, Region
+from edge.types import Clock, Frame, FrameSource, Polarity
 from tests.support.refusals import one_line
 from tests.support.waiting import SOON_S
 
@@ -39,14 +40,20 @@ def folder_of(path: Path, n: int) -> Path:
     return path
 
 
-def video_of(path: Path, n: int, codec: str = "FFV1", size: tuple[int, int] = (64, 48)) -> Path:
-    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*codec), 50.0, size)
+def video_of(path: Path, *images: np.ndarray[Any, Any], codec: str = "FFV1") -> Path:
+    colour = [cv2.VIDEOWRITER_PROP_IS_COLOR, int(images[0].ndim == 3)]
+    fourcc, size = cv2.VideoWriter.fourcc(*codec), images[0].shape[1::-1]
+    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, fourcc, 50.0, size, colour)
     assert writer.isOpened()
-    for i in range(n):
-        grey = noise(i, size)
-        writer.write(cv2.merge([grey, grey, grey]))
+    for image in images:
+        writer.write(image)
     writer.release()
     return path
+
+
+def noises(n: int, size: tuple[int, int] = (64, 48)) -> list[np.ndarray[Any, Any]]:
+    """Grey, in three channels."""
+    return [cv2.merge([noise(i, size)] * 3) for i in range(n)]
 
 
 @pytest.mark.parametrize(
@@ -106,8 +113,8 @@ def test_bad_specifications_are_one_line(spec: str, stated: str) -> None:
 def test_plain_paths(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     folder_of(tmp_path / "f", 2)
-    video_of(tmp_path / "a.mkv", 3)
-    (tmp_path / "run:2.avi").symlink_to(video_of(tmp_path / "a.avi", 3))  # a colon, and no scheme
+    video_of(tmp_path / "a.mkv", *noises(3))
+    (tmp_path / "run:2.avi").symlink_to(video_of(tmp_path / "a.avi", *noises(3)))  # a colon, and no scheme
     with Recorder(tmp_path / "a.mcap") as recorder:
         recorder.frame(Frame(noise(), 0, 0))
     for spec, kind in {
@@ -145,7 +152,7 @@ def test_a_folder_and_a_lossless_video_are_exact(tmp_path: Path) -> None:
     folder = FolderSource(folder_of(tmp_path / "f", 12), rate_hz=50.0)
     (tmp_path / "f" / "notes.txt").write_text("not an image, and not named like one")
     assert [p.name for p in folder.paths] == [f"frame_{i}.png" for i in range(12)]  # in natural order
-    video = VideoSource(video_of(tmp_path / "a.mkv", 12))
+    video = VideoSource(video_of(tmp_path / "a.mkv", *noises(12)))
     for source, late_ns in ((folder, 0), (video, 1e6)):
         frames = list(source)
         assert (source.size_px, source.rate_hz) == ((64, 48), 50.0)
@@ -164,6 +171,8 @@ def test_a_folder_and_a_lossless_video_are_exact(tmp_path: Path) -> None:
         ("a.png", b"\x89PNG\r\n\x1a\n broken"),
         ("text.png", b"hello"),
         ("empty.png", b""),
+        ("a.png", b"GIF89a" + bytes(20)),
+        ("a.png", b"v/1\x01" + bytes(20)),  # OpenEXR's
         ("a.avi", b""),
         ("a.avi", b"text, not a video"),
         ("a.avi", b"RIFF\x00\x00\x00\x00AVI LIST"),
@@ -240,7 +249,7 @@ def test_times_that_do_not_grow_are_repaired_locally(own_ms: list[int], times_ms
 
 @pytest.mark.parametrize("name", ["a.avi", "a.mkv"])
 def test_truncated_video_plays_as_far_as_it_goes(tmp_path: Path, name: str) -> None:
-    path = video_of(tmp_path / name, 40, codec="MJPG", size=(320, 240))
+    path = video_of(tmp_path / name, *noises(40, (320, 240)), codec="MJPG")
     data = path.read_bytes()
     path.write_bytes(data[: len(data) * 6 // 10])
     source = VideoSource(path)
@@ -256,12 +265,8 @@ def test_truncated_video_plays_as_far_as_it_goes(tmp_path: Path, name: str) -> N
 )
 def test_published_videos_play_to_their_end(real_dir: Path, name: str, n: int, rate_hz: int) -> None:
     source = open_source(str(real_dir / "video" / f"{name}.avi"))
-    count = 0
-    for frame in source:
-        assert frame.image.shape == (480, 640)
-        assert frame.sequence == count
-        count += 1
-    assert count == n
+    frames = [(frame.sequence, frame.image.shape) for frame in source]
+    assert frames == [(k, (480, 640)) for k in range(n)]
     assert source.rate_hz == rate_hz
     assert isinstance(source, VideoSource)
     assert not source.faults
@@ -350,30 +355,10 @@ def test_watch_sees_frozen_and_black() -> None:
     assert watch.check(Frame(deep // 4, 0, 0, bits=12)) == "black"
 
 
-class Clocked:
-    """A clock that only waiting advances, so that a replay's timing can be tested exactly."""
-
-    def __init__(self, paced: Paced) -> None:
-        self.now_ns = 1_000
-        closing = paced._closing
-        real_wait = closing.wait
-
-        def wait(timeout: float | None = None) -> bool:
-            assert timeout is not None
-            self.now_ns += round(timeout * 1e9) + 300_000  # wakes 0.3 ms late, like a kernel
-            return real_wait(0)
-
-        closing.wait = wait  # type: ignore[method-assign]
-        paced._clock_ns = lambda: self.now_ns
-
-
-class Listed:
+class Listed(FrameSource):
     """A recording of given times."""
 
-    polarity = Polarity.FOUND
-    region: Region | None = None
-    lens: Lens | None = None
-    name, size_px, live, dropped_n = "listed", (4, 4), False, 0
+    name, size_px, live = "listed", (4, 4), False
 
     def __init__(self, times_ns: list[int], rate_hz: float) -> None:
         self.times_ns, self.rate_hz, self.closed = times_ns, rate_hz, False
@@ -386,29 +371,35 @@ class Listed:
         self.closed = True
 
 
-def replayed(times_ns: list[int], recorded_hz: float, **options: Any) -> tuple[list[Frame], Paced, Clocked]:
-    """The frames of a recording of these times; of one that is played in a loop, eight."""
-    paced = Paced(Listed(times_ns, recorded_hz), **options)
-    clock = Clocked(paced)
-    frames: list[Frame] = []
+def replayed(times_ns: list[int], recorded_hz: float, **options: Any) -> tuple[list[Frame], Paced, int]:
+    """The frames of a recording of these times, and when it ends; of one that is played in a loop, eight.
+
+    Only waiting advances the clock, so that the timing can be tested exactly.
+    """
+    now_ns, frames = 1_000, list[Frame]()
+
+    def wait(timeout: float) -> None:
+        nonlocal now_ns
+        now_ns += round(timeout * 1e9) + 300_000  # wakes 0.3 ms late, like a kernel
 
     def offer(frame: Frame) -> None:
         frames.append(frame)
         if options.get("loop") and len(frames) == 8:
             paced._closing.set()
 
-    paced._offer = offer  # type: ignore[method-assign]
-    paced._work()
-    return frames, paced, clock
+    paced = Paced(Listed(times_ns, recorded_hz), clock_ns=lambda: now_ns, **options)
+    with patch.object(paced._closing, "wait", wait), patch.object(paced, "_offer", offer):
+        paced._work()
+    return frames, paced, now_ns
 
 
 def test_replay_keeps_the_recordings_times_without_drift() -> None:
     times = [7_000_000_000 + i * 8_333_333 for i in range(500)]
     times[100:] = [t + 50_000_000 for t in times[100:]]  # a gap
-    frames, paced, clock = replayed(times, 120.0)
+    frames, paced, ended_ns = replayed(times, 120.0)
     start = frames[0].capture_ns
     assert [f.capture_ns - start for f in frames] == [t - times[0] for t in times]
-    assert clock.now_ns - frames[-1].capture_ns <= 300_000  # late wake-ups did not add up
+    assert ended_ns - frames[-1].capture_ns <= 300_000  # late wake-ups did not add up
     assert [f.sequence for f in frames] == [10 * i for i in range(500)]
     assert frames[3].truth == {"i": 3}
     assert {f.clock for f in frames} == {Clock.HOST}

@@ -11,22 +11,19 @@ import pytest
 from edge.errors import SourceError
 from edge.sources.options import Options
 from edge.sources.v4l2 import V4l2Source, find_device, lasting_name, list_cameras
-from edge.types import Clock, Frame, Image
+from edge.types import Clock, Frame
+from tests.edge.sources.test_sources import noise
 from tests.support.refusals import one_line
 from tests.support.waiting import SOON_S, until
 
 W, H = 64, 48
 
 
-def grey_image(n: int) -> Image:
-    return np.random.default_rng(n).integers(0, 256, (H, W), dtype=np.uint8)
-
-
 def encode(fourcc: str, n: int) -> np.ndarray[Any, Any]:
     """Bytes of frame n as OpenCV gives them without conversion."""
     if fourcc == "MJPG":
-        return np.asarray(cv2.imencode(".jpg", grey_image(n))[1]).reshape(1, -1)
-    return cv2.merge([grey_image(n)] * 2) if fourcc == "YUYV" else grey_image(n)
+        return np.asarray(cv2.imencode(".jpg", noise(n))[1]).reshape(1, -1)
+    return cv2.merge([noise(n)] * 2) if fourcc == "YUYV" else noise(n)
 
 
 class FakeCapture:
@@ -339,22 +336,28 @@ def test_a_camera_without_the_size_the_format_frames_or_their_rate_is_refused() 
         assert opened.source.rate_hz == pytest.approx(60, rel=1e-3)
 
 
+def plug_in(sys_root: Path, dev_root: Path, number: int, usb: str, label: str, serial: str) -> Path:
+    """A camera at a socket; returns its folder."""
+    node = sys_root / f"class/video4linux/video{number}"
+    interface = sys_root / f"devices/usb1/{usb}/{usb}:1.0"
+    interface.mkdir(parents=True, exist_ok=True)
+    node.mkdir(parents=True)
+    (node / "device").symlink_to(interface)
+    (node / "name").write_text(f"Global Shutter {label}\n")
+    if serial:
+        (interface.parent / "serial").write_text(f"{serial}\n")
+    (dev_root / f"video{number}").write_text("")
+    return node
+
+
 @pytest.fixture
 def machine(tmp_path: Path) -> tuple[Path, Path]:
     """/sys and /dev of a machine with two cameras; the first has a metadata node too."""
     sys_root, dev_root = tmp_path / "sys", tmp_path / "dev"
     (dev_root / "v4l/by-id").mkdir(parents=True)
     for number, index, usb, serial in ((0, 0, "1-1", "AB12"), (1, 1, "1-1", "AB12"), (10, 0, "1-2", "")):
-        node = sys_root / f"class/video4linux/video{number}"
-        interface = sys_root / f"devices/usb1/{usb}/{usb}:1.0"
-        interface.mkdir(parents=True, exist_ok=True)
-        node.mkdir(parents=True)
-        (node / "device").symlink_to(interface)
+        node = plug_in(sys_root, dev_root, number, usb, usb, serial)
         (node / "index").write_text(f"{index}\n")
-        (node / "name").write_text(f"Global Shutter {usb}\n")
-        if serial:
-            (interface.parent / "serial").write_text(f"{serial}\n")
-        (dev_root / f"video{number}").write_text("")
     (dev_root / "v4l/by-id/usb-Maker_Cam_XY99-video-index0").symlink_to(dev_root / "video10")
     return sys_root, dev_root
 
@@ -365,6 +368,7 @@ def test_cameras_of_a_machine(machine: tuple[Path, Path]) -> None:
         ("video0", "AB12", "Global Shutter 1-1"),
         ("video10", "", "Global Shutter 1-2"),
     ]
+    assert lasting_name("0", *machine) == "v4l2:AB12"
 
 
 @pytest.mark.parametrize(
@@ -385,13 +389,7 @@ def test_a_camera_by_number_serial_or_path(machine: tuple[Path, Path], where: st
 def twins(machine: tuple[Path, Path]) -> tuple[Path, Path]:
     """The same with a third camera, of the first one's serial number and label; each has its socket."""
     sys_root, dev_root = machine
-    node, device = sys_root / "class/video4linux/video12", sys_root / "devices/usb1/1-3/1-3:1.0"
-    device.mkdir(parents=True)
-    node.mkdir(parents=True)
-    (node / "device").symlink_to(device)
-    (node / "name").write_text("Global Shutter 1-1\n")
-    (device.parent / "serial").write_text("AB12\n")
-    (dev_root / "video12").write_text("")
+    plug_in(sys_root, dev_root, 12, "1-3", "1-1", "AB12")
     (dev_root / "v4l/by-id/usb-Maker_Shutter_AB12-video-index0").symlink_to(dev_root / "video12")
     (dev_root / "v4l/by-path").mkdir()
     for number in (0, 10, 12):
@@ -428,10 +426,6 @@ def test_a_name_of_several_cameras_is_refused_and_all_are_listed(
 def test_a_number_has_a_name_that_stays(twins: tuple[Path, Path], where: str, lasting: str) -> None:
     assert lasting_name(where.format(dev=twins[1]), *twins) == lasting.format(dev=twins[1])
     assert Path(find_device(lasting.format(dev=twins[1]) or "0", *twins)).parent == twins[1]
-
-
-def test_a_number_of_a_camera_alone_of_its_kind(machine: tuple[Path, Path]) -> None:
-    assert lasting_name("0", *machine) == "v4l2:AB12"
 
 
 @pytest.mark.parametrize("where", ["5", "NONE", "", "/dev/no/such/camera"])

@@ -14,8 +14,7 @@ from tests.support.fields import CENTRE, hexagon, make_rest
 pytestmark = pytest.mark.kernels
 
 
-def small_tip(rings: int = 2) -> Rest:
-    return make_rest(hexagon(rings, 19.0) + CENTRE, 19.0)
+REST = make_rest(hexagon(4, 19.0) + CENTRE, 19.0)
 
 
 class Frames:
@@ -34,14 +33,13 @@ class Frames:
 
 def off_by(pitches: float, step: float) -> int:
     """For how many steps a pin is seen that moves off its neighbours, `step` a frame; pitches."""
-    rest = small_tip(4)
-    frames = Frames(rest)
+    frames = Frames(REST)
     # Towards the middle of two neighbours, where it comes near to none.
     angle = np.deg2rad(30.0)
     away = 19.0 * np.array([np.cos(angle), np.sin(angle)])
     seen_n = 0
     for off in np.arange(step, pitches + 0.5 * step, step):
-        found = rest.xy_img + 0.3
+        found = REST.xy_img + 0.3
         found[0] += off * away
         _, _, seen, *_ = frames.follow(found)
         assert seen[1:].all()
@@ -59,15 +57,14 @@ def test_a_pin_may_move_more_than_half_a_pitch_off_its_neighbours_if_it_was_neve
 def test_the_autocorrelation_is_what_is_left_of_the_residuals_and_a_lost_pin_keeps_as_much(
     left: float,
 ) -> None:
-    rest = small_tip(4)
-    n, lost = len(rest), 12
-    frames = Frames(rest)
+    n, lost = len(REST), 12
+    frames = Frames(REST)
     bent = np.random.default_rng(3).normal(0.0, 0.5, (n, 2))
-    frames.follow(rest.xy_img + bent)
-    found = rest.xy_img + left * bent + 2.0
+    frames.follow(REST.xy_img + bent)
+    found = REST.xy_img + left * bent + 2.0
     found[lost] = np.nan
     *_, autocorrelation, _, _ = frames.follow(found)
     assert autocorrelation == pytest.approx(left, abs=0.02)
     assert frames.kernel.last_xy()[lost] == pytest.approx(
-        rest.xy_img[lost] + left * bent[lost] + 2.0, abs=0.1
+        REST.xy_img[lost] + left * bent[lost] + 2.0, abs=0.1
     )

@@ -7,7 +7,7 @@ from scipy.optimize import linear_sum_assignment
 from edge.geometry.lattice import Lattice
 from edge.tracking.match import NearestBlob, RegionGrower, assign
 from edge.tracking.outliers import LocalAffine
-from edge.types import Array, Index
+from edge.types import Array
 from tests.support.fields import hexagon
 
 PITCH = 18.0
@@ -20,21 +20,11 @@ def pins(rings: int = 3) -> Array:
     return hexagon(rings, PITCH) + SIDE / 2
 
 
-def table_of(blobs: Array) -> Index:
-    """The nearest blob to each pixel, by exhaustive search."""
-    grid = np.indices((SIDE, SIDE))[::-1].reshape(2, -1, 1)
-    nearest = ((grid - blobs.T[:, None]) ** 2).sum(0).argmin(1)
-    table: Index = nearest.reshape(SIDE, SIDE).astype(np.int32)
-    return table
-
-
 def raster(blobs: Array) -> NearestBlob:
-    return NearestBlob(blobs, table_of(blobs), (0.0, 0.0), 1.0)
-
-
-def grower(xy: Array, sweeps: int = 24) -> RegionGrower:
-    affine = LocalAffine(Lattice(xy, PITCH), 0.05)
-    return RegionGrower(affine, xy, np.full(len(xy), 0.4 * PITCH), 1.2, sweeps)
+    """The nearest blob to each pixel is searched exhaustively."""
+    grid = np.indices((SIDE, SIDE))[::-1].reshape(2, -1, 1)
+    nearest = ((grid - blobs.T[:, None]) ** 2).sum(0).argmin(1).astype(np.int32)
+    return NearestBlob(blobs, nearest.reshape(SIDE, SIDE), (0.0, 0.0), 1.0)
 
 
 def test_each_pin_takes_the_nearest_blob_and_none_is_taken_twice() -> None:
@@ -66,7 +56,8 @@ def test_a_grown_match_uses_no_blob_twice_and_moves_to_its_blobs() -> None:
     motion, seed = rng.normal(0, 3, xy.shape), rng.random(len(xy)) < 0.9
     blobs = xy[rng.random(len(xy)) < 0.8] + rng.normal(0, 3, 2)
     before = motion.copy()
-    blob, moved, matched = grower(xy, 1).grow(raster(blobs), motion, seed)
+    grower = RegionGrower(LocalAffine(Lattice(xy, PITCH), 0.05), xy, np.full(len(xy), 0.4 * PITCH), 1.2, 1)
+    blob, moved, matched = grower.grow(raster(blobs), motion, seed)
     assert 6 < matched.sum() <= len(blobs)
     assert len(np.unique(blob[matched])) == matched.sum()
     np.testing.assert_array_equal(moved[matched], blobs[blob[matched]] - xy[matched])

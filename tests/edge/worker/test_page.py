@@ -3,6 +3,8 @@
 import asyncio
 import json
 from collections.abc import Awaitable, Callable, Iterator
+from contextlib import closing
+from http.client import HTTPConnection
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -12,7 +14,6 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from edge.cells import cell_polygons
 from edge.recording.reader import RecordingSource
 from edge.types import Feature
 from edge.view.scene import CHART
@@ -20,7 +21,7 @@ from edge.worker.page import LivePage
 from edge.worker.params import PARAMS
 from hostlink.web import PageServer, WebError, parse_listen, unpack_packet
 from hostlink.wire import FaultCode
-from tests.support.exact import circumcentre
+from tests.support.cell_checks import points_of
 from tests.support.messages import read_messages
 from tests.support.processes import python
 from tests.support.refusals import one_line
@@ -66,13 +67,6 @@ class Viewer:
             while not condition(packet := await self.packet()):
                 pass
             return packet
-
-    async def meanwhile(self, work: Callable[[], None]) -> None:
-        """Do slow work and go on reading: a viewer that does not is disconnected."""
-        doing = asyncio.create_task(asyncio.to_thread(work))
-        while not doing.done():
-            await self.packet()
-        await doing
 
     async def do(self, name: str, **more: Any) -> dict[str, Any]:
         self.answer = {}
@@ -136,15 +130,12 @@ def test_bad_addresses_are_one_line(live: Live) -> None:
     assert "give another HOST:PORT" in one_line(WebError, used.start)
 
 
-def get(live: Live, path: str, headers: dict[str, str] | None = None) -> tuple[int, str, Any]:
-    async def run() -> tuple[int, str, Any]:
-        async with (
-            aiohttp.ClientSession() as session,
-            session.get(f"http://{live.worker.url.split('/')[2]}{path}", headers=headers) as answer,
-        ):
-            return answer.status, await answer.text(), answer.headers
-
-    return asyncio.run(run())
+def get(live: Live, path: str) -> tuple[int, str, Any]:
+    """The path as it is: other clients resolve its dots themselves."""
+    with closing(HTTPConnection(live.worker.url.split("/")[2])) as connection:
+        connection.request("GET", path)
+        answer = connection.getresponse()
+        return answer.status, answer.read().decode(), answer.headers
 
 
 def test_files_are_ours_and_name_no_one_else(live: Live) -> None:
@@ -196,6 +187,8 @@ def test_a_packet_holds_what_the_loop_measured(live: Live) -> None:
         ("pins", result.tracks.xy_img),
         ("change", result.features.area_change),
         ("motion", result.features.displacement_px),
+        ("points", points_of(result.cells)),
+        ("triangles", result.cells.triangles),
     ):
         np.testing.assert_allclose(arrays[name], values.ravel(), rtol=1e-6, atol=1e-6, err_msg=name)
     assert arrays["image"][:2] == b"\xff\xd8"
@@ -203,17 +196,6 @@ def test_a_packet_holds_what_the_loop_measured(live: Live) -> None:
     assert (packet["held_n"], packet["pins_n"]) == (result.tracks.n_seen, 331)
     assert packet["values"]["displacement_mm"] == pytest.approx(3.0, abs=0.3)
     assert len(packet["contacts"]) == 1
-    # The cells that the page makes of it are those of the tessellation.
-    points = arrays["points"].reshape(-1, 2).astype(float)
-    polygons = cell_polygons(result.cells)
-    for pin in (0, 40, 200):
-        corners = []
-        for triangle in arrays["triangles"].reshape(-1, 3):
-            if pin in triangle:
-                corners.append(np.array(circumcentre(*points[triangle.astype(int)]), float))
-        assert len(corners) == len(polygons[pin])
-        for corner in corners:
-            assert np.hypot(*(polygons[pin] - corner).T).min() < 0.02
 
 
 def test_charts_get_every_sample_once(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -268,18 +250,13 @@ def test_features_not_in_demand_are_neither_computed_nor_sent(live: Live) -> Non
     assert not live.worker.view._rows
 
 
-def test_faults_have_readable_messages_and_a_stalled_camera_is_reported(live: Live) -> None:
+def test_faults_have_readable_messages(live: Live) -> None:
     async def look(viewer: Viewer) -> None:
         live.loop.faults.report(FaultCode.OVER_TEMPERATURE, True, "71 degC, the limit is 70")
         packet = await viewer.until(lambda p: p["faults"])
         assert ["board or camera too warm", "71 degC, the limit is 70"] in packet["faults"]
         live.loop.faults.report(FaultCode.OVER_TEMPERATURE, False)
         await viewer.until(lambda p: not p["faults"])
-        live.hold()
-        packet = await viewer.until(lambda p: p["age_s"] > 0.8 and p["faults"])
-        assert "pins" in packet["arrays"], "the last picture stays"
-        live.go_on()
-        await viewer.until(lambda p: p["age_s"] < 0.3 and not p["faults"])
 
     watch(live.url, look)
 

@@ -4,7 +4,6 @@ import json
 import struct
 import threading
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, field, make_dataclass
 from functools import cache
 from typing import Any, cast
@@ -15,7 +14,6 @@ from pycdr2 import IdlStruct, types
 from rosbags.interfaces import Nodetype
 
 from hostlink.bridge.ros_types import TRIGGER, Types, message_of
-from tests.support.waiting import until
 
 TYPES = Types("jazzy")
 
@@ -81,7 +79,9 @@ class Peer:
         self.received: dict[str, list[Received]] = {}
         self._lock = threading.Lock()
 
-    def subscribe(self, key: str) -> None:
+    def subscribe(self, key: str, *, latched: bool = False) -> None:
+        """latched: with what was published before, as transient local subscribers get it."""
+
         def take(sample: Any) -> None:
             received = Received(
                 str(sample.key_expr), bytes(sample.payload), *take_apart(bytes(sample.attachment))
@@ -90,25 +90,13 @@ class Peer:
                 topic = "/" + "/".join(received.key.split("/")[1:-2])
                 self.received.setdefault(topic, []).append(received)
 
-        self.session.declare_subscriber(key, take)
-
-    def subscribe_latched(self, key: str) -> Callable[[str], bytes]:
-        """What topics had published before, as transient local subscribers get it; waits for each."""
-        got: dict[str, bytes] = {}
-
-        def take(sample: Any) -> None:
-            got["/" + "/".join(str(sample.key_expr).split("/")[1:-2])] = bytes(sample.payload)
-
+        if not latched:
+            self.session.declare_subscriber(key, take)
+            return
         history = zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=1)
         self._latched = zenoh.ext.declare_advanced_subscriber(
             self.session, key, take, history=history, subscriber_detection=True
         )
-
-        def of(topic: str) -> bytes:
-            until(lambda: topic in got, topic)
-            return got[topic]
-
-        return of
 
     def of(self, topic: str) -> list[Received]:
         with self._lock:

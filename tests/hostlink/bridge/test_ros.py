@@ -222,18 +222,16 @@ HAND = HandFile(
 
 def test_a_hand_has_names_frames_and_a_description_for_whoever_comes_late() -> None:
     scene = Scene("left", namespace="/left_hand", hand=HAND)
-    scene.peer.subscribe("7/**")
+    scene.peer.subscribe("7/**", latched=True)
     wrench = scene.message("/left_hand/thumb/wrench")
     assert wrench.header.frame_id == "left_hand/thumb"
-    late = scene.peer.subscribe_latched("7/**")
-    places = unpack(KINDS["tf_static"], late("/tf_static")).transforms
+    places = scene.message("/tf_static").transforms
     frames = [(t.header.frame_id, t.child_frame_id) for t in places]
     assert frames == [("left_hand/hand", "left_hand/thumb"), ("left_hand/hand", "left_hand/index")]
     turn, place = places[0].transform.rotation, places[0].transform.translation
     assert (place.x, place.y) == (-0.04, 0.02)
     assert (turn.x, turn.y, turn.z, turn.w) == pytest.approx((0.0, sqrt(0.5), 0.0, sqrt(0.5)))
-    described = late("/left_hand/robot_description")
-    robot = ElementTree.fromstring(unpack(KINDS["robot_description"], described).data)
+    robot = ElementTree.fromstring(scene.message("/left_hand/robot_description").data)
     assert [link.get("name") for link in robot.iter("link")] == ["left_hand/hand", *(f[1] for f in frames)]
     view = json.loads(rviz_config(HAND, "/left_hand"))
     shown = [d["Topic"]["Value"] for d in view["Visualization Manager"]["Displays"] if "Topic" in d]
