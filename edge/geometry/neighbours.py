@@ -43,9 +43,10 @@ def pairs_within(xy: Array, reach: float) -> Index:
     """
     xy = _checked(xy)
     order = np.argsort(xy[:, 0]).astype(np.int32)
-    counted: cython.Py_ssize_t = _pairs(xy[order], reach, np.empty((0, 2), np.int32))
+    xy = xy[order]
+    counted: cython.Py_ssize_t = _pairs(xy, reach, np.empty((0, 2), np.int32))
     pairs = np.empty((counted, 2), np.int32)
-    _pairs(xy[order], reach, pairs)
+    _pairs(xy, reach, pairs)
     pairs = np.sort(order[pairs], axis=1)
     return np.ascontiguousarray(pairs[np.lexsort(pairs.T[::-1])])
 
@@ -134,10 +135,10 @@ def _nearest(
             j = begin[i] - side
             while 0 <= j < n:
                 dx = points[j, 0] - xy[i, 0]
-                dy = points[j, 1] - xy[i, 1]
-                d2 = dx * dx + dy * dy
                 if dx * dx > distance[i, k - 1]:
                     break
+                dy = points[j, 1] - xy[i, 1]
+                d2 = dx * dx + dy * dy
                 c = k
                 while c > 0 and not distance[i, c - 1] < d2:
                     if distance[i, c - 1] == d2 and row[i, c - 1] < row_of[j]:
@@ -163,9 +164,9 @@ def _pairs(
     for i in range(xy.shape[0]):
         for j in range(i + 1, xy.shape[0]):
             dx = xy[j, 0] - xy[i, 0]
-            dy = xy[j, 1] - xy[i, 1]
             if dx * dx > reach * reach:
                 break
+            dy = xy[j, 1] - xy[i, 1]
             if dx * dx + dy * dy > reach * reach:
                 continue
             if counted < pairs.shape[0]:

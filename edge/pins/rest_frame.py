@@ -95,7 +95,7 @@ def with_voted(greys: Sequence[Image], pattern: PinPattern, pins: Pins) -> tuple
     reach_px = pattern.tip_radius_px + PARAMS.link_pitches_outside * pattern.pitch_px
     wider = replace(pattern, tip_radius_px=reach_px, count=0)
     near_px = 0.5 * pattern.pitch_px
-    # What half of the images show, their mean shows as a spot at least.
+    # A pin that half of the images show is at least a spot in their mean.
     spots = spots_of(_mean(greys), wider)
     if np.all(nearest_of(pins.xy_img, spots.xy_img)[0] <= near_px):
         return pattern, pins

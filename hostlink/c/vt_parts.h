@@ -7,7 +7,7 @@
  *         take(parts.frame);                                       // as on CAN FD, VT_STATE_SIZE bytes
  *     }
  *
- * What comes out is the frame that CAN FD carries: vt_check_state holds, vt_fd_state_unpack reads it. Its
+ * The result is the frame that CAN FD carries: vt_check_state holds, vt_fd_state_unpack reads it. Its
  * counter is the parts': vt_order(&order, frame[2], 15u).
  *
  * Two samples never mix: counter and lower sample number must agree in all parts, parts count up, and the

@@ -222,7 +222,7 @@ _HEADER: Final = """\
  *         float mm = vt_fd_state_displacement_mm_decode(state.displacement_mm);
  *     }
  *
- * What came before is not what is now: note the time of each sample, and stop when none comes.
+ * An old value is not what is now: note the time of each sample, and stop when none comes.
  *
  * Encoding with vt_fd.c and vt_classic.c needs roundf: link with -lm. Decoding and this file need nothing.
  *

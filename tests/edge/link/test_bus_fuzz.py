@@ -63,15 +63,16 @@ identifiers = st.one_of(
 @given(messages=st.lists(st.tuples(identifiers, frames), max_size=40))
 def test_can(messages: list[tuple[int, bytes]]) -> None:
     with a_node(CanFdSink) as (node, finger, wire):
+        receive = node.sink.on_message
+        assert receive is not None
         for can_id, data in messages:
-            message = CanFrame(can_id, data)
-            node.sink.on_message(message)  # type: ignore[misc]
+            receive(CanFrame(can_id, data))
         check_values(node, finger)
         # A master restarts it after any commands; then it answers as before.
-        node.sink.on_message(CanFrame(0, bytes((1, NODE))))  # type: ignore[misc]
+        receive(CanFrame(0, bytes((1, NODE))))
         assert node.drain(SOON_S)
         wire.items.clear()
-        node.sink.on_message(CanFrame(REQUEST, IDENTITY))  # type: ignore[misc]
+        receive(CanFrame(REQUEST, IDENTITY))
         assert node.drain(SOON_S)
         answers = [bytes(m.data) for m in wire.items if m.can_id == RESPONSE]
         assert [a[:4] for a in answers] == [b"\x43" + IDENTITY[1:4]]
