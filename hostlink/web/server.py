@@ -228,8 +228,8 @@ class PageServer:
         socket = web.WebSocketResponse(
             compress=False, max_msg_size=self.limits.message_bytes, timeout=1.0, autoping=False
         )
-        key = request.headers.get("Sec-WebSocket-Key", "")  # aiohttp fails where it is not ASCII
-        if not key.isascii() or not socket.can_prepare(request):
+        ascii_only = all(value.isascii() for value in request.headers.values())  # others aiohttp cannot quote
+        if not ascii_only or not socket.can_prepare(request):
             return web.Response(status=400, text="this address is for the page's own connection")
         await socket.prepare(request)
         assert isinstance(request.transport, asyncio.Transport)
