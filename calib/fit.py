@@ -659,7 +659,10 @@ def _sufficient(tried: list[_Tried], y: Complex, share: Array, prefer: Prefer) -
     best, _, predicted = min(tried, key=lambda t: t[0].rms)
     good = [t for t in tried if _as_good(t, best, predicted, y, share)]
     if prefer is Prefer.SPEED and _kind_of(best.name) is not ModelKind.CARRIED:
-        return good
+        # Few poses may not tell whether a smaller model errs clearly more: then none is taken for speed.
+        sure = [t for t in good if _as_good(t, best, predicted, y, share, surely=True)]
+        if len(sure) > 1:
+            return sure
     # The best of many polynomials looks better than it is, most of all in few poses; a process is one try.
     processes = [t for t in good if _kind_of(t[0].name) in PROCESS_KINDS]
     return [min(processes or good, key=lambda t: t[0].rms)]
@@ -673,14 +676,19 @@ def _unchanged(model: Polynomial | Process) -> Polynomial | Process:
     return model
 
 
-def _as_good(tried: _Tried, best: Candidate, predicted: Complex, y: Complex, share: Array) -> bool:
+def _as_good(
+    tried: _Tried, best: Candidate, predicted: Complex, y: Complex, share: Array, *, surely: bool = False
+) -> bool:
     """Whether a model errs more than the best by no more than one standard error of the difference.
 
     Frames that are hard for all models are in the errors of each, not in their difference. In few poses that
     error is large because they do not tell: then a model that errs clearly more is not as good.
+
+    surely  it must not err clearly more even if the difference is one standard error larger
     """
     more = np.abs(tried[2] - y) ** 2 - np.abs(predicted - y) ** 2
-    allowed = min(error_of_mean(more, share), PARAMS.worse_max * best.rms**2)
+    error = error_of_mean(more, share)
+    allowed = min(error, PARAMS.worse_max * best.rms**2 - surely * error)
     return tried[0].rms ** 2 - best.rms**2 <= allowed
 
 
