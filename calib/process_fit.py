@@ -42,7 +42,7 @@ from scipy.linalg import block_diag, cholesky, solve_triangular
 
 from calib.carry_over import KnownModel, changed
 from calib.process_likelihood import Repeats, Settings, Symmetry, fit_settings
-from calib.process_noise import NoiseModel, fit_lost, fit_noise, scale_of
+from calib.process_noise import TOO_FEW, NoiseModel, fit_lost, fit_noise, scale_of
 from calib.ridge import blocks, share_of_pose
 from calib.terms import evaluate_terms, term_columns
 from edge.calibration.file import TERMS_MAX, Lost
@@ -171,25 +171,20 @@ def fit_process(
         find = partial(_changed, known, names=names, symmetry=symmetry)
     data = _Data(inputs, moved, target, fold, pose)
     data = replace(data, own=_own(find, data))
-    prior = data.prior(find, data.some_each(PARAMS.repeats))
     poses = int(pose.max()) + 1
     group = fold % _n_groups(fold, poses)
     few = known is None and data.own > 0.0 and poses < 2 * len(INPUTS)
-    members = list(_members(partial(find, start=prior.start), data, group, few=few))
-    unseen, learnt = _held_out(members, data)
-    if few:
-        weighed = _mean_of([one.weighed() for _, one in members], names, data, symmetry)
-    else:
-        weighed = _Posterior(prior, data).weighed()
-    features, factor = weighed.features, weighed.factor()
+    weighed, unseen, learnt = _weigh(find, data, group, names, symmetry, few=few)
+    features, factor, weights = weighed.features, weighed.factor(), weighed.weights
     learnt *= weighed.share_held(inputs, factor)
     if features.turning:  # the variance of a complex weight is that of its two parts together
         factor, learnt = factor / math.sqrt(2.0), learnt / 2.0
     errors = _Errors(inputs, names, unseen, target, learnt, symmetry, all_round=all_round, known=known)
     along, across, level = errors.noise()
     scale = scale_of(errors.standardised(group))
+    if known is not None and poses <= TOO_FEW:
+        scale = np.maximum(scale, 1.0)
     over = max(math.sqrt(level * float((scale**2).mean())), SIGMA_MIN / unit)
-    weights = weighed.weights
     return FittedProcess(
         terms=features.terms,
         weights=(weights + mean / unit * np.eye(1, len(weights))[0]) * unit,
@@ -311,6 +306,25 @@ def _own(find: Callable[..., _Prior], data: _Data) -> float:
     mean /= counts
     within = float((np.abs(error - mean[data.pose]) ** 2).sum()) / (len(error) - len(counts))
     return max(within, PARAMS.own_min * float((np.abs(mean) ** 2).mean()))
+
+
+def _weigh(
+    find: Callable[..., _Prior],
+    data: _Data,
+    group: Index,
+    names: Sequence[str],
+    symmetry: Symmetry,
+    *,
+    few: bool,
+) -> tuple[_Weighed, Complex, Array]:
+    """What the data say of the weights; and `_held_out`."""
+    prior = data.prior(find, data.some_each(PARAMS.repeats))
+    members = list(_members(partial(find, start=prior.start), data, group, few=few))
+    if few:
+        weighed = _mean_of([one.weighed() for _, one in members], names, data, symmetry)
+    else:
+        weighed = _Posterior(prior, data).weighed()
+    return weighed, *_held_out(members, data)
 
 
 def _members(
