@@ -158,7 +158,7 @@ class Pipeline:
         return reading
 
     def prepare(self, demand: frozenset[Feature]) -> None:
-        """Make the tables that the first contacts and lost pins would wait for (100 ms), before any frame."""
+        """Make the tables that the first contacts and lost pins would wait for (100 ms); from any thread."""
         self._tessellator.prepare()
         self._extractor.prepare(plan_of(demand, self.calibration, self._several).features)
 

@@ -171,7 +171,14 @@ class Measurement:
             finally:
                 give_back_memory()
 
-        self.tare.start(job)
+        def make_tables(pipeline: Pipeline) -> None:
+            try:
+                pipeline.prepare(self.demand)
+            except Exception:  # the frame that needs a table makes it, and says what is wrong
+                log.exception("tables could not be made in advance")
+            give_back_memory()
+
+        self.tare.start(job, make_tables)
 
     def _end_tare(self) -> None:
         try:
@@ -199,8 +206,6 @@ class Measurement:
                 raise
             calibration, rest_frame = self._fall_back(frames, error)
         pipeline = Pipeline(rest_frame.rest, calibration, several=self._config.several)
-        if self.tare.in_thread:
-            pipeline.prepare(self.demand)
         if request.store is not None:
             request.store()
         return rest_frame, pipeline, frames[-1]
