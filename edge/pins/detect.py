@@ -73,10 +73,15 @@ def as_bright(grey: Image, dark: bool) -> Image:
 def noise_of(grey: Image) -> float:
     """Standard deviation of the grey level from pixel to pixel, gradients removed; robust to edges."""
     # weights 1 1 -4 1 1 give sqrt(20) times the noise
-    residual = np.abs(cv2.Laplacian(grey.astype(np.float32), cv2.CV_32F)).astype(np.intp)
+    if grey.dtype == np.uint8:  # a tenth of the instructions; what is beyond 255 counts as 255
+        residual = cv2.convertScaleAbs(cv2.Laplacian(grey, cv2.CV_16S))
+        counts = cv2.calcHist([residual], [0], None, [256], [0, 256]).ravel()
+    else:
+        wide = np.abs(cv2.Laplacian(grey.astype(np.float32), cv2.CV_32F)).astype(np.intp)
+        counts = np.bincount(wide.ravel())
     # The median of whole numbers by their counts takes an eighth of the time of a partition.
-    up_to = np.cumsum(np.bincount(residual.ravel()))
-    middle = np.searchsorted(up_to, [(residual.size - 1) // 2, residual.size // 2], side="right")
+    up_to = np.cumsum(counts[:-1], dtype=np.intp)
+    middle = np.searchsorted(up_to, [(grey.size - 1) // 2, grey.size // 2], side="right")
     return float(SIGMA_OF_MAD * np.float32(middle.mean()) / np.sqrt(20.0))
 
 

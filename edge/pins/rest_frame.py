@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import cast
 
+import cv2
 import numpy as np
 
 from edge.errors import NoPins
@@ -92,7 +93,7 @@ def _at_rest_in_some(greys: Sequence[Image], polarity: Polarity) -> tuple[bool, 
 def _mean(greys: Sequence[Image]) -> Image:
     total = np.zeros(greys[0].shape, np.float64)
     for grey in greys:
-        total += grey
+        cv2.accumulate(grey, total)
     return cast(Image, np.rint(total / len(greys)).astype(greys[0].dtype))
 
 

@@ -11,15 +11,17 @@ from tests.bench.marks import Marks
 
 
 def main(path: str, calibration: str, maps: str = "") -> None:
-    with Marks(maps):
+    marks = Marks(maps)
+    with marks:
         import numpy as np
 
         import edge.cli.run  # noqa: F401  (what a finger loads)
         from edge.runtime.measurement import LoopConfig
         from tests.bench import step_child
 
-        with np.load(path) as stored:
-            images, first = stored["images"], int(stored["first"])
+    with np.load(path) as stored:
+        images, first = stored["images"], int(stored["first"])
+    with marks:
         source = step_child.Source((images.shape[2], images.shape[1]))
         loop, _bus = step_child.opened(source, calibration, LoopConfig().demand)
         for frame in step_child.frames(images, first):
