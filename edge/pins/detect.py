@@ -166,7 +166,8 @@ def _learn(grey: Image, dark: bool, like: PinPattern | None = None) -> _Learnt:
             f"of {radius_px:.0f} px radius in an image of {grey.shape[1]} x {grey.shape[0]} px: up to "
             f"{most_px:.0f} px are read; set the camera to a smaller image"
         )
-    spots = _find(grey, pattern)
+    if like is None:
+        spots = _find(grey, pattern)
     if len(spots) >= PINS_MIN:
         pins, fit = _centroids(grey, spots, pattern)
         pins = in_view(pins, pattern.size_px)
