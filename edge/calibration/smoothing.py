@@ -1,25 +1,22 @@
 """Smoothing of calibrated values over time: off unless a user asks for it.
 
-Each value has a Kalman filter of its own, whose state is the value and its speed. The speed changes by white
-noise, and a frame counts by its sigma. As sigma is mostly no noise from frame to frame, its size cannot say
-how fast values change. The user says it: T, the time in which a sudden step is followed. In the steady state
-the filter is
+Each value that has a sigma gets a Kalman filter for itself and its speed, which changes by white noise q.
+A frame counts by its sigma. How fast values change the user says: by T, the time in which a sudden step is
+followed. In the steady state the filter is, w^4 being q / (mean sigma^2 dt),
 
-    (sqrt(2) w s + w^2) / (s^2 + sqrt(2) w s + w^2)       w^4 = q / (mean sigma^2 dt)
+    (sqrt(2) w s + w^2) / (s^2 + sqrt(2) w s + w^2)
 
-with the noise q of the speed. It answers a step with 1 - exp(-a) (cos a - sin a), a = w t / sqrt(2). That
-first is 1 at a = pi / 4; hence w = pi / (2 sqrt(2) T). Then it overshoots by exp(-pi / 2) = 21 %. A steady
-motion is not delayed. White noise falls to sqrt(3 pi dt / (8 T)) of its size, dt from frame to frame.
+It answers a step with 1 - exp(-a) (cos a - sin a), a = w t / sqrt(2). That first is 1 at a = pi / 4, hence
+w = pi / (2 sqrt(2) T), then overshoots by exp(-pi / 2) = 21 %. A steady motion is not delayed. White noise
+falls to sqrt(3 pi dt / (8 T)) of its size, dt from frame to frame.
 
 Rules
-- Values that have a sigma are smoothed: not the places of contacts, friction, slip margin and what is in px.
 - A touch begins with the values that are read: the first two frames are as they are, and their difference is
   the speed. Without a touch nothing is smoothed.
 - A value that is not known, and frames without values or after a gap, begin it anew.
-- Flags, ranges and sigmas stay those of the frame.
+- Flags, ranges, sigmas, places of contacts, friction and slip margin stay those of the frame.
 
-Source  Bar-Shalom, Li, Kirubarajan, "Estimation with Applications to Tracking and Navigation" (2001), section
-        6.2: nearly constant velocity
+Source  Bar-Shalom, Li, Kirubarajan, "Estimation with Applications to Tracking and Navigation" (2001), 6.2.2
 """
 
 import math

@@ -34,7 +34,6 @@ cdef class Slip:
     cdef void _compare(self, const double[::1] area_change, double sigma_px, Py_ssize_t span) noexcept
     cdef void _forget_path(self) noexcept
     cdef void _begin_path(self) noexcept
-    cdef void _weigh(self, Py_ssize_t i, double of_motion, double of_turn) noexcept
     cdef void _go_on(self, double sigma_px) noexcept
     cdef void _measure(self, int[::1] rows, Py_ssize_t n, double[::1] out) noexcept
     cdef bint _follow(self, Py_ssize_t kind, double s, double q, double sigma) noexcept

@@ -194,33 +194,27 @@ class Slip:
         for p in range(n):
             radius2 += 2.0 / n * self._weight[self._core[p]]
         self._lag = min(pitch2 / radius2, 1.0)
-        total: cython.double = 0.0
-        square: cython.double = 0.0
-        turning: cython.double = 0.0
-        for p in range(n):
-            i = self._core[p]
-            far2 = self._weight[i]
-            w = exp(-8.0 * far2 / radius2)
-            self._weigh(i, w, w)
-            total += w
-            square += w * w
-            turning += w * w * far2
-        self._noise_s[0], self._noise_s[1] = sqrt(square) / total, sqrt(turning) / total
-        total = 0.0
-        square = 0.0
-        for p in range(self._n_around):
-            i = self._around[p]
-            w = 1.0 / max(self._weight[i], pitch2)
-            self._weigh(i, w, w * sqrt(w))
-            total += w
-            square += w * w
-        self._noise_q = sqrt(square) / total
+        for part in range(2):
+            rows: cython.int[::1] = self._around if part else self._core
+            total: cython.double = 0.0
+            square: cython.double = 0.0
+            turning: cython.double = 0.0
+            for p in range(self._n_around if part else n):
+                i = rows[p]
+                far2 = self._weight[i]
+                w = 1.0 / max(far2, pitch2) if part else exp(-8.0 * far2 / radius2)
+                of_turn = w * sqrt(w) if part else w
+                self._weight[i] = w
+                self._across[i, 0] *= of_turn
+                self._across[i, 1] *= of_turn
+                total += w
+                square += w * w
+                turning += w * w * far2
+            if part:
+                self._noise_q = sqrt(square) / total
+            else:
+                self._noise_s[0], self._noise_s[1] = sqrt(square) / total, sqrt(turning) / total
         self._begun, self._n_begin = True, 1
-
-    def _weigh(self, i: cython.Py_ssize_t, of_motion: float, of_turn: float) -> None:
-        self._weight[i] = of_motion
-        self._across[i, 0] *= of_turn
-        self._across[i, 1] *= of_turn
 
     def _go_on(self, sigma_px: float) -> None:
         """Follow the drag and the twist; where one turns back, the contact sticks again."""

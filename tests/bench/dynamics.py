@@ -139,7 +139,7 @@ def step_of(name: str, values: Array, before: float, after: float) -> dict[str, 
     missed = np.flatnonzero(~near)
     return {
         f"{name}: frames until within {WITHIN:.0%} for good": int(missed[-1] + 1) if len(missed) else 0,
-        f"{name}: largest overshoot, of the step": max(beyond, 0.0),
+        f"{name}: largest overshoot, of the step": max(0.0, beyond),
     }
 
 
