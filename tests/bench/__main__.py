@@ -15,6 +15,7 @@ from hostlink.command_group import CommandGroup, CommandRow
 COMMANDS = {
     "accuracy": "Instructions of a frame against its error, for every kind of model.",
     "contacts": "Contacts on a second, independent simulator, against their bounds.",
+    "dynamics": "Noise, smallest press, steps, false touches and creep of a simulated tip.",
     "forces": "Forces of weights on a published dome, against scikit-learn, leave one load out.",
     "grasp": "Two simulated fingers, an object with mass and a gripper, end to end.",
     "hazards": "Rendered hazards through the whole chain: identities, place, depth.",
