@@ -17,6 +17,7 @@ import numpy as np
 
 from edge.errors import NoPins
 from edge.geometry.lattice import N_RING, pitch_of
+from edge.geometry.layout import circle_of
 from edge.geometry.neighbours import nearest_of
 from edge.geometry.select import SIGMA_OF_MAD
 from edge.limits import PINS_MIN
@@ -176,12 +177,6 @@ def _learn(grey: Image, dark: bool) -> _Learnt:
             glints = tuple((float(x), float(y)) for x, y in find_cut(grey, pins, at_rest, len(pins)).xy_img)
             return _Learnt(replace(at_rest, glints_img=glints, dark=dark), pins, unlikeness)
     raise _NotThese("spots that are neither round nor evenly spaced")
-
-
-def circle_of(xy_img: Array, radius_px: float) -> tuple[Array, float]:
-    """Middle (2,) and radius, px, of the smallest circle round discs of one radius at places (n, 2)."""
-    centre, reach = cv2.minEnclosingCircle(xy_img.astype(np.float32))
-    return np.array(centre), float(reach) + radius_px
 
 
 def in_view(pins: Pins, size_px: tuple[int, int]) -> Pins:
