@@ -72,6 +72,8 @@ def _in_parts(rest: Rest, region: Region) -> Rest:
     height, width = region.part.shape
     part = region.part[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
     kinds, counts = np.unique(part, return_counts=True)
+    if len(kinds) == 1:
+        return rest
     enough = np.isin(part, kinds[counts >= PINS_MIN])
     if not enough.any():
         most, n = int(counts.max()), len(kinds)
