@@ -18,6 +18,7 @@ import numpy as np
 
 from edge.errors import NoPins
 from edge.geometry.lattice import N_RING, pitch_of
+from edge.geometry.layout import circle_of
 from edge.geometry.neighbours import nearest_of
 from edge.geometry.select import SIGMA_OF_MAD
 from edge.limits import PINS_MIN
@@ -197,12 +198,6 @@ def _of_any_size(grey: Image, noise: float) -> Spots:
     core = np.median(spots.depth[np.abs(np.log(spots.radius_px / size)) < 0.2])
     depth_min = PARAMS.depth_min_pins * float(core)
     return _settle(grey, found, spots[_alike(spots, size, depth_min, FLAT)], size, depth_min)
-
-
-def circle_of(xy_img: Array, radius_px: float) -> tuple[Array, float]:
-    """Middle (2,) and radius, px, of the smallest circle round discs of one radius at places (n, 2)."""
-    centre, reach = cv2.minEnclosingCircle(xy_img.astype(np.float32))
-    return np.array(centre), float(reach) + radius_px
 
 
 def in_view(pins: Pins, size_px: tuple[int, int]) -> Pins:

@@ -219,8 +219,8 @@ class Measurement:
         self, frames: Sequence[Frame], calibration: Calibration | None, force: bool = False
     ) -> RestFrame:
         """Raises TareRefused."""
-        params = replace(self._config.tare, polarity=self._source.polarity, lens=self._source.lens)
-        live = self._source.live
+        source, live = self._source, self._source.live
+        params = self._config.tare.of(source)
         if not live:  # only a live tip can be asked to keep still
             params = replace(params, steady_px=np.inf)
         images = [frame.image for frame in frames]
