@@ -20,7 +20,7 @@ from edge.geometry.neighbours import nearest_of
 from edge.limits import PINS_MIN
 from edge.params import ASTRAY_REL
 from edge.params import PARAMS as RUNTIME
-from edge.pins import take_rest
+from edge.pins import left_out, take_rest
 from edge.pins.lens import rest_as_seen
 from edge.rest.symmetry import symmetry_of
 from edge.rest.tip_match import SHARED_MIN
@@ -137,13 +137,16 @@ def settings_tried(source: FrameSource, frame: Frame, rest: Rest) -> dict[str, i
     apart = groups(rest) if source.region is None else []
     apart = [group for group in apart if len(group) >= PINS_MIN]
     polarity = Polarity.DARK if rest.pattern.dark else Polarity.BRIGHT
+    regions: dict[str, int] = {}
     for group in apart if len(apart) > 1 else []:
         corner = np.maximum(rest.xy_img[group].min(axis=0) - rest.pattern.pitch_px, 0)
         size = rest.xy_img[group].max(axis=0) + rest.pattern.pitch_px - corner
         roi = ",".join(str(round(float(number))) for number in (*corner, *size))
         n = _pins_n(frame.within(region_of(source, roi, "", "")), polarity, source.lens)
         if 0 < n < len(rest):
-            found[f"roi={roi}"] = n
+            regions[f"roi={roi}"] = n
+    if 2 * sum(regions.values()) > len(rest):  # fewer would leave most of the skin out
+        found |= regions
     return found
 
 
@@ -167,12 +170,16 @@ def pins(frame: Frame, rest: Rest) -> Iterator[Line]:
     p = rest.pattern
     kind = "dark" if p.dark else "bright"
     finding = f"{len(rest)} found, {kind}, radius {p.pin_radius_px:.1f} px, pitch {p.pitch_px:.1f} px"
-    yield Line("pins", "ok", finding)
+    seen = rest_as_seen(rest)
+    left_n = len(left_out(frame.image, seen))
+    left = f", {left_n} spots like them left out: unlike their neighbours, or far from them" if left_n else ""
+    share = left_n / (len(rest) + left_n)
+    choose = "look at them (--out): light all pins alike, or take the others out of view by ?roi= or ?mask="
+    yield judged("pins", finding + left, (share > ASTRAY_REL, "warn", choose))
     missing_n = len(holes(rest))
     share = missing_n / (len(rest) + missing_n)
     clean = "clean lens and skin, light it evenly; is a pin torn out?"
     yield judged("holes", f"{missing_n or 'none'} seen in the lattice", (share > ASTRAY_REL, "warn", clean))
-    seen = rest_as_seen(rest)
     softness = p.edge_px / p.pin_radius_px
     blur = f"edges are blurred by {p.edge_px:.1f} px, {softness:.0%} of a pin's radius"
     sharpen = "turn the lens until `python -m edge inspect` finds the sharpest pins"
