@@ -192,7 +192,8 @@ def pins(frame: Frame, rest: Rest) -> Iterator[Line]:
     top = (1 << frame.bits) - 1
     noise = f"of full scale, noise is {p.noise / top:.1%}"
     contrast = f"pins differ from the skin by {p.brightness / top:.0%} {noise}"
-    faint = p.brightness**2 < p.noise * top  # by ratios, nearer to the noise than to full scale
+    # By ratios, nearer to the noise, of which levels have as much as rounding leaves, than to full scale.
+    faint = p.brightness**2 < max(p.noise, 12**-0.5) * top
     yield judged("contrast", contrast, (faint, "warn", "light the pins better, then raise gain"))
     x, y = seen.xy_img.T
     margin = float(np.min([x, y, width - 1 - x, height - 1 - y])) - p.pin_radius_px
