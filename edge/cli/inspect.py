@@ -133,7 +133,8 @@ class _Seen:
 
     def draw(self, path: Path, title: str) -> None:
         rest = rest_as_seen(self.rest)
-        rois = [key.partition("=")[2].split(",") for key in self.settings if key.startswith("roi=")]
+        areas = [area.partition("=") for key in self.settings for area in key.split("&")]
+        rois = [numbers.split(",") for name, _, numbers in areas if name == "roi"]
         text = [
             f"{line.level} {line.topic}: {line.message}" + (f" -> {line.advice}" if line.advice else "")
             for line in self.lines
@@ -167,7 +168,7 @@ def _seen_of(
                 raise SourceError(f"{source.name}: no images; is another program using it?")
             frame = frames[-1]
             try:
-                rest = take_rest([f.image for f in frames], source.polarity, source.lens)
+                rest = take_rest([f.image for f in frames], source.polarity, source.lens, source.region)
             except NoPins as error:
                 line = picture.brightness(frames, None)
                 raise NoPins(

@@ -17,6 +17,7 @@ from edge.faults.image_quality import HALF_REL, ONE_LEVEL, level_of
 from edge.geometry.lattice import N_RING, groups_of, inside_hull, nearest
 from edge.geometry.lattice import PARAMS as LATTICE
 from edge.geometry.neighbours import nearest_of
+from edge.geometry.parts import parts_of
 from edge.limits import PINS_MIN
 from edge.params import ASTRAY_REL
 from edge.params import PARAMS as RUNTIME
@@ -26,8 +27,9 @@ from edge.rest.symmetry import symmetry_of
 from edge.rest.tip_match import SHARED_MIN
 from edge.sources.live import PARAMS as LIVE
 from edge.sources.live import ThreadedSource
+from edge.sources.options import PARTS
 from edge.sources.region import region_of
-from edge.types import Array, Frame, FrameSource, Image, Index, Lens, Mask, Polarity, Rest
+from edge.types import Array, Frame, FrameSource, Image, Index, Mask, Polarity, Rest
 
 _AROUND = np.exp(1j * tau * np.arange(24) / 24)
 
@@ -82,7 +84,8 @@ def _levels(image: Image, rest: Rest, radii: Array) -> Array:
 
 def holes(rest: Rest) -> Array:
     """(k, 2) px, places where three neighbours agree that a pin is missing; none without a lattice."""
-    found = [_holes(rest.xy_img[group]) for group in groups(rest) if len(group) >= PINS_MIN]
+    parts = [part for _, part in parts_of(rest)]
+    found = [_holes(p.xy_img[group]) for p in parts for group in groups(p) if len(group) >= PINS_MIN]
     return np.concatenate([np.empty((0, 2)), *found])
 
 
@@ -127,34 +130,41 @@ def groups(rest: Rest) -> list[Index]:
 
 def settings_tried(source: FrameSource, frame: Frame, rest: Rest) -> dict[str, int]:
     """Keys for the source's address that suit this image better, and how many pins each finds: the other
-    polarity, where none was asked for, and a rectangle round each group of pins.
+    polarity, where none was asked for, and a rectangle round each group of pins: those that do not touch each
+    other in one address, as parts of the skin.
     """
     found: dict[str, int] = {}
     if source.polarity is Polarity.FOUND:
         other = Polarity.BRIGHT if rest.pattern.dark else Polarity.DARK
-        found[f"pins={other}"] = _pins_n(frame, other, source.lens)
-    found = {key: n for key, n in found.items() if n > len(rest)}
+        tried = _rest_within(source, frame, other, "")
+        if tried is not None and len(tried) > len(rest):
+            found[f"pins={other}"] = len(tried)
     apart = groups(rest) if source.region is None else []
     apart = [group for group in apart if len(group) >= PINS_MIN]
     polarity = Polarity.DARK if rest.pattern.dark else Polarity.BRIGHT
-    regions: dict[str, int] = {}
+    alone: dict[str, int] = {}
     for group in apart if len(apart) > 1 else []:
         corner = np.maximum(rest.xy_img[group].min(axis=0) - rest.pattern.pitch_px, 0)
         size = rest.xy_img[group].max(axis=0) + rest.pattern.pitch_px - corner
         roi = ",".join(str(round(float(number))) for number in (*corner, *size))
-        n = _pins_n(frame.within(region_of(source, roi, "", "")), polarity, source.lens)
-        if 0 < n < len(rest):
-            regions[f"roi={roi}"] = n
-    if 2 * sum(regions.values()) > len(rest):  # fewer would leave most of the skin out
-        found |= regions
-    return found
+        own = _rest_within(source, frame, polarity, roi)
+        if own is not None and len(own) < len(rest):
+            alone[roi] = len(own)
+    if 2 * sum(alone.values()) < len(rest):  # most of the skin would be left out
+        return found
+    both = _rest_within(source, frame, polarity, PARTS.join(alone)) if len(alone) > 1 else None
+    if both is not None and len(parts_of(both)) == len(alone):
+        return found | {"&".join(f"roi={roi}" for roi in alone): len(both)}
+    return found | {f"roi={roi}": n for roi, n in alone.items()}
 
 
-def _pins_n(frame: Frame, polarity: Polarity, lens: Lens | None) -> int:
+def _rest_within(source: FrameSource, frame: Frame, polarity: Polarity, roi: str) -> Rest | None:
+    """The pins within these rectangles; "": within the source's region; None: there are none."""
+    region = region_of(source, roi, "", "") or source.region
     try:
-        return len(take_rest([frame.image], polarity, lens))
+        return take_rest([frame.within(region).image], polarity, source.lens, region)
     except NoPins:
-        return 0
+        return None
 
 
 def better_settings(tried: dict[str, int]) -> Line:

@@ -162,7 +162,7 @@ def _rest_frame(
     if not frames:
         raise SourceError(f"{source.name}: no images")
     try:
-        rest = take_rest([frame.image for frame in frames], source.polarity, source.lens)
+        rest = take_rest([frame.image for frame in frames], source.polarity, source.lens, source.region)
     except NoPins as error:
         raise SourceError(f"{source.name}: {error}") from None
     return rest if calibration is None else in_order_of(calibration, rest), frames[-1], len(frames)
