@@ -12,13 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from edge.calibration import OF_GRIP, Calibration, Grip, uncalibrated
-from edge.cells import Tessellator
+from edge.calibration.smoothing import Smoother
+from edge.cells import tessellator_of
 from edge.drift import Drift
 from edge.errors import DegenerateLayout
 from edge.faults.detector import FaultDetector
-from edge.features import FeatureExtractor, FeaturePlan, Fits
+from edge.features import FeaturePlan, Fits, extractor_of
 from edge.pins import CentroidRefiner, detect
-from edge.tracking import Tracker
+from edge.tracking import tracker_of
 from edge.types import Feature, Features, Frame, Image, Reading, Rest, Result, Tracks
 
 #: Features that need cell areas; the others need only the pins' motion.
@@ -66,6 +67,7 @@ class Pipeline:
     drift  what has been learnt of the rest frame's change, subtracted from the pins' places before anything
            is computed from them; a result's tracks are where the pins are seen. None: nothing is learnt
     several  whether contacts of one frame are fitted together: `edge.features.several`
+    smooth_s  time in which `step` smooths values: `edge.calibration.smoothing`; 0: it does not
     """
 
     def __init__(
@@ -75,16 +77,18 @@ class Pipeline:
         demand: frozenset[Feature] = ALL,
         drift: Drift | None = None,
         several: bool = True,
+        smooth_s: float = 0.0,
     ) -> None:
         self.rest, self.calibration = rest, calibration
         self.drift, self._several = drift, several
         self._capture_ns: int | None = None  # of the last frame that gave features
         self._grip = Grip()
+        self._smoother = Smoother(smooth_s) if smooth_s > 0.0 else None
         self._refiner = CentroidRefiner(rest)
-        self.tracker = Tracker(rest, found=self._refiner.found, expected=self._refiner.predicted)
-        self._tessellator = Tessellator(rest)
+        self.tracker = tracker_of(rest, self._refiner.found, self._refiner.predicted)
+        self._tessellator = tessellator_of(rest)
         still = Tracks.of(rest.xy_img, rest.pins.sigma_px, np.ones(len(rest), dtype=np.bool_))
-        self._extractor = FeatureExtractor(rest, self._tessellator.cells(still).rest_area_px2)
+        self._extractor = extractor_of(rest, self._tessellator.cells(still).rest_area_px2)
         self.demand = demand
 
     @property
@@ -105,6 +109,8 @@ class Pipeline:
         judged = judge.judge(frame, result, self.drift.limit_share if self.drift else 0.0)
         if judged.tracks is not result.tracks:  # the pattern was matched to itself rotated
             self.forget()
+        if self._smoother is not None:
+            self._smoother.update(judged)
         if self.drift is not None:
             untouched = judged.features is not None and not judged.features.in_contact
             self.drift.learn(judged.tracks, frame.capture_ns, untouched and judge.quiet)
@@ -158,7 +164,7 @@ class Pipeline:
         return reading
 
     def prepare(self, demand: frozenset[Feature]) -> None:
-        """Make the tables that the first contacts and lost pins would wait for (100 ms), before any frame."""
+        """Make the tables that the first contacts and lost pins would wait for (100 ms); from any thread."""
         self._tessellator.prepare()
         self._extractor.prepare(plan_of(demand, self.calibration, self._several).features)
 
@@ -171,6 +177,8 @@ class Pipeline:
 
     def forget(self) -> None:
         """Treat the next frame on its own, as after a jump: no pin positions are carried over."""
+        if self._smoother is not None:
+            self._smoother.forget()
         self.tracker.forget()
         self._tessellator.forget()
         self._extractor.forget_contacts()

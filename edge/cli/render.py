@@ -110,7 +110,7 @@ def render_recording(
     Raises   InputError: the recording, its first frames or the calibration; SinkError; OSError: a full disk
     """
     with closing(open_source(recording)) as source:
-        rest_frame, seen_in = _rest_frame(source, rest, calibration)
+        rest_frame, seen_in, taken_n = _rest_frame(source, rest, calibration)
         mm_per_px = (calibration.mm_per_px if calibration else None) or 0.0
         pattern, colours = rest_frame.pattern, PALETTES[palette]
         view = View.of(rest_frame.xy_img, pattern.pitch_px, height, mm_per_px, colours)
@@ -126,6 +126,8 @@ def render_recording(
 
             def pictures() -> Iterator[NDArray[np.uint8]]:
                 for n, frame in enumerate(source, 1):
+                    if n == taken_n:  # `replay` begins here, and what is learnt since must be the same
+                        loop.measurement.use_rest(rest_frame, seen_in)
                     loop.step(frame)
                     result = loop.measurement.last
                     if result is None or result.frame is not frame:  # it could not be measured
@@ -144,22 +146,26 @@ def render_recording(
     }  # fmt: skip
 
 
-def _rest_frame(source: FrameSource, how: str | None, calibration: Calibration | None) -> tuple[Rest, Frame]:
-    """The rest frame, and an image that shows it. Raises SourceError, CalibrationError."""
+def _rest_frame(
+    source: FrameSource, how: str | None, calibration: Calibration | None
+) -> tuple[Rest, Frame, int]:
+    """The rest frame, an image that shows it, and of how many first images it is. Raises SourceError,
+    CalibrationError.
+    """
     if source.live:
         raise SourceError(f"{source.name}: is live; record it first, then render the recording")
     given = rest_given(source, how, calibration)
     if given is not None:
         log.info("rest frame: %s", given.message)
-        return given.rest, given.frame
+        return given.rest, given.frame, 0
     frames = list(islice(source, TareParams().frames_n))
     if not frames:
         raise SourceError(f"{source.name}: no images")
     try:
-        rest = take_rest([frame.image for frame in frames], source.polarity, source.lens)
+        rest = take_rest([frame.image for frame in frames], source.polarity, source.lens, source.region)
     except NoPins as error:
         raise SourceError(f"{source.name}: {error}") from None
-    return rest if calibration is None else in_order_of(calibration, rest), frames[-1]
+    return rest if calibration is None else in_order_of(calibration, rest), frames[-1], len(frames)
 
 
 def caption(result: Result) -> str:

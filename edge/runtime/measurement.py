@@ -35,6 +35,7 @@ class LoopConfig:
 
     demand: frozenset[Feature] = frozenset(Feature) - {Feature.SURFACE}  # features that are computed
     several: bool = True  # whether contacts of one frame are fitted together
+    smooth_s: float = 0.0  # time in which smoothed values follow a step; 0: they are not smoothed
     tare: TareParams = PARAMS
     drift: DriftParams = DRIFT
     load_pitches: float = RUNTIME.load_pitches  # motion of a pin beyond which it counts as overloaded
@@ -149,8 +150,12 @@ class Measurement:
     def use_rest(self, rest: Rest, frame: Frame) -> None:
         """Measure against this rest frame, taken from `frame`, instead of one from the first images."""
         self.tare.frames = None
-        pipeline = Pipeline(rest, self.calibration, several=self._config.several)
-        self._accept_tare(RestFrame(rest), pipeline, frame)
+        self._accept_tare(RestFrame(rest), self._stages(rest, self.calibration), frame)
+
+    def _stages(self, rest: Rest, calibration: Calibration | None) -> Pipeline:
+        """The stages, as they are configured."""
+        config = self._config
+        return Pipeline(rest, calibration, several=config.several, smooth_s=config.smooth_s)
 
     # ---- tare ---------------------------------------------------------------------------------------
 
@@ -171,7 +176,14 @@ class Measurement:
             finally:
                 give_back_memory()
 
-        self.tare.start(job)
+        def make_tables(pipeline: Pipeline) -> None:
+            try:
+                pipeline.prepare(self.demand)
+            except Exception:  # the frame that needs a table makes it, and says what is wrong
+                log.exception("tables could not be made in advance")
+            give_back_memory()
+
+        self.tare.start(job, make_tables)
 
     def _end_tare(self) -> None:
         try:
@@ -198,9 +210,7 @@ class Measurement:
             if not is_start or error.reason is not RestFrameReason.OTHER_TIP:
                 raise
             calibration, rest_frame = self._fall_back(frames, error)
-        pipeline = Pipeline(rest_frame.rest, calibration, several=self._config.several)
-        if self.tare.in_thread:
-            pipeline.prepare(self.demand)
+        pipeline = self._stages(rest_frame.rest, calibration)
         if request.store is not None:
             request.store()
         return rest_frame, pipeline, frames[-1]
@@ -209,8 +219,8 @@ class Measurement:
         self, frames: Sequence[Frame], calibration: Calibration | None, force: bool = False
     ) -> RestFrame:
         """Raises TareRefused."""
-        params = replace(self._config.tare, polarity=self._source.polarity, lens=self._source.lens)
-        live = self._source.live
+        source, live = self._source, self._source.live
+        params = self._config.tare.of(source)
         if not live:  # only a live tip can be asked to keep still
             params = replace(params, steady_px=np.inf)
         images = [frame.image for frame in frames]
