@@ -204,7 +204,7 @@ class Measurement:
         """Take and check the rest frame, make stages, store a calibration. Raises TareRefused, OSError."""
         calibration = request.calibration or self.calibration
         try:
-            rest_frame = self._take_rest_frame(frames, calibration, request.force)
+            rest_frame = self.take_rest_frame(frames, calibration, request.force)
         except TareRefused as error:
             is_start = self.pipeline is None and request.calibration is None
             if not is_start or error.reason is not RestFrameReason.OTHER_TIP:
@@ -215,10 +215,10 @@ class Measurement:
             request.store()
         return rest_frame, pipeline, frames[-1]
 
-    def _take_rest_frame(
+    def take_rest_frame(
         self, frames: Sequence[Frame], calibration: Calibration | None, force: bool = False
     ) -> RestFrame:
-        """Raises TareRefused."""
+        """The rest frame that these images give; it is not used yet. Raises TareRefused."""
         source, live = self._source, self._source.live
         params = self._config.tare.of(source)
         if not live:  # only a live tip can be asked to keep still
@@ -230,7 +230,7 @@ class Measurement:
         """A calibration of this tip, where the first choice was another's. Raises TareRefused: none is."""
         for calibration in self.fallbacks:
             try:
-                rest_frame = self._take_rest_frame(frames, calibration)
+                rest_frame = self.take_rest_frame(frames, calibration)
             except TareRefused:
                 continue
             log.warning("%s; using the calibration stored before, %08x", error, calibration.content_id)

@@ -54,7 +54,7 @@ def test_every_frame_is_in_the_video(
     assert cv2.VideoCapture(str(video)).get(cv2.CAP_PROP_FPS) == pytest.approx(25)
 
 
-def test_what_is_shown_is_what_the_running_finger_sends(
+def test_render_shows_the_values_that_the_running_finger_sends(
     data_dir: Path, tmp_path: Path, frames: list[Frame], calibration: Calibration,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
