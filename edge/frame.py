@@ -84,7 +84,9 @@ class Pipeline:
         self.tracker = Tracker(rest, found=self._refiner.found, expected=self._refiner.predicted)
         self._tessellator = Tessellator(rest)
         still = Tracks.of(rest.xy_img, rest.pins.sigma_px, np.ones(len(rest), dtype=np.bool_))
-        self._extractor = FeatureExtractor(rest, self._tessellator.cells(still).rest_area_px2)
+        known = rest if calibration is None else calibration.rest
+        rest_area_px2 = self._tessellator.cells(still).rest_area_px2
+        self._extractor = FeatureExtractor(rest, rest_area_px2, known.pattern.on_surface)
         self.demand = demand
 
     @property

@@ -35,6 +35,7 @@ class LoopConfig:
 
     demand: frozenset[Feature] = frozenset(Feature) - {Feature.SURFACE}  # features that are computed
     several: bool = True  # whether contacts of one frame are fitted together
+    on_surface: bool = False  # what the sensor's file says of its skin; a calibration knows better
     tare: TareParams = PARAMS
     drift: DriftParams = DRIFT
     load_pitches: float = RUNTIME.load_pitches  # motion of a pin beyond which it counts as overloaded
@@ -149,8 +150,13 @@ class Measurement:
     def use_rest(self, rest: Rest, frame: Frame) -> None:
         """Measure against this rest frame, taken from `frame`, instead of one from the first images."""
         self.tare.frames = None
-        pipeline = Pipeline(rest, self.calibration, several=self._config.several)
+        pipeline = self._pipeline_of(rest, self.calibration)
         self._accept_tare(RestFrame(rest), pipeline, frame)
+
+    def _pipeline_of(self, rest: Rest, calibration: Calibration | None) -> Pipeline:
+        if self._config.on_surface:
+            rest = Rest(rest.pins, replace(rest.pattern, on_surface=True))
+        return Pipeline(rest, calibration, several=self._config.several)
 
     # ---- tare ---------------------------------------------------------------------------------------
 
@@ -198,7 +204,7 @@ class Measurement:
             if not is_start or error.reason is not RestFrameReason.OTHER_TIP:
                 raise
             calibration, rest_frame = self._fall_back(frames, error)
-        pipeline = Pipeline(rest_frame.rest, calibration, several=self._config.several)
+        pipeline = self._pipeline_of(rest_frame.rest, calibration)
         if self.tare.in_thread:
             pipeline.prepare(self.demand)
         if request.store is not None:

@@ -236,7 +236,8 @@ class SecondTip:
     def made(cls, kind: Kind, seed: int, presses: int = CALIBRATION_N) -> "SecondTip":
         """Tared, and calibrated by that many presses of each tool."""
         gel, rng = kind.made(kind.n_pins, seed), np.random.default_rng(seed)
-        tip = cls(gel, take_rest([gel.picture((), rng) for _ in range(TARE_N)]))
+        rest = take_rest([gel.picture((), rng) for _ in range(TARE_N)])
+        tip = cls(gel, Rest(rest.pins, replace(rest.pattern, on_surface=kind.dots)))
         for ball in (False, True):
             radius = BALL_MM if ball else PROBE_PITCHES * gel.pitch_mm
             calibration = tip._calibrated(radius, presses, rng)

@@ -4,6 +4,7 @@ Without them each region of compressed skin is one contact: two that touch the s
 and depth of one beside another are off by what the other moves, and a bar has the direction of its region.
 """
 
+from edge.features.several.dots import DotContacts
 from edge.features.several.fitted_contacts import Fits, FittedContacts
 
-__all__ = ["Fits", "FittedContacts"]
+__all__ = ["DotContacts", "Fits", "FittedContacts"]
