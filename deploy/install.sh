@@ -148,7 +148,14 @@ make_release() {
     # The next release brings its own pip; `current/bin/python -m ensurepip` brings one back to this one.
     "$root$fresh/bin/python" -m pip uninstall --quiet --disable-pip-version-check --yes pip setuptools 2>/dev/null \
         || fail "pip could not be removed from the new release"
+    # No finger runs NumPy's tests or zstandard's build for other interpreters, nor reads debug information.
     find "$root$fresh/lib" -type d -path '*/site-packages/numpy/*' -name tests -prune -exec rm -r {} +
+    find "$root$fresh/lib" -path '*/site-packages/zstandard/_cffi.*.so' -exec rm {} +
+    if command -v strip >/dev/null; then
+        for each in lz4 msgpack zstandard; do
+            find "$root$fresh/lib" -path "*/site-packages/$each/*.so" -exec strip --strip-debug {} +
+        done
+    fi
     (cd / && "$root$fresh/bin/python" -m edge --version) || fail "the new release does not run"
     rm -rf "$work"
     trap - EXIT

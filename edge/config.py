@@ -78,6 +78,8 @@ class FeaturesTable(_Table, frozen=True, kw_only=True):
 
     demand: tuple[Feature, ...] = tuple(f for f in Feature if f is not Feature.SURFACE)
     several: bool = True  # several contacts, and bars, are fitted together; false: each region is a contact
+    #: Calibrated values are smoothed so that they follow a step in this time, 0: not.
+    smooth_ms: Annotated[float, msgspec.Meta(ge=0, le=1000)] = 0.0
 
 
 class StateTable(_Table, frozen=True, kw_only=True):

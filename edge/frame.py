@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from edge.calibration import OF_GRIP, Calibration, Grip, uncalibrated
+from edge.calibration.smoothing import Smoother
 from edge.cells import Tessellator
 from edge.drift import Drift
 from edge.errors import DegenerateLayout
@@ -66,6 +67,7 @@ class Pipeline:
     drift  what has been learnt of the rest frame's change, subtracted from the pins' places before anything
            is computed from them; a result's tracks are where the pins are seen. None: nothing is learnt
     several  whether contacts of one frame are fitted together: `edge.features.several`
+    smooth_s  time in which `step` smooths values: `edge.calibration.smoothing`; 0: it does not
     """
 
     def __init__(
@@ -75,11 +77,13 @@ class Pipeline:
         demand: frozenset[Feature] = ALL,
         drift: Drift | None = None,
         several: bool = True,
+        smooth_s: float = 0.0,
     ) -> None:
         self.rest, self.calibration = rest, calibration
         self.drift, self._several = drift, several
         self._capture_ns: int | None = None  # of the last frame that gave features
         self._grip = Grip()
+        self._smoother = Smoother(smooth_s) if smooth_s > 0.0 else None
         self._refiner = CentroidRefiner(rest)
         self.tracker = Tracker(rest, found=self._refiner.found, expected=self._refiner.predicted)
         self._tessellator = Tessellator(rest)
@@ -107,6 +111,8 @@ class Pipeline:
         judged = judge.judge(frame, result, self.drift.limit_share if self.drift else 0.0)
         if judged.tracks is not result.tracks:  # the pattern was matched to itself rotated
             self.forget()
+        if self._smoother is not None:
+            self._smoother.update(judged)
         if self.drift is not None:
             untouched = judged.features is not None and not judged.features.in_contact
             self.drift.learn(judged.tracks, frame.capture_ns, untouched and judge.quiet)
@@ -160,7 +166,7 @@ class Pipeline:
         return reading
 
     def prepare(self, demand: frozenset[Feature]) -> None:
-        """Make the tables that the first contacts and lost pins would wait for (100 ms), before any frame."""
+        """Make the tables that the first contacts and lost pins would wait for (100 ms); from any thread."""
         self._tessellator.prepare()
         self._extractor.prepare(plan_of(demand, self.calibration, self._several).features)
 
@@ -173,6 +179,8 @@ class Pipeline:
 
     def forget(self) -> None:
         """Treat the next frame on its own, as after a jump: no pin positions are carried over."""
+        if self._smoother is not None:
+            self._smoother.forget()
         self.tracker.forget()
         self._tessellator.forget()
         self._extractor.forget_contacts()

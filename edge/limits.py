@@ -157,12 +157,13 @@ _KINDS = {
 }
 _LIMITS = {"from": "ge", "from above": "gt", "to": "le", "to below": "lt"}
 _COMPARED = {">=": "at least", ">": "more than", "<=": "at most", "<": "less than", None: "exactly"}
-_PATH = re.compile(r" - at `\$\.?(?P<path>.*)`$", re.DOTALL)
-_LENGTH = re.compile(r"Expected `(?P<kind>\w+)` of length (?P<op>[<>]=?)? ?(?P<n>\d+)")
-_RANGE = re.compile(r"Expected `\w+` [<>]=? ")
-_KIND = re.compile(r"Expected `(?P<wanted>[^`]*)`, got `(?P<found>[^`]*)`")
-_FIELD = re.compile(r"Object (?P<what>missing required|contains unknown) field `(?P<name>.*)`", re.DOTALL)
-_VALUE = re.compile(r"Invalid (?:enum )?value (?P<value>.*)", re.DOTALL)
+# Compiled when a message is explained, not at each start: (?s) lets a dot match all.
+_PATH = r"(?s) - at `\$\.?(?P<path>.*)`$"
+_LENGTH = r"Expected `(?P<kind>\w+)` of length (?P<op>[<>]=?)? ?(?P<n>\d+)"
+_RANGE = r"Expected `\w+` [<>]=? "
+_KIND = r"Expected `(?P<wanted>[^`]*)`, got `(?P<found>[^`]*)`"
+_FIELD = r"(?s)Object (?P<what>missing required|contains unknown) field `(?P<name>.*)`"
+_VALUE = r"(?s)Invalid (?:enum )?value (?P<value>.*)"
 
 
 def explain(message: str, kind: Any, content: Any = None) -> str:
@@ -171,7 +172,7 @@ def explain(message: str, kind: Any, content: Any = None) -> str:
     kind     the type that it is about
     content  what was converted, for the wrong value; None: not shown
     """
-    found = _PATH.search(message)
+    found = re.search(_PATH, message)
     place = found["path"] if found else ""
     message = message[: found.start()] if found else message
     what = _what(message)
@@ -179,7 +180,7 @@ def explain(message: str, kind: Any, content: Any = None) -> str:
     kinds = [inspect.type_info(kind)]
     for step in steps:
         kinds = [below for one in kinds for below in _below(one, step)]
-    if wrong := _KIND.match(message) or _RANGE.match(message):
+    if wrong := re.match(_KIND, message) or re.match(_RANGE, message):
         is_found = f", is {_named(wrong['found'])}" if "found" in wrong.groupdict() else ""
         if content is not None and "..." not in steps:
             for step in steps:
@@ -241,14 +242,14 @@ def _wanted(kind: inspect.Type) -> str:
 
 
 def _what(message: str) -> str:
-    if m := _LENGTH.match(message):
+    if m := re.match(_LENGTH, message):
         unit = "character" if m["kind"] == "str" else "item"
         return f"must have {_COMPARED[m['op']]} {m['n']} {unit}{'s' * (m['n'] != '1')}"
-    if m := _FIELD.match(message):
+    if m := re.match(_FIELD, message):
         if m["what"] == "missing required":
             return f"lacks {m['name']}"
         return f"unknown key {quote(m['name'])}"
-    if m := _VALUE.match(message):
+    if m := re.match(_VALUE, message):
         return f"unknown value {quote(m['value'].strip(chr(39)))}"
     return message[:1].lower() + message[1:]
 

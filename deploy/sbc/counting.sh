@@ -19,14 +19,14 @@ if [ ! -d root ]; then
     mv root.new root
 fi
 
-# Of the dependencies those that the loop and a CAN FD sink import.
+# Of the dependencies those that `edge run` imports with a CAN FD sink.
 if [ ! -d site ]; then
     rm -rf site.new
     "$python" -m pip install -q --disable-pip-version-check --target site.new -c "$here/../../constraints.txt" \
         --no-deps --only-binary=:all: --python-version 3.11 --implementation cp --abi cp311 --abi abi3 --abi none \
         --platform manylinux_2_28_aarch64 --platform manylinux_2_27_aarch64 \
         --platform manylinux_2_17_aarch64 --platform manylinux2014_aarch64 \
-        msgspec numpy opencv-contrib-python-headless
+        click msgspec numpy opencv-contrib-python-headless
     mv site.new site
 fi
 

@@ -10,7 +10,7 @@ Rules
 - The equations are kept for the last set of lost pins: a pin that stays dark costs next to nothing a frame.
 """
 
-from functools import cached_property
+import threading
 
 import numpy as np
 
@@ -32,11 +32,16 @@ class LostPins:
         self.lost: Index = np.empty(0, np.int32)
         self._weights = np.empty((0, 2 * len(rest_img)))  # of the seen pins' motion in that of the lost ones
         self.gap, self.gap_img = 0.0, None
+        self._precision: Array | None = None
+        self._making = threading.Lock()
 
-    @cached_property
+    @property
     def precision(self) -> Array:
-        """The precision of the motion of all pins; made when it is first needed."""
-        return precision(self._rest_img, self._pitch_px, PREDICTING)
+        """The precision of the motion of all pins; made once, by the thread that needs it first."""
+        with self._making:
+            if self._precision is None:
+                self._precision = precision(self._rest_img, self._pitch_px, PREDICTING)
+            return self._precision
 
     def update(self, seen: Mask) -> None:
         """Prepare for the pins that are not seen. Raises DegenerateLayout: the others span no plane."""

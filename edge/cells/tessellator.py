@@ -41,7 +41,7 @@ class Tessellator:
         self._last_counts = False  # whether those are of the frame before
 
     def prepare(self) -> None:
-        """Make now what otherwise the first lost pin would wait for (20 ms)."""
+        """Make now what otherwise the first lost pin would wait for (20 ms); from any thread."""
         self._lost.precision  # noqa: B018
 
     def cells(self, tracks: Tracks) -> Cells:

@@ -48,6 +48,13 @@ sensor_option = click.option(
     metavar="NAME|FILE.toml",
     help="What the fingertip is: a known sensor, or a file of your own. Default: found from its pins.",
 )
+smooth_option = click.option(
+    "--smooth",
+    "smooth_ms",
+    type=FiniteFloat(0, 1000),
+    metavar="MS",
+    help="Smooth calibrated values while the tip is touched; a sudden step is followed in this time.",
+)
 overwrite_option = click.option("--overwrite", is_flag=True, help="Replace files that exist already.")
 
 _LOOP_OPTIONS = (
@@ -55,6 +62,7 @@ _LOOP_OPTIONS = (
     sink_option,
     calibration_option,
     sensor_option,
+    smooth_option,
     click.option("--record", "record_path", type=PATH, help="Write images and values to this .mcap file."),
     overwrite_option,
     click.option(
@@ -88,6 +96,7 @@ class LoopOptions:
     sink_specs: tuple[str, ...]
     calibration_path: Path | None
     sensor_name: str | None
+    smooth_ms: float | None
     record_path: Path | None
     overwrite: bool
     view_here: bool
@@ -98,7 +107,10 @@ class LoopOptions:
 
     def load_config(self, source_spec: str | None = None) -> Config:
         """Raises ConfigError."""
-        return configured(self.config_path, self.sensor_name, self.sink_specs, source_spec)
+        config = configured(self.config_path, self.sensor_name, self.sink_specs, source_spec)
+        if self.smooth_ms is None:
+            return config
+        return replace(config, features=replace(config.features, smooth_ms=self.smooth_ms))
 
     def check_record(self, *inputs: str | Path) -> None:
         """Raises OutputError: there is a file already, or it is one that is read."""

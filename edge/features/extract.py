@@ -23,6 +23,8 @@ Rules
 A frame is one call of this kernel: what it is made of meets at C level.
 """
 
+import threading
+
 import cython
 import numpy as np
 from cython.cimports.libc.math import sqrt
@@ -104,6 +106,7 @@ class FeatureExtractor:
     _finder: ContactFinder
     _is_of_dots: cython.bint
     _dots: DotContacts | None  # made with the finder
+    _making: threading.Lock  # of the finder
     _plan: FeaturePlan  # of the last frame
     _motion: PinMotion
     _area_change: AreaChange
@@ -143,9 +146,10 @@ class FeatureExtractor:
         self._rest_variance = float(np.median(rest.pins.sigma_px)) ** 2
         self._contact_sigma, self._min_area_change = PARAMS.contact_sigma, PARAMS.min_area_change
         self._finder, self._plan = None, FeaturePlan(frozenset())
+        self._making = threading.Lock()
 
     def prepare(self, plan: FeaturePlan) -> None:
-        """Make now what otherwise the first contact would wait for (70 ms)."""
+        """Make now what otherwise the first contact would wait for (70 ms); from any thread."""
         if plan.contacts:
             self._made()
 
@@ -153,10 +157,12 @@ class FeatureExtractor:
     def _made(self) -> ContactFinder:
         """The grid of the surface, and what finds contacts on it; made for the first contact."""
         if self._finder is None:
-            surface = Surface(self._rest)
-            self._finder = ContactFinder(surface, np.asarray(self._motion.xy))
-            if self._is_of_dots:
-                self._dots = DotContacts(surface)
+            with self._making:
+                if self._finder is None:
+                    surface = Surface(self._rest)
+                    if self._is_of_dots:
+                        self._dots = DotContacts(surface)
+                    self._finder = ContactFinder(surface, np.asarray(self._motion.xy))
         return self._finder
 
     def forget_contacts(self) -> None:

@@ -8,7 +8,7 @@ cdef class PinMotion:
     cdef readonly double sigma_px
     cdef readonly int[::1] pins
     cdef public Py_ssize_t n_pins
-    cdef readonly double left_px2  # of `fit_step`
+    cdef readonly double left_px2, curl  # of `fit_step`
     cdef Py_ssize_t _n
     cdef const double[:, ::1] _rest
     cdef double[:, ::1] _disc  # places at rest on the tip's unit disc
@@ -17,7 +17,7 @@ cdef class PinMotion:
     cpdef Py_ssize_t since_rest(self, const double[:, ::1] xy, const double[:] sigma_px) except -1
     cpdef Py_ssize_t find_contact(self, const double[::1] area_change, double least) noexcept
     cpdef double torsion(self) noexcept
-    cpdef bint is_pressing(self, const double[::1] now, const double[::1] before, double least_rel) noexcept
+    cpdef bint is_pressing(self, const double[::1] now, const double[::1] before, double least_rel, double least) noexcept
     cpdef Py_ssize_t fit_step(self, const double[:, ::1] before) noexcept
     cdef void _add(self, double u, double v, double dx, double dy) noexcept
     cdef void _solve_plane(self) noexcept

@@ -185,11 +185,12 @@ class PinMotion:
                 im += bx * ay - by * ax
         return atan2(im, re)
 
-    def is_pressing(self, now: Array, before: Array, least_rel: float) -> bool:
+    def is_pressing(self, now: Array, before: Array, least_rel: float, least: float) -> bool:
         """Whether the areas of the cells in the contact increase, or decrease, together.
 
         now, before  (n,) float64, relative area change; NaN where lost
         least_rel    share of the sum of the changes' sizes that the size of their sum exceeds then
+        least        what it exceeds, too
         """
         rows: cython.int[::1] = self.pins
         total: cython.double = 0.0
@@ -199,11 +200,12 @@ class PinMotion:
             if not isnan(change):
                 total += change
                 size += fabs(change)
-        return fabs(total) > least_rel * size
+        return fabs(total) > max(least_rel * size, least)
 
     def fit_step(self, before: Array) -> int:
         """Fit a plane to each component of the step of the contact's pins since an earlier frame; how many
-        are seen in both. `left_px2` is the sum of the planes' squared residuals.
+        are seen in both. `left_px2` is the sum of the planes' squared residuals, `curl` the size of their
+        curl over the unit disc.
 
         before  (n, 2) float64 px, motion since rest; NaN where lost
         """
@@ -234,6 +236,7 @@ class PinMotion:
                 dy = dy - self._g[0, 4] - self._g[1, 4] * disc[i, 0] - self._g[2, 4] * disc[i, 1]
                 left += dx * dx + dy * dy
         self.left_px2 = left
+        self.curl = fabs(self._g[1, 4] - self._g[2, 3])
         return used
 
     def _add(self, u: cython.double, v: cython.double, dx: cython.double, dy: cython.double) -> None:

@@ -5,33 +5,39 @@ from edge.features.pin_motion cimport PinMotion
 @cython.final
 cdef class Slip:
     cdef readonly double slip_px, probability
-    cdef Py_ssize_t _n, _span, _n_core, _n_around, _n_path
+    cdef Py_ssize_t _n, _span, _n_core, _n_around, _n_begin
     cdef PinMotion _motion
     cdef const double[:, ::1] _rest
-    cdef double _pressing_rel, _noise_q, _spacing_px, _turned_sigma, _model_rel, _prior_odds
+    cdef double _pressing_rel, _sigmas, _prior_odds, _pitch_px, _tip_radius_px
     cdef double[:, :, ::1] _past_px  # motion of the last frames, in turn, and their area changes
     cdef double[:, ::1] _past_change
     cdef Py_ssize_t _n_kept  # since the touch
     cdef bint _begun
-    cdef double[:, ::1] _begin  # motion where the path begins
-    cdef int[::1] _core  # rows of the pins in the core, and of those around the contact
+    cdef double[:, ::1] _begin  # motion where the path begins, a mean of _n_begin frames
+    cdef int[::1] _core  # rows of the contact's pins, and of those around it
     cdef int[::1] _around
     cdef unsigned char[::1] _is_around
-    cdef double[::1] _far2  # of the contact's pins, px2 from its middle
-    cdef double[::1] _some, _q, _curve
-    cdef double _noise_s  # px
-    cdef double[::1] _s  # the path
-    cdef double[::1] _weight  # of its points
+    cdef double[::1] _weight  # of each pin in the mean motion, and in its moment: across the way to the middle
+    cdef double[:, ::1] _across
+    cdef double[::1] _of_core, _of_around  # motion x, y, and its moment
+    cdef double[::1] _noise_s  # of the core's drag and twist, and around it, for pins of one sigma
+    cdef double _noise_q, _lag
+    cdef const double[:, :, ::1] _curves
+    cdef int[::1] _n_path  # here and below: of the drag, and of the twist
+    cdef double[::1] _spacing, _probable
+    cdef double[:, ::1] _s, _q  # the paths
+    cdef double[::1] _weight_of, _curve  # of a path's points
     cdef double[::1] _square  # of each share: of the path's distance from its curve, in sigmas
 
     cpdef void forget(self) noexcept
     cpdef void update(self, const double[::1] area_change, double sigma_px) noexcept
     cdef void _compare(self, const double[::1] area_change, double sigma_px, Py_ssize_t span) noexcept
     cdef void _forget_path(self) noexcept
-    cdef void _begin_path(self, double sigma_px) noexcept
+    cdef void _begin_path(self) noexcept
     cdef void _go_on(self, double sigma_px) noexcept
-    cdef double _mean_step(self, Py_ssize_t d, int[::1] rows, Py_ssize_t n) noexcept
-    cdef void _evaluate(self) noexcept
+    cdef void _measure(self, int[::1] rows, Py_ssize_t n, double[::1] out) noexcept
+    cdef bint _follow(self, Py_ssize_t kind, double s, double q, double sigma) noexcept
+    cdef void _evaluate(self, Py_ssize_t kind, Py_ssize_t n, double noise_s, double noise_q) noexcept
 
 
 @cython.final

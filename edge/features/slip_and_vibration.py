@@ -3,30 +3,35 @@
 
 Slip: how probable it is that most of the contact slides, and how fast its parts move against each other.
 
-Skin that sticks to a rigid object can only move with it. A contact that is dragged slips from its rim
-inwards. Its core still sticks and moves with the object, by s; the skin around it is dragged along by q,
-which lags more and more behind s. For a round contact with Hertz's pressure (Mindlin)
+Skin that sticks to a rigid object can only move with it. A contact that is dragged, or twisted, slips from
+its rim inwards. Its core still sticks and moves with the object, by s; the skin around it is dragged along
+by q, which lags more and more behind s. For a round contact with Hertz's pressure, of whose area a share x
+slides,
 
-    q(s) ~ 1 - (1 - x)^(3/2),   x = s / s_slip
+    dragged (Mindlin)   q ~ 1 - (1 - x)^1.5   s ~ x
+    twisted (Lubkin)    q ~ 1 - (1 - x)^1.7   s ~ -log(1 - x), an angle, to 2 %
 
-where s_slip is the motion at which all of it slides, and x is also the share of the contact's area that
-slides. So the curvature of q over s, of pins in the contact's core and around it, shows x: no force, no
-stiffness and no coefficient of friction need be known.
+So the curvature of q over s shows x: no force, no stiffness and no coefficient of friction need be known. s
+is a mean over the contact's pins, with weights that fall off within an eighth of its area; q is one over all
+pins around it, with the weights r^-2, as the motion falls off there. Angles come from the same weights. The
+skin evens its motion over about a pitch, so that the core takes part in the lag, by the square of a pitch
+over the contact's radius: the smaller a contact, the less its curve shows.
 
 The path since the touch (or since it was last pressed, released or turned back) is compared with the curves
-of all x; the factor between the two is fitted, and is not negative: a drag takes its surroundings along. With
-the noise of the pins and an error of the model that is a share of q, this gives each x its likelihood. Before
-looking, x above one half is improbable.
+of all x. It begins at the mean of the frames in which nothing moved. The factor between path and curve is
+fitted, and is not negative: a drag takes its surroundings along. With the noise of the pins, and an error of
+the model of half a step of x, this gives each x its likelihood. Before looking, x above one half is
+improbable.
+Drag and twist each have their probability; the larger one counts.
 
 The speed is the residual of the motion over the last few frames, less what a load explains (a common
 translation, rotation and linear strain): the expected one, its noise subtracted, times the probability.
 
 Rules of slip
-- While all of a contact's cells increase, or all decrease, it is pressed or released, which moves its pins
-  too: no slip is reported, and the path begins anew.
+- While all of a contact's cells increase, or all decrease, by more than by noise and than it turns, it is
+  pressed or released, which moves its pins too: no slip is reported, and the path begins anew.
 - A contact that slides as a whole at constant load moves no pin: the last share stays. The steady gliding of
   a large smooth plane has no speed for a camera behind the skin.
-- A twist has no core that moves: it is not seen.
 
 Vibration: rms motion of the contact's pins above a cut-off frequency, as texture and stick-slip make it.
 
@@ -40,28 +45,32 @@ Rules of vibration
 - NaN until a contact, or the frames after a gap, have lasted for that period, and where the frame rate is
   too low for the band. Zero without a contact.
 
-Source  Mindlin, "Compliance of elastic bodies in contact", J. Appl. Mech. 16, 259 (1949); Oppenheim, Schafer,
+Source  Mindlin, "Compliance of elastic bodies in contact", J. Appl. Mech. 16, 259 (1949); Lubkin, "The
+        torsion of elastic spheres in contact", J. Appl. Mech. 18, 183 (1951), by numbers; Oppenheim, Schafer,
         "Discrete-Time Signal Processing", section 7.1.2: the bilinear transform
 """
 
 import cython
 import numpy as np
-from cython.cimports.libc.math import exp, hypot, isnan, sqrt, tan
+from cython.cimports.libc.math import exp, fabs, hypot, isnan, sqrt, tan
 
-from edge.features.params import PARAMS
+from edge.features.params import CELL_NOISE, PARAMS
 from edge.features.pin_motion import PinMotion
 from edge.types import Array, Index, Rest
-
-if cython.compiled:
-    from cython.cimports.edge.geometry.select import select_kth
-else:
-    from edge.geometry.select import select_kth
 
 HUGE_VAL = cython.declare(cython.double, float("inf"))
 M_PI = cython.declare(cython.double, np.pi)
 NAN = cython.declare(cython.double, float("nan"))
 #: Shares of the area that slides, in the middle of equal intervals; a path has as many points.
 _SHARES = cython.declare(cython.Py_ssize_t, 24)
+
+
+def _curves() -> Array:
+    """(2, _SHARES, _SHARES + 1), q over s, evenly up to each share, of a drag and of a twist."""
+    sticks = 1.0 - (np.arange(_SHARES)[:, None] + 0.5) / _SHARES
+    s = np.arange(_SHARES + 1) / _SHARES
+    return 1.0 - np.stack([(1.0 - (1.0 - sticks) * s) ** 1.5, sticks ** (1.7 * s)])
+
 
 #: rms in px, and the upper end of its band in Hz; None: there is none.
 Rms = tuple[float | None, float | None]
@@ -84,13 +93,16 @@ class Slip:
         self._core, self._around = np.empty(n, np.int32), np.empty(n, np.int32)
         self._n_core, self._n_around = 0, 0
         self._is_around = np.empty(n, np.uint8)
-        self._far2, self._some = np.empty(n), np.empty(n)
-        self._noise_s = self._noise_q = 0.0
-        self._s, self._q = np.empty(_SHARES + 1), np.empty(_SHARES + 1)
-        self._weight, self._curve = np.empty(_SHARES + 1), np.empty(_SHARES + 1)
-        self._square = np.empty(_SHARES)
-        self._turned_sigma = PARAMS.contact_sigma
-        self._model_rel, self._prior_odds = PARAMS.slip_model_rel, PARAMS.slip_prior_odds
+        self._weight, self._across = np.empty(n), np.empty((n, 2))
+        self._pitch_px, self._tip_radius_px = rest.pattern.pitch_px, rest.pattern.tip_radius_px
+        self._curves = _curves()
+        self._of_core, self._of_around = np.empty(3), np.empty(3)
+        self._noise_s, self._noise_q, self._lag = np.empty(2), 0.0, 0.0
+        self._n_path, self._spacing = np.zeros(2, np.int32), np.zeros(2)
+        self._s, self._q = np.empty((2, _SHARES + 1)), np.empty((2, _SHARES + 1))
+        self._weight_of, self._curve = np.empty(_SHARES + 1), np.empty(_SHARES + 1)
+        self._square, self._probable = np.empty(_SHARES), np.zeros(2)
+        self._sigmas, self._prior_odds = PARAMS.contact_sigma, PARAMS.slip_prior_odds
         self.forget()
 
     def forget(self) -> None:
@@ -118,14 +130,18 @@ class Slip:
     def _compare(self, area_change: Array, sigma_px: float, span: cython.Py_ssize_t) -> None:
         """Compare with the frame of so many before."""
         oldest = (self._n_kept - span) % self._span
-        if self._motion.is_pressing(area_change, self._past_change[oldest], self._pressing_rel):
+        used = self._motion.fit_step(self._past_px[oldest])
+        n = self._motion.n_pins
+        noise = self._sigmas * CELL_NOISE * sigma_px / self._pitch_px * sqrt(2.0 * n)
+        turns = n * self._motion.curl / self._tip_radius_px
+        least = max(noise, turns)
+        if self._motion.is_pressing(area_change, self._past_change[oldest], self._pressing_rel, least):
             self._forget_path()
             return
         if self._begun:
             self._go_on(sigma_px)
         else:
-            self._begin_path(sigma_px)
-        used = self._motion.fit_step(self._past_px[oldest])
+            self._begin_path()
         free = 2 * used - 6  # two components, each with three unknowns
         if free >= 4:
             unexplained = self._motion.left_px2 - 2.0 * (sigma_px * sigma_px) * free
@@ -134,12 +150,14 @@ class Slip:
     def _forget_path(self) -> None:
         """Begin a new path with the next frame."""
         self._begun = False
-        self._n_path = 0
-        self._spacing_px = 0.0
+        for k in range(2):
+            self._n_path[k] = 0
+            self._spacing[k] = 0.0
+            self._probable[k] = 0.0
         self.probability = 0.0
 
-    def _begin_path(self, sigma_px: float) -> None:
-        """Choose the pins of the core, an eighth of the contact or one, and those around it."""
+    def _begin_path(self) -> None:
+        """Weigh the pins of the contact, and those around it."""
         motion: cython.double[:, ::1] = self._motion.motion
         pins: cython.int[::1] = self._motion.pins
         for i in range(self._n):
@@ -157,7 +175,7 @@ class Slip:
                 n += 1
                 x += self._rest[i, 0]
                 y += self._rest[i, 1]
-        self._n_around = 0
+        self._n_core, self._n_around = n, 0
         for i in range(self._n):
             if self._is_around[i]:
                 self._around[self._n_around] = cython.cast(cython.int, i)
@@ -166,80 +184,150 @@ class Slip:
             return
         x /= n
         y /= n
+        pitch2 = self._pitch_px * self._pitch_px
+        radius2: cython.double = 5.0 / 18.0 * pitch2  # of a disc, as each pin stands for its cell
+        for i in range(self._n):
+            dx = self._rest[i, 0] - x
+            dy = self._rest[i, 1] - y
+            self._across[i, 0], self._across[i, 1] = -dy, dx
+            self._weight[i] = dx * dx + dy * dy
         for p in range(n):
-            i = self._core[p]
-            self._far2[p] = (self._rest[i, 0] - x) ** 2 + (self._rest[i, 1] - y) ** 2
-            self._some[p] = self._far2[p]
-        wanted = max(1, n // 8)
-        farthest = select_kth(self._some, n, wanted - 1)
-        self._n_core = 0
-        for p in range(n):
-            if self._n_core < wanted and self._far2[p] <= farthest:
-                self._core[self._n_core] = self._core[p]
-                self._n_core += 1
-        self._begun = True
-        # These are of a mean over the pins, at the beginning and now.
-        self._noise_s = sigma_px * sqrt(2.0 / self._n_core)
-        self._noise_q = sigma_px * sqrt(2.0 / self._n_around)
+            radius2 += 2.0 / n * self._weight[self._core[p]]
+        self._lag = min(pitch2 / radius2, 1.0)
+        for part in range(2):
+            rows: cython.int[::1] = self._around if part else self._core
+            total: cython.double = 0.0
+            square: cython.double = 0.0
+            turning: cython.double = 0.0
+            for p in range(self._n_around if part else n):
+                i = rows[p]
+                far2 = self._weight[i]
+                w = 1.0 / max(far2, pitch2) if part else exp(-8.0 * far2 / radius2)
+                of_turn = w * sqrt(w) if part else w
+                self._weight[i] = w
+                self._across[i, 0] *= of_turn
+                self._across[i, 1] *= of_turn
+                total += w
+                square += w * w
+                turning += w * w * far2
+            if part:
+                self._noise_q = sqrt(square) / total
+            else:
+                self._noise_s[0], self._noise_s[1] = sqrt(square) / total, sqrt(turning) / total
+        self._begun, self._n_begin = True, 1
 
     def _go_on(self, sigma_px: float) -> None:
-        """A new point of the path if the core has gone on; when there are many, every second one goes."""
-        x = self._mean_step(0, self._core, self._n_core)
-        y = self._mean_step(1, self._core, self._n_core)
-        s = hypot(x, y)
-        farthest = self._s[self._n_path - 1] if self._n_path > 0 else 0.0
-        if s < farthest - self._turned_sigma * self._noise_s:  # turned back: it sticks again
+        """Follow the drag and the twist; where one turns back, the contact sticks again."""
+        core: cython.double[::1] = self._of_core
+        around: cython.double[::1] = self._of_around
+        self._measure(self._core, self._n_core, core)
+        self._measure(self._around, self._n_around, around)
+        drag = hypot(core[0], core[1])
+        twist = fabs(core[2])
+        sigma = sigma_px * sqrt(1.0 + 1.0 / self._n_begin)
+        least = self._sigmas * sigma
+        is_new: cython.bint = self._n_path[0] + self._n_path[1] == 0 and self._n_begin < _SHARES
+        if is_new and drag < least * self._noise_s[0] and twist < least * self._noise_s[1]:
+            self._n_begin += 1
+            for i in range(self._n):
+                for d in range(2):
+                    step = self._motion.motion[i, d] - self._begin[i, d]
+                    if not isnan(step):
+                        self._begin[i, d] += step / self._n_begin
+            return
+        goes_on: cython.bint = True
+        if drag > 0.0:
+            goes_on = self._follow(0, drag, (around[0] * core[0] + around[1] * core[1]) / drag, sigma)
+        if twist > 0.0 and goes_on:
+            goes_on = self._follow(1, twist, around[2] * core[2] / twist, sigma)
+        if not goes_on:
             self._forget_path()
-            self._begin_path(sigma_px)
+            self._begin_path()
             return
-        if not s > farthest + max(self._spacing_px, self._noise_s):
-            return
-        q = (
-            self._mean_step(0, self._around, self._n_around) * x
-            + self._mean_step(1, self._around, self._n_around) * y
-        ) / s
-        if isnan(q):
-            return
-        self._s[self._n_path] = s
-        self._q[self._n_path] = q
-        self._n_path += 1
-        self._evaluate()
-        if self._n_path > _SHARES:
-            self._n_path //= 2
-            for p in range(self._n_path):
-                self._s[p] = self._s[2 * p + 1]
-                self._q[p] = self._q[2 * p + 1]
-            self._spacing_px = s / self._n_path
+        self.probability = max(self._probable[0], self._probable[1])
 
-    def _mean_step(self, d: cython.Py_ssize_t, rows: Index, n: cython.Py_ssize_t) -> float:
-        """Mean of the first n of these pins' step since the path began, in x or y; NaN: none is seen."""
+    def _measure(self, rows: Index, n: cython.Py_ssize_t, out: Array) -> None:
+        """Write the weighted mean step, x and y, of the first n of these pins since the path began, and its
+        moment about their middle; NaN: none is seen."""
+        motion: cython.double[:, ::1] = self._motion.motion
+        begin: cython.double[:, ::1] = self._begin
+        across: cython.double[:, ::1] = self._across
         total: cython.double = 0.0
-        used: cython.double = 0.0
+        x: cython.double = 0.0
+        y: cython.double = 0.0
+        turn: cython.double = 0.0
+        across_x: cython.double = 0.0
+        across_y: cython.double = 0.0
         for p in range(n):
-            step = self._motion.motion[rows[p], d] - self._begin[rows[p], d]
-            if not isnan(step):
-                total += step
-                used += 1.0
-        return total / used if used > 0.0 else NAN
+            i = rows[p]
+            dx = motion[i, 0] - begin[i, 0]
+            dy = motion[i, 1] - begin[i, 1]
+            if not isnan(dx):
+                w = self._weight[i]
+                total += w
+                x += w * dx
+                y += w * dy
+                turn += across[i, 0] * dx + across[i, 1] * dy
+                across_x += across[i, 0]
+                across_y += across[i, 1]
+        share = 1.0 / total if total > 0.0 else NAN
+        out[0], out[1] = x * share, y * share
+        out[2] = (turn - across_x * out[0] - across_y * out[1]) * share
 
-    def _evaluate(self) -> None:
-        """Likelihood of each share, from the path."""
-        n = self._n_path
-        s: cython.double[::1] = self._s
-        q: cython.double[::1] = self._q
-        weight: cython.double[::1] = self._weight
+    def _follow(self, kind: cython.Py_ssize_t, s: float, q: float, sigma: float) -> bool:
+        """A new point of the path if the core has gone on; when there are many, every second one goes.
+
+        kind     0: drag, 1: twist
+        Returns  whether it has not turned back
+        """
+        n = self._n_path[kind]
+        noise = sigma * self._noise_s[kind]
+        farthest = self._s[kind, n - 1] if n > 0 else 0.0
+        if s < farthest - self._sigmas * noise:
+            return False
+        if s > farthest + max(self._spacing[kind], noise) and not isnan(q):
+            self._s[kind, n] = s
+            self._q[kind, n] = q
+            n += 1
+            self._evaluate(kind, n, noise, sigma * self._noise_q)
+            if n > _SHARES:
+                n //= 2
+                for p in range(n):
+                    self._s[kind, p] = self._s[kind, 2 * p + 1]
+                    self._q[kind, p] = self._q[kind, 2 * p + 1]
+                self._spacing[kind] = s / n
+            self._n_path[kind] = n
+        return True
+
+    def _evaluate(
+        self, kind: cython.Py_ssize_t, n: cython.Py_ssize_t, noise_s: float, noise_q: float
+    ) -> None:
+        """Likelihood of each share, from n points of the path."""
+        s: cython.double[::1] = self._s[kind]
+        q: cython.double[::1] = self._q[kind]
+        weight: cython.double[::1] = self._weight_of
         curve: cython.double[::1] = self._curve
         least = HUGE_VAL
         for p in range(n):
-            of_s = q[p] / s[p] * self._noise_s
-            of_model = self._model_rel * q[p]
-            weight[p] = 1.0 / (self._noise_q * self._noise_q + of_s * of_s + of_model * of_model)
+            of_s = q[p] / s[p] * noise_s
+            of_model = 0.5 / _SHARES * q[p]
+            weight[p] = 1.0 / (noise_q * noise_q + of_s * of_s + of_model * of_model)
         for k in range(_SHARES):
             along: cython.double = 0.0
             across: cython.double = 0.0
+            sticking = self._curves[kind, k, 1] * (1.0 - self._lag)  # of a step of the core
+            scale = (sticking * _SHARES + self._lag * self._curves[kind, k, _SHARES]) / s[n - 1]
+            j: cython.Py_ssize_t = 0
+            below: cython.double = 0.0
+            above: cython.double = 0.0
             for p in range(n):
-                sticks = 1.0 - (k + 0.5) / _SHARES * (s[p] / s[n - 1])
-                curve[p] = 1.0 - sticks * sqrt(sticks)
+                core = s[p] * scale
+                while j < _SHARES and (j == 0 or above < core):
+                    j += 1
+                    below = above
+                    above = sticking * j + self._lag * self._curves[kind, k, j]
+                part = (core - below) / (above - below)
+                curve[p] = (1.0 - part) * self._curves[kind, k, j - 1] + part * self._curves[kind, k, j]
                 along += curve[p] * q[p] * weight[p]
                 across += curve[p] * curve[p] * weight[p]
             factor = max(along, 0.0) / across
@@ -257,7 +345,7 @@ class Slip:
             else:
                 likelihood *= self._prior_odds
             total += likelihood
-        self.probability = most / total
+        self._probable[kind] = most / total
 
 
 class Vibration:

@@ -48,7 +48,7 @@ def pairs_within(xy: Array, reach: float) -> Index:
     pairs = np.empty((counted, 2), np.int32)
     _pairs(xy, reach, pairs)
     pairs = np.sort(order[pairs], axis=1)
-    return np.ascontiguousarray(pairs[np.lexsort(pairs.T[::-1])])
+    return np.ascontiguousarray(pairs[np.argsort(pairs @ np.array([len(xy), 1]))])
 
 
 def short_rows(rows: Index) -> NDArray[np.uint16]:

@@ -9,6 +9,7 @@ Idea
   Where pins are missing, those that the view's border cuts are found too (`partial`); not in a rest frame.
 """
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import cast
 
@@ -72,22 +73,36 @@ def as_bright(grey: Image, dark: bool) -> Image:
 def noise_of(grey: Image) -> float:
     """Standard deviation of the grey level from pixel to pixel, gradients removed; robust to edges."""
     # weights 1 1 -4 1 1 give sqrt(20) times the noise
-    residual = np.abs(cv2.Laplacian(grey.astype(np.float32), cv2.CV_32F)).astype(np.intp)
+    if grey.dtype == np.uint8:  # a tenth of the instructions; what is beyond 255 counts as 255
+        residual = cv2.convertScaleAbs(cv2.Laplacian(grey, cv2.CV_16S))
+        counts = cv2.calcHist([residual], [0], None, [256], [0, 256]).ravel()
+    else:
+        wide = np.abs(cv2.Laplacian(grey.astype(np.float32), cv2.CV_32F)).astype(np.intp)
+        counts = np.bincount(wide.ravel())
     # The median of whole numbers by their counts takes an eighth of the time of a partition.
-    up_to = np.cumsum(np.bincount(residual.ravel()))
-    middle = np.searchsorted(up_to, [(residual.size - 1) // 2, residual.size // 2], side="right")
+    up_to = np.cumsum(counts[:-1], dtype=np.intp)
+    middle = np.searchsorted(up_to, [(grey.size - 1) // 2, grey.size // 2], side="right")
     return float(SIGMA_OF_MAD * np.float32(middle.mean()) / np.sqrt(20.0))
 
 
-def learn(image: Image, polarity: Polarity = Polarity.FOUND) -> tuple[PinPattern, Pins]:
-    """Pattern and pins, in no order, of one image of the untouched tip, of which nothing is known.
+def learn(
+    image: Image, polarity: Polarity = Polarity.FOUND, like: PinPattern | None = None
+) -> tuple[PinPattern, Pins]:
+    """Pattern and pins, in no order, of one image of the untouched tip, of which nothing else is known.
 
     Where bright and dark pins are found, those of the more even pattern are taken.
 
     image   (h, w) uint8 or uint16, or (h, w, 3) BGR
+    like    of an earlier image of this tip, bright pins: pins of its size are looked for first, and where
+            there are as many as then, no others
     Raises  NoPins: no pins of a tip in it
     """
     grey = to_grey(image)
+    if like is not None and like.size_px == grey.shape[::-1]:
+        with suppress(_NotThese):
+            learnt = _learn(grey, False, like)
+            if len(learnt.pins) >= like.count:
+                return learnt.pattern, learnt.pins
     found: list[_Learnt] = []
     failures: list[str] = []
     for dark in _TRIED[polarity]:
@@ -118,22 +133,10 @@ class _Learnt:
     unlikeness: float
 
 
-def _learn(grey: Image, dark: bool) -> _Learnt:
+def _learn(grey: Image, dark: bool, like: PinPattern | None = None) -> _Learnt:
     """The same of an image whose pins are bright; `dark`: it is the inverted one."""
     noise = noise_of(grey)
-    radius_max = max(3.0, PARAMS.search_radius_max_side * min(grey.shape))
-    step = PARAMS.search_radius_step
-    scales = PARAMS.search_radius_min_px * step ** np.arange(
-        np.log(radius_max / PARAMS.search_radius_min_px) / np.log(step)
-    )
-    found = _at_scales(grey, scales, max(noise, 1.0))
-    spots = found[_well_shaped(found)]
-    if len(spots) < PINS_MIN:
-        raise _NotThese(f"{len(spots)} spots")
-    size = _common_radius(spots)
-    core = np.median(spots.depth[np.abs(np.log(spots.radius_px / size)) < 0.2])
-    depth_min = PARAMS.depth_min_pins * float(core)
-    spots = _settle(grey, found, spots[_alike(spots, size, depth_min, FLAT)], size, depth_min)
+    spots = _of_any_size(grey, noise) if like is None else _find(grey, like)
     if len(spots) < PINS_MIN:
         raise _NotThese(f"{len(spots)} spots alike")
     radius_px, brightness = float(np.median(spots.radius_px)), float(np.median(spots.depth))
@@ -163,7 +166,8 @@ def _learn(grey: Image, dark: bool) -> _Learnt:
             f"of {radius_px:.0f} px radius in an image of {grey.shape[1]} x {grey.shape[0]} px: up to "
             f"{most_px:.0f} px are read; set the camera to a smaller image"
         )
-    spots = _find(grey, pattern)
+    if like is None:
+        spots = _find(grey, pattern)
     if len(spots) >= PINS_MIN:
         pins, fit = _centroids(grey, spots, pattern)
         pins = in_view(pins, pattern.size_px)
@@ -176,6 +180,23 @@ def _learn(grey: Image, dark: bool) -> _Learnt:
             glints = tuple((float(x), float(y)) for x, y in find_cut(grey, pins, at_rest, len(pins)).xy_img)
             return _Learnt(replace(at_rest, glints_img=glints, dark=dark), pins, unlikeness)
     raise _NotThese("spots that are neither round nor evenly spaced")
+
+
+def _of_any_size(grey: Image, noise: float) -> Spots:
+    """The spots of the size that holds most light, and those that fit them. Raises _NotThese: too few."""
+    radius_max = max(3.0, PARAMS.search_radius_max_side * min(grey.shape))
+    step = PARAMS.search_radius_step
+    scales = PARAMS.search_radius_min_px * step ** np.arange(
+        np.log(radius_max / PARAMS.search_radius_min_px) / np.log(step)
+    )
+    found = _at_scales(grey, scales, max(noise, 1.0))
+    spots = found[_well_shaped(found)]
+    if len(spots) < PINS_MIN:
+        raise _NotThese(f"{len(spots)} spots")
+    size = _common_radius(spots)
+    core = np.median(spots.depth[np.abs(np.log(spots.radius_px / size)) < 0.2])
+    depth_min = PARAMS.depth_min_pins * float(core)
+    return _settle(grey, found, spots[_alike(spots, size, depth_min, FLAT)], size, depth_min)
 
 
 def circle_of(xy_img: Array, radius_px: float) -> tuple[Array, float]:

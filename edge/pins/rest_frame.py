@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import cast
 
+import cv2
 import numpy as np
 
 from edge.errors import NoPins
@@ -11,14 +12,19 @@ from edge.geometry.lattice import pitch_of
 from edge.geometry.neighbours import nearest_of
 from edge.pins.blobs import join, rows_of
 from edge.pins.detect import as_bright, circle_of, detect, in_view, learn, noise_of, spots_of, to_grey
-from edge.pins.lens import corrected_rest
+from edge.pins.lens import corrected_rest, pattern_as_seen
 from edge.pins.params import PARAMS
 from edge.pins.pattern import FLAT, one_of_each_marker, trend_of
 from edge.pins.refine import CentroidRefiner
 from edge.types import Image, Lens, PinPattern, Pins, Polarity, Rest
 
 
-def take_rest(images: Sequence[Image], polarity: Polarity = Polarity.FOUND, lens: Lens | None = None) -> Rest:
+def take_rest(
+    images: Sequence[Image],
+    polarity: Polarity = Polarity.FOUND,
+    lens: Lens | None = None,
+    like: PinPattern | None = None,
+) -> Rest:
     """The rest frame from one or more images of the untouched tip; row i defines pin i.
 
     Pins are found on the mean of the largest set of images among which nothing moves: in the mean of a moving
@@ -27,6 +33,7 @@ def take_rest(images: Sequence[Image], polarity: Polarity = Polarity.FOUND, lens
 
     polarity  FOUND: as the first image that shows pins has them
     lens      whose distortion is removed from the pins' places
+    like      of an earlier rest frame of this tip, of the same polarity: `learn`
     Raises    NoPins: no image, images of different size or another than the lens's, no pins in them, or
               all pins on one line
     """
@@ -35,7 +42,7 @@ def take_rest(images: Sequence[Image], polarity: Polarity = Polarity.FOUND, lens
         raise NoPins("no image to take the rest frame from; give one or more of the untouched tip")
     if len({grey.shape for grey in greys}) > 1:
         raise NoPins("images of different size cannot make one rest frame; give images of one camera setting")
-    dark, greys, rest = _at_rest(greys, polarity) or _at_rest_in_some(greys, polarity)
+    dark, greys, rest = _at_rest(greys, polarity, like) or _at_rest_in_some(greys, polarity)
     pattern, pins = with_voted(greys, rest.pattern, rest.pins)
     trend = trend_of(pins.xy_img, pins.radius_px, pins.brightness, pattern.pin_radius_px)
     weight = pins.brightness * pins.radius_px**2
@@ -54,16 +61,21 @@ def take_rest(images: Sequence[Image], polarity: Polarity = Polarity.FOUND, lens
     return rest if lens is None else corrected_rest(rest, lens)
 
 
-def _at_rest(greys: list[Image], polarity: Polarity) -> tuple[bool, list[Image], Rest] | None:
+def _at_rest(
+    greys: list[Image], polarity: Polarity, like: PinPattern | None
+) -> tuple[bool, list[Image], Rest] | None:
     """A still tip: whether its pins are dark, images with bright ones, pins of their mean; None: it moves."""
+    bright = None if like is None else replace(pattern_as_seen(like), dark=False)
+    dark = polarity is Polarity.DARK
     try:
-        pattern, pins = learn(_mean(greys), polarity)
+        if not dark:
+            pattern, pins = learn(_mean(greys), polarity, bright)
+            dark = pattern.dark
+        if dark:  # the mean of inverted images is rounded otherwise than the inverse of their mean
+            greys = [as_bright(grey, dark) for grey in greys]
+            pattern, pins = learn(_mean(greys), Polarity.BRIGHT, bright)
     except NoPins:
         return None
-    dark = pattern.dark
-    if dark:  # the mean of inverted images is rounded otherwise than the inverse of their mean
-        greys = [as_bright(grey, dark) for grey in greys]
-        pattern, pins = learn(_mean(greys), Polarity.BRIGHT)
     rest = Rest(pins, replace(pattern, dark=False))
     return (dark, greys, rest) if len(_steady(greys, 0, rest)) == len(greys) else None
 
@@ -81,7 +93,7 @@ def _at_rest_in_some(greys: Sequence[Image], polarity: Polarity) -> tuple[bool, 
 def _mean(greys: Sequence[Image]) -> Image:
     total = np.zeros(greys[0].shape, np.float64)
     for grey in greys:
-        total += grey
+        cv2.accumulate(grey, total)
     return cast(Image, np.rint(total / len(greys)).astype(greys[0].dtype))
 
 

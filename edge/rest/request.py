@@ -96,14 +96,17 @@ class TareState:
         self.frames.append(frame)
         return self.frames if len(self.frames) >= self._frames_n else None
 
-    def start(self, job: Callable[[], Prepared]) -> None:
-        """Check the collected images: at once, or in another thread."""
+    def start(self, job: Callable[[], Prepared], afterwards: Callable[[Pipeline], None]) -> None:
+        """Check the collected images: at once, or in another thread.
+
+        afterwards  what that other thread does once the loop may measure with the pipeline
+        """
         self.frames, self._job = None, Future()
-        work = partial(_run, job, self._job)
         if self.in_thread:
+            work = partial(_run, job, self._job, afterwards)
             threading.Thread(target=work, name="tare", daemon=True).start()
         else:
-            work()
+            _run(job, self._job)
 
     @property
     def checking(self) -> bool:
@@ -137,8 +140,15 @@ class TareState:
             self.finish(RestFrameState.REFUSED, RestFrameReason.NO_IMAGES, "the program ends")
 
 
-def _run(job: Callable[[], Prepared], outcome: Future[Prepared]) -> None:
+def _run(
+    job: Callable[[], Prepared],
+    outcome: Future[Prepared],
+    afterwards: Callable[[Pipeline], None] = lambda _: None,
+) -> None:
     try:
-        outcome.set_result(job())
+        prepared = job()
     except Exception as error:  # noqa: BLE001  (`TareState.result` raises it)
         outcome.set_exception(error)
+    else:
+        outcome.set_result(prepared)
+        afterwards(prepared[1])

@@ -117,11 +117,13 @@ def take_rest_frame(
 
 
 def _take(images: Sequence[Image], params: TareParams, calibration: Calibration | None) -> Rest:
-    """The rest frame, unchecked; of the calibration's polarity first, in half of the time. Raises NoPins."""
-    if params.polarity is Polarity.FOUND and calibration is not None:
-        dark = calibration.rest.pattern.dark
-        with suppress(NoPins):
-            return take_rest(images, Polarity.DARK if dark else Polarity.BRIGHT, params.lens)
+    """The rest frame, unchecked; pins like the calibration's are looked for first. Raises NoPins."""
+    if calibration is not None:
+        like = calibration.rest.pattern
+        polarity = Polarity.DARK if like.dark else Polarity.BRIGHT
+        if params.polarity in (Polarity.FOUND, polarity):
+            with suppress(NoPins):
+                return take_rest(images, polarity, params.lens, like)
     return take_rest(images, params.polarity, params.lens)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from edge.calibration import Calibration
 from edge.errors import CalibrationError
+from edge.geometry.neighbours import nearest_of
 from edge.params import PARAMS as RUNTIME
 from edge.tracking import Tracker
 from edge.types import Lens, Pins, Rest, Tracks
@@ -46,8 +47,7 @@ def match_rest(made_with: Rest, rest: Rest) -> tuple[Rest, Tracks]:
     sigma = np.where(seen, tracks.sigma_px, made_with.pattern.pin_radius_px)
     # Brightness is that of the present images; a pin that was not found gets the median.
     brightness = np.full(len(made_with), np.median(rest.pins.brightness))
-    of_rest = np.hypot(*(tracks.xy_img[seen][:, None] - rest.xy_img).transpose(2, 0, 1)).argmin(1)
-    brightness[seen] = rest.pins.brightness[of_rest]
+    brightness[seen] = rest.pins.brightness[nearest_of(rest.xy_img, tracks.xy_img[seen])[1][:, 0]]
     return Rest(Pins(xy, sigma, made_with.pins.radius_px, brightness), rest.pattern), tracks
 
 

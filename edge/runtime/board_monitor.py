@@ -4,7 +4,6 @@ It has a thread of its own: sysfs takes milliseconds, and a dead camera must be 
 too.
 """
 
-import shutil
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -41,6 +40,8 @@ class Thermometer:
 
 def free_space_problem(directory: Path, least_bytes: int = STORED_BYTES) -> str:
     """Empty, or why nothing can be stored in this folder."""
+    import shutil  # loads decompressors, which a finger that stores nothing does not need
+
     try:
         free = shutil.disk_usage(directory).free
     except OSError as error:

@@ -36,6 +36,7 @@ class LoopConfig:
     demand: frozenset[Feature] = frozenset(Feature) - {Feature.SURFACE}  # features that are computed
     several: bool = True  # whether contacts of one frame are fitted together
     on_surface: bool = False  # what the sensor's file says of its skin; a calibration knows better
+    smooth_s: float = 0.0  # time in which smoothed values follow a step; 0: they are not smoothed
     tare: TareParams = PARAMS
     drift: DriftParams = DRIFT
     load_pitches: float = RUNTIME.load_pitches  # motion of a pin beyond which it counts as overloaded
@@ -150,13 +151,14 @@ class Measurement:
     def use_rest(self, rest: Rest, frame: Frame) -> None:
         """Measure against this rest frame, taken from `frame`, instead of one from the first images."""
         self.tare.frames = None
-        pipeline = self._pipeline_of(rest, self.calibration)
-        self._accept_tare(RestFrame(rest), pipeline, frame)
+        self._accept_tare(RestFrame(rest), self._stages(rest, self.calibration), frame)
 
-    def _pipeline_of(self, rest: Rest, calibration: Calibration | None) -> Pipeline:
-        if self._config.on_surface:
+    def _stages(self, rest: Rest, calibration: Calibration | None) -> Pipeline:
+        """The stages, as they are configured."""
+        config = self._config
+        if config.on_surface:
             rest = Rest(rest.pins, replace(rest.pattern, on_surface=True))
-        return Pipeline(rest, calibration, several=self._config.several)
+        return Pipeline(rest, calibration, several=config.several, smooth_s=config.smooth_s)
 
     # ---- tare ---------------------------------------------------------------------------------------
 
@@ -177,7 +179,14 @@ class Measurement:
             finally:
                 give_back_memory()
 
-        self.tare.start(job)
+        def make_tables(pipeline: Pipeline) -> None:
+            try:
+                pipeline.prepare(self.demand)
+            except Exception:  # the frame that needs a table makes it, and says what is wrong
+                log.exception("tables could not be made in advance")
+            give_back_memory()
+
+        self.tare.start(job, make_tables)
 
     def _end_tare(self) -> None:
         try:
@@ -204,9 +213,7 @@ class Measurement:
             if not is_start or error.reason is not RestFrameReason.OTHER_TIP:
                 raise
             calibration, rest_frame = self._fall_back(frames, error)
-        pipeline = self._pipeline_of(rest_frame.rest, calibration)
-        if self.tare.in_thread:
-            pipeline.prepare(self.demand)
+        pipeline = self._stages(rest_frame.rest, calibration)
         if request.store is not None:
             request.store()
         return rest_frame, pipeline, frames[-1]

@@ -15,6 +15,7 @@ from hostlink.command_group import CommandGroup, CommandRow
 COMMANDS = {
     "accuracy": "Instructions of a frame against its error, for every kind of model.",
     "contacts": "Contacts on a second, independent simulator, against their bounds.",
+    "dynamics": "Noise, smallest press, steps, false touches and creep of a simulated tip.",
     "forces": "Forces of weights on a published dome, against scikit-learn, leave one load out.",
     "grasp": "Two simulated fingers, an object with mass and a gripper, end to end.",
     "hazards": "Rendered hazards through the whole chain: identities, place, depth.",
@@ -27,6 +28,7 @@ COMMANDS = {
     "soak": "The program under a random schedule of all faults, and its promises.",
     "speed": "Time per frame, against the reference (default).",
     "stability": "Hard cases of the geometry against exact arithmetic.",
+    "start": "Instructions of a start, to its first values.",
     "step": "Instructions, misses and calls of one step, from the image to the CAN FD frame.",
     "videos": "Identities held and contacts found in the published videos.",
 }

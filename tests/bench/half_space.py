@@ -11,6 +11,9 @@ r"""An elastic half-space under balls and bars: displacement of its surface, fro
 - Ball: d = 2 s ds / R over 0 < s < a gives Hertz's pressure.
 - Sheared ball: kappa times the same over c < s < a gives Cattaneo's and Mindlin's partial slip,
   kappa = friction (2 - nu) / (2 (1 - nu)); c = 0 where all of the contact slides.
+- Twisted ball: a punch of radius s that turns by b turns the surface by b inside, and outside by
+  b 2/pi (asin(s/r) - s/r sqrt(1 - s^2/r^2)). Lubkin's partial slip is the sum of those over c < s < a, each
+  turned by -db(s), with b(s) = friction 2 a / (pi R (1 - nu)) (K(k) - E(k)) and k^2 = 1 - s^2/a^2.
 - Bar: discs of uniform pressure along a line add up to Hertz's pressure of a cylinder. It is crowned: the
   discs are smaller towards its ends, so that the contact is an ellipse and no edge digs in.
 - Balls push each other's surface down: each one's own approach is its depth less what the others give
@@ -19,7 +22,7 @@ r"""An elastic half-space under balls and bars: displacement of its surface, fro
 Independent of `calib.sim`, which computes a dome with a skin by numbers.
 
 Source  Johnson, Contact Mechanics, chapters 3 (uniform pressure, punch under a tangential load), 4 (Hertz),
-        7 (partial slip); sums of punches: Jaeger, Arch. Appl. Mech. 65, 1995
+        7 (partial slip, torsion); sums of punches: Jaeger, Arch. Appl. Mech. 65, 1995
 """
 
 from collections.abc import Sequence
@@ -35,6 +38,7 @@ POISSON = 0.48  # of soft silicone
 FRICTION = 1.0  # Coulomb's, skin on tool
 ROUNDS = 100  # of the balls' depths that depend on each other; ten are usual
 CLOSE_MM = 1e-9
+PUNCHES = 60  # whose sum is a twisted ball: its torque is right to 2 %
 DISCS_PER_RADIUS = 8.0  # of a bar: over a pin's base its slope is then even to some percent
 DISCS_MAX = 1600
 
@@ -46,6 +50,8 @@ class Ball:
     x_mm, y_mm   where it touched
     depth_mm     below the untouched surface
     shear_mm     x, y, of the tool after the press
+    friction     Coulomb's, skin on tool
+    sticks       radius within which a twisted contact sticks, as a share of its own; 1: it is not twisted
     """
 
     x_mm: float
@@ -53,6 +59,8 @@ class Ball:
     depth_mm: float
     shear_mm: tuple[float, float] = (0.0, 0.0)
     radius_mm: float = 2.0
+    friction: float = FRICTION
+    sticks: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,12 +152,37 @@ def _under_ball(xy_mm: Array, ball: Ball, own_mm: float) -> Surface:
     shear_mm = float(np.hypot(*ball.shear_mm))
     if shear_mm > 0.0:
         along += _dragged(d, r, ball, own_mm, shear_mm)
+    if ball.sticks < 1.0:
+        along += _twisted(d, r, ball, own_mm)
     return Surface(along, w, outwards * slope[:, None])
+
+
+def drag_rel(friction: float) -> float:
+    """How far a ball is dragged until all of its contact slides, as a share of its depth."""
+    return friction * (2.0 - POISSON) / (2.0 * (1.0 - POISSON))
+
+
+def twist_rad(ball: Ball, own_mm: float, sticks: Array) -> Array:
+    """By how much a ball is twisted when it sticks within these shares of the contact's radius."""
+    m = 1.0 - sticks * sticks
+    a = np.sqrt(ball.radius_mm * own_mm)
+    scale = ball.friction * 2.0 * a / (np.pi * ball.radius_mm * (1.0 - POISSON))
+    return np.asarray(scale * (ellipk(m) - ellipe(m)), np.float64)
+
+
+def _twisted(d: Array, r: Array, ball: Ball, own_mm: float) -> Array:
+    """(n, 2) displacement along the surface by the friction of a ball that turns from x towards y."""
+    edges = np.linspace(ball.sticks, 1.0, PUNCHES + 1)
+    turns = -np.diff(twist_rad(ball, own_mm, edges))
+    radii = np.sqrt(ball.radius_mm * own_mm) * 0.5 * (edges[:-1] + edges[1:])
+    share = radii / np.maximum(r[:, None], radii)
+    turned = 2.0 / np.pi * (np.arcsin(share) - share * np.sqrt(1.0 - share * share)) @ turns
+    return np.asarray(turned[:, None] * np.column_stack([-d[:, 1], d[:, 0]]), np.float64)
 
 
 def _dragged(d: Array, r: Array, ball: Ball, own_mm: float, shear_mm: float) -> Array:
     """(n, 2) displacement along the surface by a ball's friction."""
-    kappa = FRICTION * (2.0 - POISSON) / (2.0 * (1.0 - POISSON))
+    kappa = drag_rel(ball.friction)
     outer = np.sqrt(ball.radius_mm * own_mm)
     inner = outer * np.sqrt(max(0.0, 1.0 - shear_mm / (kappa * own_mm)))
     way = np.array(ball.shear_mm) / shear_mm

@@ -103,7 +103,8 @@ class Step:
             warm=WARM, counted=COUNTED, features=sorted(variant.demand),
         )  # fmt: skip
         calibration_of(frames).save(calibration)
-        self._child = ["tests.bench.step_child", str(images), str(calibration)]
+        self.inputs = [str(images), str(calibration)]
+        self._child = ["tests.bench.step_child", *self.inputs]
 
     def native(self) -> Counts:
         """Instructions and misses on this machine."""

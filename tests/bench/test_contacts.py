@@ -1,12 +1,14 @@
 """The second contact simulator: its closed forms against sums of point forces, its pictures, a few scenes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from edge.types import Array
 from tests.bench import bonded_layer
 from tests.bench.contacts import KINDS, SCENES, SecondTip, measure
-from tests.bench.half_space import FRICTION, POISSON, Ball, displace
+from tests.bench.half_space import FRICTION, POISSON, Ball, displace, twist_rad
 
 SEED = 3
 BALL = Ball(0.3, -0.2, 1.2, (0.5, 0.8))
@@ -47,6 +49,21 @@ def test_outside_of_a_ball_the_surface_moves_as_under_its_point_forces(place: tu
     along, w = by_point_forces(*place, BALL)
     assert found.along_mm[0] == pytest.approx(along, rel=1e-3)
     assert found.w_mm[0] == pytest.approx(w, rel=1e-3)
+
+
+def test_a_twisted_ball_turns_its_core_and_far_off_is_a_torque() -> None:
+    """Sticking in the middle, then sliding all over with the torque of Hertz's pressure."""
+    ball = Ball(0.0, 0.0, 1.2, sticks=0.3)
+    a = np.sqrt(ball.radius_mm * ball.depth_mm)
+    turned = (
+        displace(np.array([(0.29 * a, 0.0)]), [ball]).along_mm
+        - displace(np.array([(0.29 * a, 0.0)]), [replace(ball, sticks=1.0)]).along_mm
+    )
+    assert turned[0] == pytest.approx([0.0, 0.29 * a * twist_rad(ball, 1.2, np.array(0.3))], rel=1e-3)
+    far = displace(np.array([(40.0 * a, 0.0)]), [replace(ball, sticks=1e-6)]).along_mm[0, 1]
+    top = 4.0 * a / ((1.0 - POISSON) * np.pi * ball.radius_mm)  # shear modulus 1
+    torque = FRICTION * np.pi**2 / 8.0 * top * a**3
+    assert far == pytest.approx(torque / (4.0 * np.pi * (40.0 * a) ** 2), rel=0.02)
 
 
 @pytest.mark.parametrize("name", ["two, 6 pitches apart", "sheared by 2 mm", "bar", "untouched"])

@@ -28,6 +28,7 @@ def test_keys_are_read_and_an_empty_file_is_the_defaults(tmp_path: Path) -> None
         ("[sauce]\n", "unknown key 'sauce'; known: sensor, "),
         ("[sensor]\nnode_id = 128\n", ": sensor.node_id: must be a whole number from 1 to 127, is 128"),
         ("[source]\nrate_hz = nan\n", "source.rate_hz: must be a number from 0 to 1000000, is NaN"),
+        ("[features]\nsmooth_ms = -1\n", "features.smooth_ms: must be a number from 0 to 1000, is -1"),
         ("#" * (FILE_BYTES + 1), "larger than 2048 KiB"),
         ("[link]\nsinks = 'can:can0'\n", 'link.sinks: must be a list, each of it text, is "can:can0"'),
         (

@@ -151,14 +151,15 @@ class DotContacts:
         return ContactRegion(
             xy_img=place + pitch_px * shear,
             peak=2.0 * fit.height[i] / width**2,
-            area_px2=2.0 * math.pi * core * (core + length) * pitch_px**2,
+            area_px2=2.0 * math.pi * fit.height[i] * pitch_px**2,  # as the load and the contact grow
             orientation_rad=_angle(half) if is_line else math.nan,
             elongation=1.0 + length / core,
             ridge_img=place[None],
             middle_img=place,
             divergence_moment_px=pitch_px * shear,
             curl_moment_px=pitch_px * shear,
-            fitted=FittedContact(place, core, fit.total[i], shear, np.zeros(2)),
+            # A bonded layer's dent is its own: others' potentials reach far beyond theirs.
+            fitted=FittedContact(place, core, fit.height[i] ** 0.5, shear, np.zeros(2)),
         )
 
 

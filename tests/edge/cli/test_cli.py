@@ -167,17 +167,31 @@ def test_the_example_loops_without_a_search_and_fits_its_truth() -> None:
         assert values["force_n"] == pytest.approx(sum(truth["forces_n"]), abs=0.1)
 
 
-def test_a_recording_of_a_replay_replays_the_same(data_dir: Path, tmp_path: Path) -> None:
-    def values(recording: Path, *more: str | Path) -> list[dict[str, object]]:
-        done = command("replay", recording, "--speed", "max", "--samples", "--json", *more)
-        assert done.code == 0
-        *samples, summary = [json.loads(line) for line in done.out.splitlines()]
-        assert len(samples) == summary["frames_n"] - 7  # frames that became the rest frame have no result
-        return [{k: v for k, v in s.items() if k not in ("latency_us", "capture_time_us")} for s in samples]
+def values(recording: Path, *more: str | Path) -> list[dict[str, object]]:
+    """Samples of a replay, without their times."""
+    done = command("replay", recording, "--speed", "max", "--samples", "--json", *more)
+    assert done.code == 0
+    *samples, summary = [json.loads(line) for line in done.out.splitlines()]
+    assert len(samples) == summary["frames_n"] - 7  # frames that became the rest frame have no result
+    return [{k: v for k, v in s.items() if k not in ("latency_us", "capture_time_us")} for s in samples]
 
+
+def test_a_recording_of_a_replay_replays_the_same(data_dir: Path, tmp_path: Path) -> None:
     once = values(data_dir / "press_shear.mcap", "--record", tmp_path / "again.mcap")
     assert values(tmp_path / "again.mcap") == once
     assert len(once) == 33
+
+
+def test_values_are_smoothed_by_the_option_or_else_by_the_file(data_dir: Path, tmp_path: Path) -> None:
+    press = data_dir / "press_shear.mcap", "--calibration", data_dir / "hex127_flat.json"
+    (tmp_path / "edge.toml").write_text("[features]\nsmooth_ms = 200\n")
+    config = "--config", tmp_path / "edge.toml"
+    plain, smooth = values(*press), values(*press, "--smooth", "200")
+    assert values(*press, *config) == smooth
+    assert values(*press, *config, "--smooth", "0") == plain
+    differ = {name for a, b in zip(plain, smooth, strict=True) for name in a if a[name] != b[name]}
+    assert {"displacement_mm", "shear_x_mm"} <= differ
+    assert differ.isdisjoint({"status", "contact_n", "contacts", "slip_probability", "displacement_sigma_mm"})
 
 
 RUN_ONE = ("run", "--source", "sim:nothing?pins=37&layout=hex&paced=0", "-q", "--frames", "1")
@@ -353,6 +367,7 @@ def mistaken(data_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
         ("run --source sim:tour?paced=x", 'sim:tour: paced: must be true or false, is "x"'),
         ("replay {press} --record no/such/folder.mcap", "folder.mcap"),
         ("inspect black.png --sensor thumb", "sensor 'thumb' is unknown; one of digitac, "),
+        ("run --smooth 1001", "'--smooth': 1001 is out of range; give a number from 0 to 1000"),
         ("run --sensor absent.toml", "absent.toml: cannot be read"),
         ("run --source sim:tour?sensor=tactip-127&pins=7", "pins= beside sensor="),
         ("run --source sim:tour?sensor=digitac", "digitac cannot be simulated: its file has no pins.layout"),

@@ -57,6 +57,37 @@ class TestSlip:
         moved: Array = share_of_core[:, None] * np.array([core_px, 0.5 * core_px])
         return moved
 
+    def twisted(self, core_rad: float, around_rad: float) -> Array:
+        """The core turns as one; the skin around it by the second angle at 40 px, falling off by the cube."""
+        turn = np.where(self.far < 40.0, core_rad, around_rad * (40.0 / np.maximum(self.far, 1.0)) ** 3)
+        moved: Array = turn[:, None] * np.column_stack([CENTRE[1] - self.xy[:, 1], self.xy[:, 0] - CENTRE[0]])
+        return moved
+
+    @pytest.mark.parametrize("sense", [1.0, -1.0])
+    def test_a_twist_slips_as_lubkin_has_it_and_not_while_it_sticks(self, sense: float) -> None:
+        shares = np.linspace(0.0, 0.95, 60)
+        core, around = -0.05 * np.log(1.0 - shares), 0.02 * (1.0 - (1.0 - shares) ** 1.7)
+        slips = self.run([self.twisted(sense * s, sense * q) for s, q in zip(core, around, strict=True)])
+        probability = np.array([state.probability for state in slips])
+        assert probability[shares < 0.25].max() < 0.5
+        assert probability[shares > 0.9].min() > 0.9
+        sticks = self.run([self.twisted(sense * s, sense * 0.4 * s) for s in core])
+        assert max(state.probability for state in sticks) < 0.1
+
+    def test_noise_alone_neither_slips_nor_presses(self) -> None:
+        """A long hold of a small contact whose areas are as noisy as the pins make them; then a drag."""
+        shares = np.linspace(0.0, 0.95, 40)
+        motions = [np.zeros_like(self.xy)] * 600 + [self.dragged(10.0 * x, x) for x in shares]
+        rng = np.random.default_rng(3)
+        pins = np.flatnonzero(self.far < 40.0).astype(np.int32)
+        touch, noise = Touch(self.rest, pins), 0.05 / self.rest.pattern.pitch_px
+        states = [
+            touch.update(m + rng.normal(0.0, 0.05, m.shape), rng.normal(0.0, noise, len(m)), 0.05)
+            for m in motions
+        ]
+        assert max(state.probability for state in states[:600]) < 0.2
+        assert min(state.probability for state in states[-4:]) > 0.9
+
     def test_a_load_that_sticks_is_no_slip_however_far(self) -> None:
         base = plane(self.rest, 70.0, 0.1, 12.0)
         rigid = [base * (1 + 0.01 * k) + [0.5 * k, -0.3 * k] for k in range(30)]

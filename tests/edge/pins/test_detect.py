@@ -16,7 +16,7 @@ from edge.pins.pattern import trend_of
 from edge.pins.rest_frame import with_voted
 from edge.sources import open_source
 from edge.sources.files import read_image
-from edge.types import Array, Image, Pins, Polarity
+from edge.types import Array, Frame, Image, Pins, Polarity
 from tests.support.pins_rendered import draw, expose, hexagon
 
 
@@ -194,13 +194,23 @@ def test_pins_that_a_round_frame_cuts_are_found_by_their_arc(radius: float) -> N
     assert np.sqrt(np.mean(np.square(normal))) < 1.5
 
 
+@pytest.mark.parametrize("unlike", [{}, {"count": 500}, {"size_px": (320, 240)}, {"brightness": 2000.0}])
+def test_the_pattern_of_an_earlier_image_finds_the_same_pins(
+    frames: list[Frame], unlike: dict[str, object]
+) -> None:
+    like = replace(learn(frames[0].image)[0], **unlike)  # type: ignore[arg-type]  # of any field
+    (_, known), (_, found) = (learn(frames[3].image, like=like) for like in (like, None))
+    assert len(known) == len(found)
+    assert cKDTree(known.xy_img).query(found.xy_img)[0].max() < (0.05 if not unlike else 1e-9)
+
+
 @pytest.mark.real
 def test_real_grey_stills_show_331_pins_and_nothing_outside(real_dir: Path) -> None:
     files = sorted((real_dir / "tactip331_gray" / "frames").glob("*.png"))
     images = [read_image(file) for file in files[::5]]
     pattern = learn(images[0])[0]
     for image in images:
-        for pins in (detect(image, pattern), learn(image)[1]):
+        for pins in (detect(image, pattern), learn(image)[1], learn(image, like=pattern)[1]):
             assert len(pins) == 331
             # the skin's border is 205 px from its middle, the outermost pins at most 185
             assert np.hypot(*(pins.xy_img - pattern.centre_img).T).max() < 190

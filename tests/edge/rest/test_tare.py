@@ -15,6 +15,7 @@ import pytest
 from calib.sim import Camera, Simulator, Tip, ToolPose
 from edge.calibration import Calibration
 from edge.errors import CalibrationError, RequestRefused
+from edge.frame import Pipeline
 from edge.pins import take_rest
 from edge.rest.tare import RestFrame, TareRefused, take_rest_frame
 from edge.runtime import measurement
@@ -22,8 +23,8 @@ from edge.runtime.calibration_store import CalibrationStore
 from edge.runtime.device import LoopDevice
 from edge.sources import open_source
 from edge.sources.paced import Paced
-from edge.types import Frame, Image
-from hostlink.wire import FaultCode, RestFrameReason, RestFrameState, Status
+from edge.types import Frame, Image, Result
+from hostlink.wire import FaultCode, RestFrameReason, RestFrameState, State, Status
 from tests.support.finger import Finger
 from tests.support.waiting import SOON_S
 
@@ -377,6 +378,31 @@ def test_samples_go_on_while_a_rest_frame_is_checked(
     assert request.done.result(SOON_S).state in (ACCEPTED, FORCED)
     finger.loop.stop()
     thread.join(SOON_S)
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_values_come_before_the_tables_and_without_them(
+    fails: bool, pressed_for_ever: Paced, calibration: Calibration, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    measured, begun = threading.Event(), threading.Event()
+
+    def prepare(*_: object) -> None:
+        begun.set()
+        if fails:
+            raise MemoryError
+        assert measured.wait(SOON_S)
+
+    monkeypatch.setattr(Pipeline, "prepare", prepare)
+    finger = Finger([], calibration, source=pressed_for_ever)
+
+    def stop(result: Result, _: State) -> None:
+        if begun.is_set() and result.features is not None:
+            measured.set()
+            finger.loop.stop()
+
+    finger.loop.result_callbacks.append(stop)
+    finger.loop.run()
+    assert measured.is_set()
 
 
 def test_a_loop_ends_at_once_while_its_first_rest_frame_is_checked(

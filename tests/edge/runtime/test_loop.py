@@ -23,7 +23,7 @@ from edge.link.sinks import MemorySink
 from edge.params import PARAMS
 from edge.runtime.board_monitor import BoardMonitor
 from edge.runtime.loop import Loop
-from edge.types import Clock, Frame, Image
+from edge.types import Clock, Frame, Image, Result
 from hostlink.wire import FAULTS, FaultCode, RestFrameState, State, Status
 from tests.support.fault_injection import _PICTURES, EXPECTED
 from tests.support.finger import PERIOD_NS, Camera, Finger
@@ -182,6 +182,28 @@ def test_overload(frames: list[Frame], calibration: Calibration) -> None:
     assert finger.faults == {FaultCode.OVERLOAD}
     finger.show(7)
     assert not finger.faults
+
+
+def test_samples_have_the_smoothed_values_and_the_flags_as_they_are(
+    frames: list[Frame], calibration: Calibration
+) -> None:
+    """The result that recorder and page get is the one that is sent; a gap begins anew."""
+    plain, smooth = Finger(frames, calibration), Finger(frames, calibration, smooth_s=0.1)
+    seen: list[tuple[Result, State]] = []
+    smooth.loop.result_callbacks.append(lambda result, state: seen.append((result, state)))
+    for number in (*range(8, len(frames)), 8, 8, 25, 25):
+        read, sent = plain.see(frames[number].image), smooth.see(frames[number].image)
+        assert (sent.status, sent.contact_n) == (read.status, read.contact_n)
+        if not read.contact_n:
+            assert sent.displacement_mm == read.displacement_mm
+    for result, state in seen:
+        assert state.displacement_mm == pytest.approx(result.reading.values["displacement_mm"], abs=0.01)
+    pressed, half = frames[25].image, frames[12].image
+    smooth.see(pressed), plain.see(pressed)
+    apart_mm = [abs(smooth.see(half).displacement_mm - plain.see(half).displacement_mm) for _ in range(3)]
+    assert min(apart_mm) > 0.05
+    after_gap = [finger.see(half, skip=20).displacement_mm for finger in (smooth, plain)]
+    assert after_gap[0] == after_gap[1]
 
 
 def test_no_calibration_is_a_fault_until_there_is_one(frames: list[Frame], calibration: Calibration) -> None:
