@@ -2,7 +2,7 @@
 
 A press moves dots on the surface of a bonded gel over a distance of about the gel's thickness, and the few
 dots under the tool by what the camera sees of their depth. Where cells grow says little of the place then:
-errors of a calibrated place are several times those of a fit of the dots' motion. With pins they are alike.
+errors of a calibrated place are twice those of a fit of the dots' motion. With pins they are alike.
 
 Only a square grid is asked: that is how dots are printed, and a table is measured twice for the answer.
 """
@@ -19,8 +19,9 @@ from calib.targets import Targets
 from edge.rest.sensor_match import layout_of
 from edge.types import Rest
 
-#: The error of places read as of dots over that read as of pins, below which the skin has dots.
-CLEARLY = 0.5
+#: The error of places read as of dots over that read as of pins, below which the skin has dots: 60 presses gave
+#: 0.45 on dots, and 0.83 on pins in a grid.
+CLEARLY = 0.65
 _PLACE = ("contact_x_mm", "contact_y_mm")
 
 
