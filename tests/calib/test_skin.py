@@ -43,7 +43,7 @@ def measured(data: Dataset) -> Extract:
 
 
 @pytest.mark.parametrize(("gel", "dots"), [(SurfaceDots(144, 1), True), (GridPins(144, 1), False)])
-def test_dots_on_the_surface_are_told_from_pins(gel: FlatGel, dots: bool) -> None:
+def test_places_show_which_skins_have_dots_on_their_surface(gel: FlatGel, dots: bool) -> None:
     data = presses(gel)
     targets, by_pins = data.targets, measured(data)
     found = extract_of_dots(data, targets, by_pins, measured)
