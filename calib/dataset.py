@@ -27,6 +27,7 @@ from edge.calibration import Calibration
 from edge.errors import CalibrationError, NoPins
 from edge.pins import take_rest
 from edge.rest.choice import aligned, choose_rest
+from edge.rest.tare import TareParams
 from edge.rest.tip_match import in_order_of
 from edge.sources.files import read_image
 from edge.types import Image, Lens, Rest
@@ -89,7 +90,7 @@ class Dataset:
     def read_as(self, on_surface: bool) -> Dataset:
         """The same data of a skin with dots on its surface, or with pins."""
         patterns = [replace(p.rest.pattern, on_surface=on_surface) for p in self.parts]
-        return self._with([Rest(p.rest.pins, q) for p, q in zip(self.parts, patterns, strict=True)])
+        return self._with([replace(p.rest, pattern=q) for p, q in zip(self.parts, patterns, strict=True)])
 
     def _with(self, rests: Sequence[Rest]) -> Dataset:
         parts = [replace(p, rest=rest) for p, rest in zip(self.parts, rests, strict=True)]
@@ -149,7 +150,7 @@ def _estimated(targets: Targets, lens: Lens | None) -> tuple[Rest, str]:
     """Rest frame of frames of which the table says no one is untouched, or says nothing. Raises NoPins."""
     some = range(0, len(targets), max(1, -(-len(targets) // CANDIDATES_MAX)))
     images = [read_image(targets.frames[k]) for k in some]
-    choice = choose_rest(images, lens=lens)
+    choice = choose_rest(images, TareParams(lens=lens))
     name = targets.frames[some[choice.index]].name
     rest = unloaded(choice.rest, (read_image(path) for path in targets.frames), targets.values)
     if rest is None:

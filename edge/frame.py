@@ -13,13 +13,13 @@ import numpy as np
 
 from edge.calibration import OF_GRIP, Calibration, Grip, uncalibrated
 from edge.calibration.smoothing import Smoother
-from edge.cells import Tessellator
+from edge.cells import tessellator_of
 from edge.drift import Drift
 from edge.errors import DegenerateLayout
 from edge.faults.detector import FaultDetector
-from edge.features import FeatureExtractor, FeaturePlan, Fits
+from edge.features import FeaturePlan, Fits, extractor_of
 from edge.pins import CentroidRefiner, detect
-from edge.tracking import Tracker
+from edge.tracking import tracker_of
 from edge.types import Feature, Features, Frame, Image, Reading, Rest, Result, Tracks
 
 #: Features that need cell areas; the others need only the pins' motion.
@@ -85,12 +85,12 @@ class Pipeline:
         self._grip = Grip()
         self._smoother = Smoother(smooth_s) if smooth_s > 0.0 else None
         self._refiner = CentroidRefiner(rest)
-        self.tracker = Tracker(rest, found=self._refiner.found, expected=self._refiner.predicted)
-        self._tessellator = Tessellator(rest)
+        self.tracker = tracker_of(rest, self._refiner.found, self._refiner.predicted)
+        self._tessellator = tessellator_of(rest)
         still = Tracks.of(rest.xy_img, rest.pins.sigma_px, np.ones(len(rest), dtype=np.bool_))
         known = rest if calibration is None else calibration.rest
         rest_area_px2 = self._tessellator.cells(still).rest_area_px2
-        self._extractor = FeatureExtractor(rest, rest_area_px2, known.pattern.on_surface)
+        self._extractor = extractor_of(rest, rest_area_px2, known.pattern.on_surface)
         self.demand = demand
 
     @property

@@ -101,9 +101,14 @@ class Lens(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Region:
-    """The part of a source's images that shows the skin: `edge.sources.region`."""
+    """The part of a source's images that shows the skin: `edge.sources.region`.
 
-    nearest_px: NDArray[np.int16]  # (h, w, 2) x, y of the pixel of the skin that is nearest to each
+    nearest_px  (h, w, 2) x, y of the pixel of the skin that is nearest to each
+    part        (h, w) number of the connected part of the skin that this pixel belongs to
+    """
+
+    nearest_px: NDArray[np.int16]
+    part: Index
 
 
 @per_frame
@@ -219,10 +224,17 @@ class PinPattern:
 
 @dataclass(frozen=True, slots=True)
 class Rest:
-    """The untouched tip: the frame of reference of everything after it."""
+    """The untouched tip: the frame of reference of everything after it.
 
-    pins: Pins  # row i defines pin i
-    pattern: PinPattern  # their appearance
+    pins     row i defines pin i
+    pattern  their appearance
+    part     (n,) number of the part of the region that shows each pin, where it has several (mirrors): each
+             has a lattice, cells and contacts of its own (`edge.geometry.parts`); None: there is one
+    """
+
+    pins: Pins
+    pattern: PinPattern
+    part: Index | None = None
 
     @property
     def xy_img(self) -> Array:

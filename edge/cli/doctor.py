@@ -84,7 +84,9 @@ def examine(
         lines += checks.camera(source, frames, config)
         if frames:
             try:
-                rest = take_rest([f.image for f in frames[: TARE.frames_n]], source.polarity, source.lens)
+                rest = take_rest(
+                    [f.image for f in frames[: TARE.frames_n]], source.polarity, source.lens, source.region
+                )
             except NoPins as error:
                 lines.append(Line("pins", "fail", str(error), "focus the lens, set [source] roi to the skin"))
             else:

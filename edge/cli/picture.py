@@ -17,17 +17,19 @@ from edge.faults.image_quality import HALF_REL, ONE_LEVEL, level_of
 from edge.geometry.lattice import N_RING, groups_of, inside_hull, nearest
 from edge.geometry.lattice import PARAMS as LATTICE
 from edge.geometry.neighbours import nearest_of
+from edge.geometry.parts import parts_of
 from edge.limits import PINS_MIN
 from edge.params import ASTRAY_REL
 from edge.params import PARAMS as RUNTIME
-from edge.pins import take_rest
+from edge.pins import left_out, take_rest
 from edge.pins.lens import rest_as_seen
 from edge.rest.symmetry import symmetry_of
 from edge.rest.tip_match import SHARED_MIN
 from edge.sources.live import PARAMS as LIVE
 from edge.sources.live import ThreadedSource
+from edge.sources.options import PARTS
 from edge.sources.region import region_of
-from edge.types import Array, Frame, FrameSource, Image, Index, Lens, Mask, Polarity, Rest
+from edge.types import Array, Frame, FrameSource, Image, Index, Mask, Polarity, Rest
 
 _AROUND = np.exp(1j * tau * np.arange(24) / 24)
 
@@ -82,7 +84,8 @@ def _levels(image: Image, rest: Rest, radii: Array) -> Array:
 
 def holes(rest: Rest) -> Array:
     """(k, 2) px, places where three neighbours agree that a pin is missing; none without a lattice."""
-    found = [_holes(rest.xy_img[group]) for group in groups(rest) if len(group) >= PINS_MIN]
+    parts = [part for _, part in parts_of(rest)]
+    found = [_holes(p.xy_img[group]) for p in parts for group in groups(p) if len(group) >= PINS_MIN]
     return np.concatenate([np.empty((0, 2)), *found])
 
 
@@ -127,31 +130,41 @@ def groups(rest: Rest) -> list[Index]:
 
 def settings_tried(source: FrameSource, frame: Frame, rest: Rest) -> dict[str, int]:
     """Keys for the source's address that suit this image better, and how many pins each finds: the other
-    polarity, where none was asked for, and a rectangle round each group of pins.
+    polarity, where none was asked for, and a rectangle round each group of pins: those that do not touch each
+    other in one address, as parts of the skin.
     """
     found: dict[str, int] = {}
     if source.polarity is Polarity.FOUND:
         other = Polarity.BRIGHT if rest.pattern.dark else Polarity.DARK
-        found[f"pins={other}"] = _pins_n(frame, other, source.lens)
-    found = {key: n for key, n in found.items() if n > len(rest)}
+        tried = _rest_within(source, frame, other, "")
+        if tried is not None and len(tried) > len(rest):
+            found[f"pins={other}"] = len(tried)
     apart = groups(rest) if source.region is None else []
     apart = [group for group in apart if len(group) >= PINS_MIN]
     polarity = Polarity.DARK if rest.pattern.dark else Polarity.BRIGHT
+    alone: dict[str, int] = {}
     for group in apart if len(apart) > 1 else []:
         corner = np.maximum(rest.xy_img[group].min(axis=0) - rest.pattern.pitch_px, 0)
         size = rest.xy_img[group].max(axis=0) + rest.pattern.pitch_px - corner
         roi = ",".join(str(round(float(number))) for number in (*corner, *size))
-        n = _pins_n(frame.within(region_of(source, roi, "", "")), polarity, source.lens)
-        if 0 < n < len(rest):
-            found[f"roi={roi}"] = n
-    return found
+        own = _rest_within(source, frame, polarity, roi)
+        if own is not None and len(own) < len(rest):
+            alone[roi] = len(own)
+    if 2 * sum(alone.values()) < len(rest):  # most of the skin would be left out
+        return found
+    both = _rest_within(source, frame, polarity, PARTS.join(alone)) if len(alone) > 1 else None
+    if both is not None and len(parts_of(both)) == len(alone):
+        return found | {"&".join(f"roi={roi}" for roi in alone): len(both)}
+    return found | {f"roi={roi}": n for roi, n in alone.items()}
 
 
-def _pins_n(frame: Frame, polarity: Polarity, lens: Lens | None) -> int:
+def _rest_within(source: FrameSource, frame: Frame, polarity: Polarity, roi: str) -> Rest | None:
+    """The pins within these rectangles; "": within the source's region; None: there are none."""
+    region = region_of(source, roi, "", "") or source.region
     try:
-        return len(take_rest([frame.image], polarity, lens))
+        return take_rest([frame.within(region).image], polarity, source.lens, region)
     except NoPins:
-        return 0
+        return None
 
 
 def better_settings(tried: dict[str, int]) -> Line:
@@ -167,12 +180,16 @@ def pins(frame: Frame, rest: Rest) -> Iterator[Line]:
     p = rest.pattern
     kind = "dark" if p.dark else "bright"
     finding = f"{len(rest)} found, {kind}, radius {p.pin_radius_px:.1f} px, pitch {p.pitch_px:.1f} px"
-    yield Line("pins", "ok", finding)
+    seen = rest_as_seen(rest)
+    left_n = len(left_out(frame.image, seen))
+    left = f", {left_n} spots like them left out: unlike their neighbours, or far from them" if left_n else ""
+    share = left_n / (len(rest) + left_n)
+    choose = "look at them (--out): light all pins alike, or take the others out of view by ?roi= or ?mask="
+    yield judged("pins", finding + left, (share > ASTRAY_REL, "warn", choose))
     missing_n = len(holes(rest))
     share = missing_n / (len(rest) + missing_n)
     clean = "clean lens and skin, light it evenly; is a pin torn out?"
     yield judged("holes", f"{missing_n or 'none'} seen in the lattice", (share > ASTRAY_REL, "warn", clean))
-    seen = rest_as_seen(rest)
     softness = p.edge_px / p.pin_radius_px
     blur = f"edges are blurred by {p.edge_px:.1f} px, {softness:.0%} of a pin's radius"
     sharpen = "turn the lens until `python -m edge inspect` finds the sharpest pins"
@@ -185,7 +202,8 @@ def pins(frame: Frame, rest: Rest) -> Iterator[Line]:
     top = (1 << frame.bits) - 1
     noise = f"of full scale, noise is {p.noise / top:.1%}"
     contrast = f"pins differ from the skin by {p.brightness / top:.0%} {noise}"
-    faint = p.brightness**2 < p.noise * top  # by ratios, nearer to the noise than to full scale
+    # By ratios, nearer to the noise, of which levels have as much as rounding leaves, than to full scale.
+    faint = p.brightness**2 < max(p.noise, 12**-0.5) * top
     yield judged("contrast", contrast, (faint, "warn", "light the pins better, then raise gain"))
     x, y = seen.xy_img.T
     margin = float(np.min([x, y, width - 1 - x, height - 1 - y])) - p.pin_radius_px

@@ -21,6 +21,7 @@ from edge.faults.image_quality import HALF_REL
 from edge.features.params import PARAMS as FEATURES
 from edge.geometry.lattice import N_RING
 from edge.geometry.neighbours import nearest_of
+from edge.geometry.parts import joined, parts_of
 from edge.params import ASTRAY_REL
 from edge.params import PARAMS as RUNTIME
 from edge.types import ContactRegion, Features, Index, Mask, Rest, Tracks
@@ -43,7 +44,9 @@ class PinVisibility:
         self._baseline_share = 1.0
         self._baseline_px = float(np.nanmean(rest.pins.sigma_px))
         self._rest_img = rest.xy_img
-        self._near = nearest_of(rest.xy_img, rest.xy_img, N_RING + 1)[1]
+        parts = parts_of(rest)
+        near = [rows[nearest_of(own.xy_img, own.xy_img, N_RING + 1)[1]] for rows, own in parts]
+        self._near = joined([rows for rows, _ in parts], near)
         self.counts = PinCounts(rest.xy_img, self._near)
         self._before = rest.xy_img
         self._pitch_px = rest.pattern.pitch_px

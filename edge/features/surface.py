@@ -20,7 +20,16 @@ import numpy as np
 from edge.features.contact_field import ContactField
 from edge.features.params import PARAMS
 from edge.geometry.thin_plate import thin_plate_operators
-from edge.types import Array, Heights, Mask, Rest
+from edge.types import Array, Heights, Mask, PinPattern, Rest
+
+
+def grid_line(pattern: PinPattern, size: int | None = None) -> Array:
+    """(g,) px from the middle of the tip's circle, columns and rows of its grid; None: by the pitch."""
+    radius = pattern.tip_radius_px
+    if size is None:
+        wanted = round(2.0 * radius / pattern.pitch_px * PARAMS.grid_steps_per_pitch) + 1
+        size = max(wanted, PARAMS.grid_min)
+    return np.linspace(-radius, radius, size)
 
 
 class Surface:
@@ -40,12 +49,9 @@ class Surface:
     def __init__(self, rest: Rest, size: int | None = None) -> None:
         pattern = rest.pattern
         radius = pattern.tip_radius_px
-        if size is None:
-            wanted = round(2.0 * radius / pattern.pitch_px * PARAMS.grid_steps_per_pitch) + 1
-            size = max(wanted, PARAMS.grid_min)
         self.pitch_px = pattern.pitch_px
         self.rest_img = np.ascontiguousarray(rest.xy_img)
-        line = np.linspace(-radius, radius, size)
+        line = grid_line(pattern, size)
         self.step_px = float(line[1] - line[0])
         self.grid_img = self.x_img, self.y_img = line + pattern.centre_img[0], line + pattern.centre_img[1]
         self.inside: Mask = line[None, :] ** 2 + line[:, None] ** 2 <= radius * radius

@@ -1,5 +1,6 @@
 """Regular layouts of pins, and small facts about a set of pins."""
 
+import cv2
 import numpy as np
 
 from edge.errors import DegenerateLayout
@@ -37,6 +38,12 @@ def spans(xy: Array) -> bool:
 def affine_terms(xy: Array, centre: Array, scale: float) -> Array:
     """(n, 3): 1, x, y about `centre` in units of `scale`."""
     return np.column_stack([np.ones(len(xy)), (xy - centre) / scale])
+
+
+def circle_of(xy: Array, radius: float) -> tuple[Array, float]:
+    """Middle (2,) and radius of the smallest circle round discs of one radius at places (n, 2)."""
+    centre, reach = cv2.minEnclosingCircle(xy.astype(np.float32))
+    return np.array(centre), float(reach) + radius
 
 
 def pin_layout(kind: str, n_pins: int) -> Array:

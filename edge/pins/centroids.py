@@ -265,18 +265,19 @@ class CentroidKernel:
             self._who[i] = i
         while n > 0:
             asked = take_steps(
-                self._windows, self._steps_of, self._who, n, self._near2_of(iteration),
-                self._far2_of(iteration), iteration == 0,
+                self._windows, self._steps_of, self._who, n, self._near2, self._far2_of(iteration),
+                iteration == 0,
             )  # fmt: skip
+            iteration += 1
             n = 0
             for k in range(asked):
                 i = self._who[k] >> 1
-                if self._who[k] & 1:
+                taken = self._who[k] & 1
+                if taken and self._far2_of(iteration) < HUGE_VAL:
                     self._who[n] = i
                     n += 1
                 else:
-                    self._find(i, iteration)
-            iteration += 1
+                    self._find(i, iteration - 1 + taken)
 
     @cython.cfunc
     def _reject(self) -> cython.void:
@@ -316,22 +317,38 @@ class CentroidKernel:
         return self._far2 if iteration + 3 < self._steps_max else HUGE_VAL
 
     @cython.cfunc
-    @cython.inline
-    def _near2_of(self, iteration: cython.int) -> cython.double:
-        """The last step that is allowed ends everywhere."""
-        return self._near2 if iteration + 1 < self._steps_max else HUGE_VAL
-
-    @cython.cfunc
     @cython.exceptval(check=False)
     def _find(self, i: cython.Py_ssize_t, iteration: cython.int) -> cython.void:
-        """Steps of pin i, which has taken `iteration` of them."""
+        """Steps of pin i, which has taken `iteration` of them.
+
+        Beside a glint the slope of the surroundings changes with the template's place, and steps would lead
+        to and fro for ever. One that leads back at least as far as the last one came ends where both would be
+        zero if they changed evenly between their beginnings, and those that follow are shortened likewise.
+        Coarse steps lead to other places, so that they are not compared.
+        """
+        part: cython.double = 1.0
+        old_x = old_y = old_step_x = old_step_y = NAN  # where the step before began, and itself
+        x, y = self.predicted[i, 0], self.predicted[i, 1]
+        if iteration:
+            x, y = self.xy[i, 0], self.xy[i, 1]
         while iteration < self._steps_max:
-            x, y = self.predicted[i, 0], self.predicted[i, 1]
-            if iteration:
-                x, y = self.xy[i, 0], self.xy[i, 1]
-            if not self._step(i, x, y, self._near2_of(iteration), self._far2_of(iteration), iteration == 0):
+            far2 = self._far2_of(iteration)
+            if not self._step(i, x, y, far2, iteration == 0):
                 return
             iteration += 1
+            if far2 == HUGE_VAL:
+                x, y = middle_of(x), middle_of(y)
+                step_x, step_y = self.xy[i, 0] - x, self.xy[i, 1] - y
+                way_x, way_y = x - old_x, y - old_y
+                came = way_x * old_step_x + way_y * old_step_y
+                back = -(way_x * step_x + way_y * step_y)
+                if back >= came > 0.0:
+                    part = square(way_x, way_y) / (came + back)
+                old_x, old_y, old_step_x, old_step_y = x, y, step_x, step_y
+                self.xy[i, 0], self.xy[i, 1] = x + part * step_x, y + part * step_y
+                if part * part * square(step_x, step_y) < self._near2:
+                    return
+            x, y = self.xy[i, 0], self.xy[i, 1]
 
     @cython.cfunc
     def _begin_to_fetch(self) -> cython.void:
@@ -367,12 +384,11 @@ class CentroidKernel:
 
     @cython.cfunc
     def _step(
-        self, i: cython.Py_ssize_t, px: cython.double, py: cython.double, near2: cython.double,
-        far2: cython.double, first: cython.bint,
+        self, i: cython.Py_ssize_t, px: cython.double, py: cython.double, far2: cython.double,
+        first: cython.bint,
     ) -> cython.bint:  # fmt: skip
         """A step of pin i from a place, px. Returns that it has to go on.
 
-        near2  px2: a step this short is the last
         far2   px2: of a longer one the slopes alone are enough
         first  it is its first step
         """
@@ -388,16 +404,16 @@ class CentroidKernel:
         cy: cython.Py_ssize_t = y >> 2
         phase: cython.Py_ssize_t = (y & 3) * 4 + (x & 3)
         norm: cython.Py_ssize_t = self._norm_of[i] + phase
-        middle_x: cython.double = 0.25 * x - 0.375
-        middle_y: cython.double = 0.25 * y - 0.375
+        middle_x = middle_of(px)
+        middle_y = middle_of(py)
         if not self._wide and self._inner[0] <= x4 < self._inner[2] and self._inner[1] <= y4 < self._inner[3]:
             sum_window(self._windows, cy * self._stride + cx, kind, norm)
         else:
             self._take_window(cx, cy, kind)
             if self._in_view < self._kinds[kind].pixels:
-                return self._step_cut(i, kind, phase, middle_x, middle_y, near2)
+                return self._step_cut(i, kind, phase, middle_x, middle_y)
             self._sum_levels(kind, phase, norm)
-        return take_step(self._steps_of, self._sums, i, norm, middle_x, middle_y, near2, far2, first)
+        return take_step(self._steps_of, self._sums, i, norm, middle_x, middle_y, self._near2, far2, first)
 
     @cython.cfunc
     def _sum_levels(
@@ -454,7 +470,7 @@ class CentroidKernel:
     @cython.cfunc
     def _step_cut(
         self, i: cython.Py_ssize_t, kind: cython.Py_ssize_t, phase: cython.Py_ssize_t,
-        middle_x: cython.double, middle_y: cython.double, near2: cython.double,
+        middle_x: cython.double, middle_y: cython.double,
     ) -> cython.bint:  # fmt: skip
         """The same for a pin that the border cuts: the fit of 1, d, tx, ty over the pixels there are."""
         n: cython.Py_ssize_t = self._norm_of[i] + phase
@@ -482,15 +498,13 @@ class CentroidKernel:
         went2 = square(self.xy[i, 0] - self.predicted[i, 0], self.xy[i, 1] - self.predicted[i, 1])
         if went2 > self._reach2:
             return False
-        if far * far >= near2:
-            return True
         self.amplitude[i] = amplitude * self._gain
         self.sigma[i] = sigma_of(
             variance * 0.5 * (self._inverse[2, 2] + self._inverse[3, 3]) / (amplitude * amplitude),
             rest, freedom, energy, self._noise2, self._norms[n, RADIUS],
         )  # fmt: skip
         self.fit[i] = explained / energy
-        return False
+        return far * far >= self._near2
 
     @cython.cfunc
     def _gather_cut(
@@ -541,6 +555,13 @@ class CentroidKernel:
             for c in range(4):
                 self._solution[r] += self._inverse[r, c] * self._right[c]
         return True
+
+
+@cython.cfunc
+@cython.inline
+def middle_of(at: cython.double) -> cython.double:
+    """Where the template is that stands for this place of a pin, px."""
+    return 0.25 * cython.cast(cython.int, N_PHASES * at + 2) - 0.375
 
 
 @cython.cfunc

@@ -18,6 +18,7 @@ import numpy as np
 
 from edge.errors import NoPins
 from edge.geometry.lattice import N_RING, pitch_of
+from edge.geometry.layout import circle_of
 from edge.geometry.neighbours import nearest_of
 from edge.geometry.select import SIGMA_OF_MAD
 from edge.limits import PINS_MIN
@@ -199,12 +200,6 @@ def _of_any_size(grey: Image, noise: float) -> Spots:
     return _settle(grey, found, spots[_alike(spots, size, depth_min, FLAT)], size, depth_min)
 
 
-def circle_of(xy_img: Array, radius_px: float) -> tuple[Array, float]:
-    """Middle (2,) and radius, px, of the smallest circle round discs of one radius at places (n, 2)."""
-    centre, reach = cv2.minEnclosingCircle(xy_img.astype(np.float32))
-    return np.array(centre), float(reach) + radius_px
-
-
 def in_view(pins: Pins, size_px: tuple[int, int]) -> Pins:
     """Without those that the image's border halves: the least motion outwards takes them out of view."""
     free_space = np.minimum(pins.xy_img, np.array(size_px) - 1.0 - pins.xy_img).min(axis=1)
@@ -235,6 +230,19 @@ def spots_of(grey: Image, pattern: PinPattern) -> Spots:
     # The light may have halved since.
     found = _at_scales(grey, scales, 0.5 * PARAMS.depth_min_pins * pattern.brightness)
     return found[np.hypot(*(found.xy_img - pattern.centre_img).T) < 1.1 * pattern.tip_radius_px]
+
+
+def left_out(image: Image, rest: Rest) -> Array:
+    """(k, 2) px, spots of the pins' size, more than half as bright, clear of all, that are taken for none.
+
+    Their neighbours are too unlike or too far away, or they are no pins. `rest` is as the camera sees it.
+    """
+    spots = spots_of(as_bright(to_grey(image), rest.pattern.dark), rest.pattern)
+    spots = spots[_well_shaped(spots) & (spots.depth > 0.5 * rest.pattern.brightness)]
+    if len(spots) == 0:
+        return spots.xy_img
+    away = nearest_of(rest.xy_img, spots.xy_img)[0][:, 0]
+    return spots.xy_img[away > rest.pattern.pin_radius_px + spots.radius_px]
 
 
 def _find(grey: Image, pattern: PinPattern) -> Spots:

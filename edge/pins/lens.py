@@ -16,6 +16,7 @@ import numpy as np
 
 from edge.errors import NoPins
 from edge.geometry.lattice import pitch_of
+from edge.geometry.layout import circle_of
 from edge.types import Array, Lens, PinPattern, Pins, Rest
 
 EXACT_PX = 1e-6  # a thousandth of what centroids are good to
@@ -77,7 +78,9 @@ def corrected_rest(rest: Rest, lens: Lens) -> Rest:
         raise NoPins(f"the lens was measured at {made}, the images are {now}; give the lens at that size")
     pins = corrected_pins(rest.pins, lens)
     glints = np.array(rest.pattern.glints_img, np.float64).reshape(-1, 2)
-    return Rest(pins, _of_places(rest.pattern, pins.xy_img, corrected(lens, glints), lens))
+    return replace(
+        rest, pins=pins, pattern=_of_places(rest.pattern, pins.xy_img, corrected(lens, glints), lens)
+    )
 
 
 def rest_as_seen(rest: Rest) -> Rest:
@@ -99,7 +102,7 @@ def pattern_as_seen(pattern: PinPattern) -> PinPattern:
         return pattern
     turn = np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False)
     circle = pattern.centre_img + pattern.tip_radius_px * np.column_stack([np.cos(turn), np.sin(turn)])
-    centre, radius_px = _circle(seen(lens, circle))
+    centre, radius_px = circle_of(seen(lens, circle), 0.0)
     middle = seen(lens, np.asarray(pattern.centre_img)[None])
     glints = seen(lens, np.array(pattern.glints_img, np.float64).reshape(-1, 2))
     return replace(
@@ -114,20 +117,15 @@ def pattern_as_seen(pattern: PinPattern) -> PinPattern:
 
 def _of_places(pattern: PinPattern, xy: Array, glints: Array, lens: Lens | None) -> PinPattern:
     """The pattern of pins at these places."""
-    centre, radius_px = _circle(xy)
+    centre, tip_radius_px = circle_of(xy, pattern.pin_radius_px)
     return replace(
         pattern,
         lens=lens,
         centre_img=centre,
-        tip_radius_px=radius_px + pattern.pin_radius_px,
+        tip_radius_px=tip_radius_px,
         pitch_px=pitch_of(xy),
         glints_img=_pairs(glints),
     )
-
-
-def _circle(xy: Array) -> tuple[Array, float]:
-    (x, y), radius_px = cv2.minEnclosingCircle(xy.astype(np.float32))
-    return np.array([x, y]), float(radius_px)
 
 
 def _pairs(xy: Array) -> tuple[tuple[float, float], ...]:

@@ -9,20 +9,24 @@ import numpy as np
 
 from edge.errors import NoPins
 from edge.geometry.lattice import pitch_of
+from edge.geometry.layout import circle_of
 from edge.geometry.neighbours import nearest_of
+from edge.geometry.parts import one_part, parts_of
+from edge.limits import PINS_MIN
 from edge.pins.blobs import join, rows_of
-from edge.pins.detect import as_bright, circle_of, detect, in_view, learn, noise_of, spots_of, to_grey
+from edge.pins.detect import as_bright, detect, in_view, learn, noise_of, spots_of, to_grey
 from edge.pins.lens import corrected_rest, pattern_as_seen
 from edge.pins.params import PARAMS
 from edge.pins.pattern import FLAT, one_of_each_marker, trend_of
 from edge.pins.refine import CentroidRefiner
-from edge.types import Image, Lens, PinPattern, Pins, Polarity, Rest
+from edge.types import Image, Lens, PinPattern, Pins, Polarity, Region, Rest
 
 
 def take_rest(
     images: Sequence[Image],
     polarity: Polarity = Polarity.FOUND,
     lens: Lens | None = None,
+    region: Region | None = None,
     like: PinPattern | None = None,
 ) -> Rest:
     """The rest frame from one or more images of the untouched tip; row i defines pin i.
@@ -33,9 +37,10 @@ def take_rest(
 
     polarity  FOUND: as the first image that shows pins has them
     lens      whose distortion is removed from the pins' places
+    region    that the images show; of several parts those with too few pins for a pattern have none
     like      of an earlier rest frame of this tip, of the same polarity: `learn`
     Raises    NoPins: no image, images of different size or another than the lens's, no pins in them, or
-              all pins on one line
+              all pins of the skin, or of one of its parts, on one line
     """
     greys = [to_grey(image) for image in images]
     if not greys:
@@ -54,11 +59,31 @@ def take_rest(
     pattern = replace(pattern, noise=float(np.median([noise_of(grey) for grey in greys])), dark=dark)
     order = np.lexsort((pins.xy_img[:, 0], np.rint(pins.xy_img[:, 1] / pattern.pitch_px)))
     rest = Rest(rows_of(pins, order), pattern)
-    away = rest.xy_img - rest.xy_img.mean(axis=0)
-    across = np.ptp(away @ np.linalg.svd(away, full_matrices=False)[2][1])
-    if across < pattern.pin_radius_px:
-        raise NoPins(f"{len(rest)} pins are found, all on one line; pins that span a plane are needed")
+    if region is not None:
+        rest = _in_parts(rest, region)
+    for _, part in parts_of(rest):
+        away = part.xy_img - part.xy_img.mean(axis=0)
+        across = np.ptp(away @ np.linalg.svd(away, full_matrices=False)[2][1])
+        if across < pattern.pin_radius_px:
+            raise NoPins(f"{len(part)} pins are found, all on one line; pins that span a plane are needed")
     return rest if lens is None else corrected_rest(rest, lens)
+
+
+def _in_parts(rest: Rest, region: Region) -> Rest:
+    """The rest frame with the part of the region that each pin is in. Raises NoPins."""
+    column, row = np.rint(rest.xy_img).astype(np.intp).T
+    height, width = region.part.shape
+    part = region.part[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
+    kinds, counts = np.unique(part, return_counts=True)
+    if len(kinds) == 1:
+        return rest
+    enough = np.isin(part, kinds[counts >= PINS_MIN])
+    if not enough.any():
+        most, n = int(counts.max()), len(kinds)
+        raise NoPins(f"{most} pins at most in each of {n} parts of the region; one needs {PINS_MIN}")
+    if not enough.all():
+        rest, part = one_part(rest, enough), part[enough]
+    return replace(rest, part=part) if part.min() < part.max() else rest
 
 
 def _at_rest(

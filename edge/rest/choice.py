@@ -13,17 +13,17 @@ from itertools import islice
 import numpy as np
 
 from edge.calibration import Calibration
-from edge.cells import Tessellator
+from edge.cells import tessellator_of
 from edge.errors import DegenerateLayout, NoPins, SourceError
 from edge.features.params import CELL_NOISE
 from edge.features.params import PARAMS as CONTACT
 from edge.params import PARAMS as RUNTIME
-from edge.pins import CentroidRefiner, detect, take_rest
+from edge.pins import CentroidRefiner, detect
 from edge.rest.tare import PARAMS as TARE
-from edge.rest.tare import TareRefused, take_rest_frame
+from edge.rest.tare import TareParams, TareRefused, take_rest_frame
 from edge.rest.tip_match import SHARED_MIN, match_rest
-from edge.tracking import Tracker
-from edge.types import Array, Frame, FrameSource, Image, Lens, Mask, Pins, Polarity, Rest, Tracks
+from edge.tracking import tracker_of
+from edge.types import Array, Frame, FrameSource, Image, Mask, Pins, Rest, Tracks
 from hostlink.wire import RestFrameReason
 
 #: Share of the images that may show a touch: the quantile of a cell's area over the others is untouched, and
@@ -58,18 +58,16 @@ class RestChoice:
         return f"{found}; {self.agree_n} of {self.compared_n} others show the same: {verdict}"
 
 
-def choose_rest(
-    images: Sequence[Image], polarity: Polarity = Polarity.FOUND, lens: Lens | None = None
-) -> RestChoice:
+def choose_rest(images: Sequence[Image], params: TareParams = TARE) -> RestChoice:
     """The least deformed of some images, in any order. Raises NoPins: no image shows pins."""
-    start, rest = _first_with_pins(images, polarity, lens)
+    start, rest = _first_with_pins(images, params)
     found = _compare(images, rest)
     if not found.agrees[found.index, start]:  # the touch in it may have hidden pins
-        again = _compare(images, take_rest([images[found.index]], polarity, lens))
+        again = _compare(images, params.take([images[found.index]]))
         found = again if again.known_n >= found.known_n else found
     return RestChoice(
         found.index,
-        take_rest([images[found.index]], polarity, lens),
+        params.take([images[found.index]]),
         float(found.deformation[found.index]),
         float(np.nanmedian(found.deformation)),
         int(found.agrees[found.index].sum()) - 1,
@@ -119,11 +117,11 @@ def _rms(change: Array) -> Array:
     return np.asarray(np.sqrt(np.nanmean(change**2, axis=1)))
 
 
-def _first_with_pins(images: Sequence[Image], polarity: Polarity, lens: Lens | None) -> tuple[int, Rest]:
+def _first_with_pins(images: Sequence[Image], params: TareParams) -> tuple[int, Rest]:
     complaint = NoPins("no images; give a recording with images of the tip")
     for index, image in enumerate(images):
         try:
-            return index, take_rest([image], polarity, lens)
+            return index, params.take([image])
         except NoPins as error:
             complaint = error
     raise complaint
@@ -131,7 +129,7 @@ def _first_with_pins(images: Sequence[Image], polarity: Polarity, lens: Lens | N
 
 def _cells(images: Sequence[Image], rest: Rest) -> tuple[Array, Array, Array]:
     """(k, n) log cell areas, zoom removed, NaN: not known; (k,) sigma, px; (k,) number of pins seen."""
-    tracker, tessellator = Tracker(rest), Tessellator(rest)
+    tracker, tessellator = tracker_of(rest), tessellator_of(rest)
     area = np.full((len(images), len(rest)), np.nan)
     sigma = np.full(len(images), np.nan)
     seen = np.zeros(len(images))
@@ -163,7 +161,7 @@ def aligned(calibration: Calibration, rest: Rest) -> Rest:
     at = design @ similarity
     xy = np.column_stack([at.real, at.imag])
     pins = replace(matched.pins, xy_img=xy, sigma_px=made_with.pins.sigma_px)
-    return Rest(pins, matched.pattern)
+    return replace(matched, pins=pins)
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,7 +188,7 @@ def rest_of_source(source: FrameSource, how: str, calibration: Calibration | Non
         if how in ("auto", "none"):
             # With fewer images, those untouched would not be two.
             images, step = _thinned(source, round(2.0 / (1.0 - TOUCHED_REL)))
-            choice = choose_rest(images, source.polarity, source.lens)
+            choice = choose_rest(images, TARE.of(source))
             index = choice.index * step
             message, untouched = f"image {index}: {choice.message}", choice.trusted
         else:
@@ -214,9 +212,7 @@ def rest_if_touched(source: FrameSource, calibration: Calibration | None = None)
         return None
     images = [frame.image for frame in islice(source, TARE.frames_n)]
     try:
-        take_rest_frame(
-            images, replace(TARE, steady_px=np.inf, polarity=source.polarity, lens=source.lens), calibration
-        )
+        take_rest_frame(images, replace(TARE.of(source), steady_px=np.inf), calibration)
     except TareRefused as error:
         if error.reason is not RestFrameReason.TOUCHED:
             return None
@@ -247,7 +243,7 @@ def _averaged(source: FrameSource, index: int) -> tuple[Rest, Frame]:
     if index - first >= len(frames):
         raise SourceError(f"{source.name}: has no image {index}; give --rest a smaller number, or auto")
     chosen = frames[index - first]
-    rest = take_rest([chosen.image], source.polarity, source.lens)
+    rest = TARE.of(source).take([chosen.image])
     refiner = CentroidRefiner(rest)
 
     def rests(pins: Pins) -> bool:
@@ -255,4 +251,4 @@ def _averaged(source: FrameSource, index: int) -> tuple[Rest, Frame]:
         return bool(np.nanquantile(motion, RUNTIME.most_rel) < TARE.steady_px)
 
     steady = [f.image for f in frames if f is chosen or rests(refiner.refine(f.image, rest.xy_img))]
-    return take_rest(steady, source.polarity, source.lens), chosen
+    return TARE.of(source).take(steady), chosen

@@ -12,6 +12,7 @@ import numpy as np
 
 from edge.cells import Tessellator
 from edge.errors import DegenerateLayout
+from edge.geometry.parts import parts_of
 from edge.types import Array, Complex, Rest, Tracks
 
 ASYMMETRY_MAX = 0.03  # rms relative area that lens and mount make
@@ -36,7 +37,12 @@ class RestSymmetry:
 
 
 def symmetry_of(rest: Rest) -> RestSymmetry:
-    """Asymmetry and irregularity; too few pins have none."""
+    """Asymmetry and irregularity, of several parts those of the worst; too few pins have none."""
+    found = [_symmetry_of(part) for _, part in parts_of(rest)]
+    return max(found, key=lambda one: (one.in_contact, one.asymmetry))
+
+
+def _symmetry_of(rest: Rest) -> RestSymmetry:
     pattern = rest.pattern
     all_seen = np.ones(len(rest), dtype=np.bool_)
     try:

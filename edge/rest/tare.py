@@ -15,14 +15,15 @@ import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import Self
 
 import cv2
 import numpy as np
 
 from edge.calibration import Calibration
-from edge.cells import Tessellator
+from edge.cells import tessellator_of
 from edge.errors import CalibrationError, DegenerateLayout, EdgeError, NoPins
-from edge.features import FeatureExtractor, FeaturePlan
+from edge.features import FeaturePlan, extractor_of
 from edge.features.params import CELL_NOISE
 from edge.features.params import PARAMS as CONTACT
 from edge.geometry.select import SIGMA_OF_MAD
@@ -30,8 +31,8 @@ from edge.params import PARAMS as RUNTIME
 from edge.pins import CentroidRefiner, take_rest
 from edge.rest.symmetry import symmetry_of
 from edge.rest.tip_match import SHARED_MIN, match_rest
-from edge.tracking import Tracker
-from edge.types import Image, Lens, Pins, Polarity, Rest, Tracks
+from edge.tracking import tracker_of
+from edge.types import FrameSource, Image, Lens, Pins, Polarity, Region, Rest, Tracks
 from hostlink.wire import RestFrameReason
 
 Reason = RestFrameReason
@@ -46,6 +47,15 @@ class TareParams:
     steady_px: float = 0.5  # largest motion of 90 % of the pins from the first image to the last
     polarity: Polarity = Polarity.FOUND  # of the pins, as far as it is known
     lens: Lens | None = None  # whose distortion is removed from the pins' places
+    region: Region | None = None  # that the images show
+
+    def of(self, source: FrameSource) -> Self:
+        """The same for the images of a source."""
+        return replace(self, polarity=source.polarity, lens=source.lens, region=source.region)
+
+    def take(self, images: Sequence[Image]) -> Rest:
+        """A rest frame, unchecked. Raises NoPins."""
+        return take_rest(images, self.polarity, self.lens, self.region)
 
 
 PARAMS = TareParams()
@@ -123,8 +133,8 @@ def _take(images: Sequence[Image], params: TareParams, calibration: Calibration 
         polarity = Polarity.DARK if like.dark else Polarity.BRIGHT
         if params.polarity in (Polarity.FOUND, polarity):
             with suppress(NoPins):
-                return take_rest(images, polarity, params.lens, like)
-    return take_rest(images, params.polarity, params.lens)
+                return take_rest(images, polarity, params.lens, params.region, like)
+    return params.take(images)
 
 
 def _unsteady(first: Pins, last: Pins, steady_px: float) -> TareRefused | None:
@@ -140,7 +150,8 @@ def _unsteady(first: Pins, last: Pins, steady_px: float) -> TareRefused | None:
 def _begins(rest: Rest, first: Pins, last: Pins) -> TareRefused | None:
     """Whether a touch begins or ends between the first image and the last."""
     seen = np.isfinite(first.xy_img[:, 0]) & np.isfinite(last.xy_img[:, 0])
-    before = Rest(replace(rest.pins, xy_img=np.where(seen[:, None], first.xy_img, rest.xy_img)), rest.pattern)
+    xy = np.where(seen[:, None], first.xy_img, rest.xy_img)
+    before = replace(rest, pins=replace(rest.pins, xy_img=xy))
     xy = np.where(seen[:, None], last.xy_img, np.nan)
     sigma = np.where(seen, last.sigma_px, np.nan)
     if _touch_sigmas(before, Tracks.of(xy, sigma, seen)):
@@ -156,7 +167,7 @@ def _changed(reference: Rest, rest: Rest) -> TareRefused | None:
             f"{len(rest)} pins, {len(reference)} at the last one",
             "clear the camera's view",
         )
-    tracks = Tracker(reference).identify(rest.pins)
+    tracks = tracker_of(reference).identify(rest.pins)
     if tracks.confidence < Tracks.LOW_CONFIDENCE:
         problem = "the pins cannot be matched with those of the last rest frame"
         return TareRefused(
@@ -193,7 +204,7 @@ def _seen_from_before(reference: Rest, tracks: Tracks) -> Tracks:
 
 def _touch_sigmas(reference: Rest, tracks: Tracks) -> float:
     """Largest area change of a cell, in sigmas of its noise, if the detector sees a touch; 0.0: untouched."""
-    tessellator = Tessellator(reference)
+    tessellator = tessellator_of(reference)
     rest_area = tessellator.rest_area_px2
     try:
         cells = tessellator.cells(tracks)
@@ -212,6 +223,8 @@ def _touch_sigmas(reference: Rest, tracks: Tracks) -> float:
     frame_px = math.sqrt(max((sigma_px * max(1.0, ratio)) ** 2 - rest_sigma_px**2, 0.0))
     noisy = replace(tracks, sigma_px=np.where(tracks.seen, frame_px, np.nan))
     in_contact: bool = (
-        FeatureExtractor(reference, rest_area).extract(noisy, cells, FeaturePlan(frozenset())).in_contact
+        extractor_of(reference, rest_area, dots=False)
+        .extract(noisy, cells, FeaturePlan(frozenset()))
+        .in_contact
     )
     return sigmas if in_contact else 0.0

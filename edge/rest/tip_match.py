@@ -47,8 +47,10 @@ def match_rest(made_with: Rest, rest: Rest) -> tuple[Rest, Tracks]:
     sigma = np.where(seen, tracks.sigma_px, made_with.pattern.pin_radius_px)
     # Brightness is that of the present images; a pin that was not found gets the median.
     brightness = np.full(len(made_with), np.median(rest.pins.brightness))
-    brightness[seen] = rest.pins.brightness[nearest_of(rest.xy_img, tracks.xy_img[seen])[1][:, 0]]
-    return Rest(Pins(xy, sigma, made_with.pins.radius_px, brightness), rest.pattern), tracks
+    nearest = nearest_of(rest.xy_img, xy)[1][:, 0]
+    brightness[seen] = rest.pins.brightness[nearest[seen]]
+    part = None if rest.part is None else rest.part[nearest]
+    return Rest(Pins(xy, sigma, made_with.pins.radius_px, brightness), rest.pattern, part), tracks
 
 
 def _check_lens(made_with: Lens | None, now: Lens | None) -> None:

@@ -5,9 +5,10 @@
     b.mcap?mask=skin.png          a picture as large as the images: white is skin
 
 Several rectangles or circles are parts of the skin, each in a key of its own or in one text with ";" between.
-Of several kinds, the skin is what all of them show. An image keeps its size, so that places and lens stay as
-they are; each pixel outside becomes the nearest one inside. So the edge of the region is no step that could
-be taken for a pin, and a pin that it cuts becomes a streak, which is none.
+Of several kinds, the skin is what all of them show. Parts that do not touch each other are views of their
+own, as mirrors give: each has its own lattice and cells. An image keeps its size, so that places and lens
+stay as they are; each pixel outside becomes the nearest one inside. So the edge of the region is no step that
+could be taken for a pin, and a pin that it cuts becomes a streak, which is none.
 """
 
 import cv2
@@ -45,7 +46,9 @@ def region_of(source: FrameSource, roi: str, circle: str, mask: str) -> Region |
     )[1]
     place_of = np.zeros((int(labels.max()) + 1, 2), np.int16)
     place_of[labels[skin]] = np.argwhere(skin)[:, ::-1]
-    return Region(place_of[labels])
+    nearest_px = place_of[labels]
+    part = cv2.connectedComponents(skin.astype(np.uint8))[1]
+    return Region(nearest_px, part[nearest_px[..., 1], nearest_px[..., 0]])
 
 
 def _numbers(name: str, key: str, text: str) -> list[float]:

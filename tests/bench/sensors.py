@@ -21,7 +21,7 @@ from edge.frame import Pipeline
 from edge.pins import take_rest
 from edge.rest.choice import rest_of_source
 from edge.sources import open_source
-from edge.sources.files import FolderSource, read_image
+from edge.sources.files import FolderSource
 from edge.types import Rest, Result
 from edge.view.panels import View, draw_touch
 from tests.bench.output import ROOT, writes_results
@@ -29,6 +29,7 @@ from tests.bench.recordings import real_option
 
 PAGE = ROOT / "docs" / "sensors.md"
 CASES = "cases/sensors"
+MIRRORS = "?roi=54,79,215,220&roi=308,91,219,216"
 PRESSED, BINARY = f"{CASES}/press_hides_dots_gelslim", "real/tactip331_binary"
 DOME = "real/fingervision_dome/frames"
 HEAD = "| recording | pins by eye | found | more than by eye | held | touched |"
@@ -39,7 +40,7 @@ SEEN_REL = 0.85  # share of the pins that an image must show
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A recording; paths are in the folder of the shared data.
+    """A recording; paths are in the folder of the shared data, and may have keys of a source's address.
 
     by_eye  pins counted by eye; 0: not counted
     images  video, or folder of stills; "": there is the rest image alone
@@ -63,7 +64,12 @@ CATALOGUE = (
     Row("GelSlim, small dots", 530, "", f"{CASES}/false_gelsight_mini/000.png"),
     Row("Tactile insertion, ghosted dots", 330, "", f"{CASES}/ghosted_dots_one_marker_two_pins/000.png"),
     Row("FingerVision, flat", 180, "", f"{CASES}/pin_split_by_glint/whole.png"),
-    Row("Vptac, two mirrors", 0, f"{CASES}/mirror_two_views", f"{CASES}/mirror_two_views/001.png"),
+    Row(
+        "Vptac, two mirrors",
+        120,
+        f"{CASES}/mirror_two_views{MIRRORS}",
+        f"{CASES}/mirror_two_views/001.png{MIRRORS}",
+    ),
     Row("UM-FingerVision dome", 36, "", f"{CASES}/size_jump_umfv/000.png"),
     Row("AllSight, spokes", 100, "", f"{CASES}/tube_perspective_allsight/000.png"),
     Row("TacLINK, along a tube", 0, "", f"{CASES}/tube_perspective_taclink/000.png"),
@@ -74,7 +80,8 @@ STILLS_N = 20  # of a folder of stills, evenly
 def _rest_of(shared: Path, row: Row) -> Rest:
     """Raises NoPins."""
     if row.rest:
-        return take_rest([read_image(shared / row.rest)])
+        source = open_source(str(shared / row.rest))
+        return take_rest([next(iter(source)).image], region=source.region)
     return rest_of_source(open_source(str(shared / row.images)), "auto").rest
 
 

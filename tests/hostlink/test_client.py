@@ -24,18 +24,18 @@ from hostlink.commands.monitor import Board
 from hostlink.finger import STALE_S
 from hostlink.links import Arrival
 from hostlink.subscription import QUEUE
-from hostlink.wire import CanIds, FaultCode, Kind, State, pack_state, unpack_state
+from hostlink.wire import CanIds, FaultCode, Kind, State, pack_state
 from hostlink.wire.fields import DATA_ID, VERSION
 from hostlink.wire.nmt import NmtState
 from tests.support.bus import Wire, foreign_frame, message
-from tests.support.fingers import Application, free_port, make_node, need_multicast, node_at, state
+from tests.support.fingers import Application, free_port, need_multicast, node_at, state
 from tests.support.ptys import Ptys
+from tests.support.states import as_seen
 from tests.support.waiting import SOON_S, until
 
 ROUNDING_S = 2e-6  # of the wire's microseconds, and of floats
-
-
 Ends = tuple[str, str]  # addresses of edge and host
+Pair = tuple[Node, Application, hostlink.Connection]
 
 
 @pytest.fixture(params=["fd", "classic", "udp", "serial"])
@@ -56,15 +56,11 @@ def ends(request: pytest.FixtureRequest, tmp_path: Path) -> Ends:
 
 
 @pytest.fixture
-def pair(ends: Ends) -> Iterator[tuple[Node, Application, hostlink.Connection]]:
-    node, application = make_node(ends[0])
-    node.drain(SOON_S)  # behind a sample, its boot-up message would restart the mapping of the clock
-    with hostlink.connect(ends[1]) as hand:
-        yield node, application, hand
-    node.close()
-
-
-Pair = tuple[Node, Application, hostlink.Connection]
+def pair(ends: Ends) -> Iterator[Pair]:
+    with node_at(ends[0]) as (node, application):
+        node.drain(SOON_S)  # behind a sample, its boot-up message would restart the mapping of the clock
+        with hostlink.connect(ends[1]) as hand:
+            yield node, application, hand
 
 
 def test_samples_come_as_they_were_sent(pair: Pair) -> None:
@@ -78,18 +74,15 @@ def test_samples_come_as_they_were_sent(pair: Pair) -> None:
         if k % 4 == 3:
             node.drain(SOON_S)
     until(lambda: len(received) == 100, "all samples")
-    assert [unpack_state(pack_state(s.state, 0)) for s in received] == [
-        unpack_state(pack_state(s, 0)) for s in sent
-    ]
+    assert [sample.state for sample in received] == [as_seen(state) for state in sent]
     statistics = hand.finger().statistics
     assert statistics.received_n == 100
     assert statistics.lost_n == statistics.corrupt_n == statistics.duplicate_n == 0
     for sample, original in zip(received, sent, strict=True):
         taken_s = original.capture_time_us * 1e-6  # both ends share this machine's clock
         off_s = sample.host_time_s - taken_s
-        transit_s = (
-            sample.arrival_s - taken_s - original.latency_us * 1e-6
-        )  # any delay of this machine included
+        # Any delay of this machine is included.
+        transit_s = sample.arrival_s - taken_s - original.latency_us * 1e-6
         assert -sample.host_error_s - ROUNDING_S <= off_s <= sample.host_error_s + transit_s + ROUNDING_S
 
 
@@ -388,17 +381,16 @@ def test_another_canopen_device_is_no_finger(wire: Wire, request: pytest.Fixture
 def test_a_stopped_finger_is_found(request: pytest.FixtureRequest, heartbeat_ms: int) -> None:
     """After an NMT command it sends its heartbeat alone; without one it answers whoever knows its number."""
     bus = f"virtual:{request.node.name}"
-    node, application = make_node(f"{bus}?node=4")
-    with hostlink.connect(bus) as hand:
-        hand.finger(4).set("heartbeat_ms", heartbeat_ms)
-        hand.nmt(128)
-        until(lambda: node.state == NmtState.PRE_OPERATIONAL, "it sends no samples")
-    with hostlink.connect(bus) as hand:
-        assert hand.fingers == {}
-        assert hand.finger(None if heartbeat_ms else 4).info().serial_number == application.serial
-        assert hand.finger() is hand.finger(4)
-        assert set(hand.fingers) == {4}
-    node.close()
+    with node_at(f"{bus}?node=4") as (node, application):
+        with hostlink.connect(bus) as hand:
+            hand.finger(4).set("heartbeat_ms", heartbeat_ms)
+            hand.nmt(128)
+            until(lambda: node.state == NmtState.PRE_OPERATIONAL, "it sends no samples")
+        with hostlink.connect(bus) as hand:
+            assert hand.fingers == {}
+            assert hand.finger(None if heartbeat_ms else 4).info().serial_number == application.serial
+            assert hand.finger() is hand.finger(4)
+            assert set(hand.fingers) == {4}
 
 
 def test_a_line_is_for_one_program_and_its_finger_has_one_number(tmp_path: Path) -> None:

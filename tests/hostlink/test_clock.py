@@ -111,22 +111,19 @@ def test_any_sequence_of_clock_events() -> None:
     """
     for seed in range(20):
         world = SteppingWorld(20 * SEED + seed, rate_hz=240.0)
+        uniform = world.random.uniform
         world.sample(300)
         for _ in range(8):
             match world.random.randrange(5):
                 case 0:
                     world.reboot()
                 case 1:
-                    world.step(
-                        world.random.choice(
-                            (world.random.uniform(-50, -0.005), world.random.uniform(0.05, 50))
-                        )
-                    )
+                    world.step(world.random.choice((uniform(-50, -0.005), uniform(0.05, 50))))
                 case 2:
-                    world.sleep(world.random.uniform(0.5, 200))
+                    world.sleep(uniform(0.5, 200))
                 case 3:
-                    world.now_s += world.random.uniform(0, 12_000)  # longer than a wrap
+                    world.now_s += uniform(0, 12_000)  # longer than a wrap
                 case _:
-                    world.step(world.random.uniform(-0.004, 0.05))
+                    world.step(uniform(-0.004, 0.05))
                     world.clock.restart()
             assert world.sample(world.random.randrange(1, 400)) < INSIDE, f"seed {seed}"

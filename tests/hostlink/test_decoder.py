@@ -27,11 +27,12 @@ from hostlink.decoder import (
 )
 from hostlink.errors import VersionMismatch
 from hostlink.order_and_time import RESTART_RUN
-from hostlink.wire import CanIds, Kind, Message, State, encode_frame, pack_message, pack_state
+from hostlink.wire import CanIds, Kind, Message, State, encode_frame, pack_state
 from hostlink.wire.e2e import protect_p11, protected_p5
 from hostlink.wire.fields import DATA_ID, DATA_ID_CLASSIC, PARTS, STATE_SIZE, VERSION
+from tests.support.bus import on_line, state_on_line
 from tests.support.seeds import SEED
-from tests.support.states import mismatches, random_state, same
+from tests.support.states import as_seen, mismatches, random_state, same
 
 IDS = CanIds()
 FRAMES = 10_000
@@ -84,24 +85,14 @@ def spots(rng: Random, size: int) -> list[int]:
     return rng.sample(range(8 * size), rng.randint(1, 8))
 
 
-def as_seen(state: State) -> State:
-    """The state as decoded at the other end."""
-    return wire.unpack_state(pack_state(state, 0))
-
-
 DETAIL = wire.pack_detail(3, [(1.0, -2.0, 0.5)] * 30, 0)
 REPLY = wire.ObjectReply(0x2000, 3, data=b"VT-1")
 SERIAL_CASES: list[tuple[bytes, type[Event]]] = [
-    (encode_frame(Message.STATE, pack_state(State(sample=3, displacement_mm=1.0), 0)), Sample),
+    (state_on_line(State(sample=3, displacement_mm=1.0), 0), Sample),
     (b"".join(encode_frame(Message.DETAIL, segment) for segment in DETAIL), DetailFrame),
-    (encode_frame(Message.HEARTBEAT, pack_message(Message.HEARTBEAT, b"\x05", 0)), Heartbeat),
-    (
-        encode_frame(
-            Message.EMERGENCY, pack_message(Message.EMERGENCY, wire.pack_emergency(0x5001, 0x81, 1, 16), 0)
-        ),
-        Emergency,
-    ),
-    (encode_frame(Message.REPLY, pack_message(Message.REPLY, REPLY.pack(), 42)), ObjectAnswer),
+    (on_line(Message.HEARTBEAT, b"\x05", 0), Heartbeat),
+    (on_line(Message.EMERGENCY, wire.pack_emergency(0x5001, 0x81, 1, 16), 0), Emergency),
+    (on_line(Message.REPLY, REPLY.pack(), 42), ObjectAnswer),
 ]
 
 
@@ -170,17 +161,15 @@ def test_loss_duplicates_and_order_are_counted() -> None:
 
 @given(st.lists(st.integers(1, 60_000), max_size=20), st.integers(0, 0xFFFF), st.sampled_from([1, 2, 5]))
 def test_any_gaps_are_counted(gaps: list[int], first: int, stride: int) -> None:
-    decoder = CanDecoder()
-    number = 0
+    decoder, number = CanDecoder(), 1
     samples = [(first, 0), (first + stride, 1)]
-    number = 1
-    for gap in gaps:
-        number += max(1, gap // stride)
+    steps = [max(1, gap // stride) for gap in gaps]
+    for step in steps:
+        number += step
         samples.append((first + number * stride, number))
     deliver(decoder, samples)
     s = decoder.statistics[1]
-    within = all(max(1, gap // stride) * stride <= 0x8000 for gap in gaps)
-    if within:
+    if all(step * stride <= 0x8000 for step in steps):
         assert s.received_n + s.lost_n == number + 1
 
 
@@ -317,12 +306,7 @@ def test_bad_serial_line() -> None:
     """Frames with flips, drops, repetitions, swaps and lost separators, in odd chunks."""
     rng, ledger, decoder = Random(1), Ledger(), SerialDecoder()
     stream = bytearray()
-    for frame in disturbed(
-        rng,
-        ledger,
-        lambda state, i: encode_frame(Message.STATE, pack_state(state, i)),
-        lambda frame, _: frame.strip(b"\0"),
-    ):
+    for frame in disturbed(rng, ledger, state_on_line, lambda frame, _: frame.strip(b"\0")):
         stream += frame
         if len(stream) > rng.randrange(2000):
             ledger.take(decoder.receive(bytes(stream)))
@@ -484,13 +468,10 @@ def test_noise_is_not_another_version() -> None:
 
 def test_events_beside_an_error_are_not_lost() -> None:
     decoder = SerialDecoder()
-    good = [encode_frame(Message.STATE, pack_state(State(sample=i), i)) for i in range(3)]
-    bad = [
-        encode_frame(Message.REPLY, foreign_state(i, VERSION + 1, 0x1111 + Message.REPLY, 30))
-        for i in range(3)
-    ]
+    good = [state_on_line(State(sample=i), i) for i in range(3)]
+    bad = [foreign_state(i, VERSION + 1, 0x1111 + Message.REPLY, 30) for i in range(3)]
     with pytest.raises(VersionMismatch):
-        decoder.receive(good[0] + b"".join(bad) + good[1])
+        decoder.receive(good[0] + b"".join(encode_frame(Message.REPLY, frame) for frame in bad) + good[1])
     assert [e.state.sample for e in decoder.receive(good[2]) if isinstance(e, Sample)] == [0, 1, 2]
 
 

@@ -79,9 +79,8 @@ def test_a_mistake_is_one_line(file: Path, old: str, new: str, expected: str) ->
 
 def test_ros_gets_a_description_and_a_view(file: Path, tmp_path: Path) -> None:
     urdf, rviz = tmp_path / "hand.urdf", tmp_path / "hand.rviz"
-    done = run_host("hand", file, "--urdf", urdf, "--rviz", rviz)
-    assert done.code == 0
-    assert "at -40, 20.5, 0 mm, turned by 0, 90, 30 deg, on left_hand/hand" in done.out
+    shown = run_host("hand", file, "--urdf", urdf, "--rviz", rviz).printed
+    assert "at -40, 20.5, 0 mm, turned by 0, 90, 30 deg, on left_hand/hand" in shown
     robot = ElementTree.parse(urdf).getroot()
     assert [link.get("name") for link in robot.iter("link")] == [
         f"left_hand/{n}" for n in ("hand", "thumb", "index")

@@ -15,12 +15,12 @@ from hypothesis import strategies as st
 import hostlink
 from hostlink import can_bus, links
 from hostlink.can_bus import open_can_bus
-from hostlink.wire import pack_state, unpack_state
 from hostlink.wire.address import Address, AddressError, parse_address
 from tests.edge.link.test_node import UNFORESEEN
 from tests.support.fingers import make_node, node_at, state
 from tests.support.ptys import Ptys
 from tests.support.refusals import one_line
+from tests.support.states import as_seen
 from tests.support.waiting import SOON_S, until
 
 
@@ -70,7 +70,7 @@ def test_slcan_carries_samples_and_objects(adapters: Adapters, options: str, rep
             assert node.send(s)
             assert node.drain(SOON_S)
         until(lambda: len(received) == 30, "all samples")
-        assert [h.state for h in received] == [unpack_state(pack_state(s, 0)) for s in sent]
+        assert [h.state for h in received] == [as_seen(s) for s in sent]
         assert hand.finger(9).info().serial_number == application.serial
     for commands in adapters.commands:
         assert [c for c in commands if c[:1] in ("S", "Y")] == reported
@@ -167,8 +167,8 @@ def test_whatever_a_driver_raises_the_link_comes_back(
         return can_bus.OpenBus(Troubled(channel, trouble), "virtual")
 
     monkeypatch.setattr(links, "open_can_bus", opener)
-    node, application = make_node(f"virtual:{channel}?node=9")
-    with hostlink.connect(f"virtual:{channel}") as hand:
+    at = f"virtual:{channel}"
+    with node_at(f"{at}?node=9") as (node, application), hostlink.connect(at) as hand:
         if where in ("open", "shutdown"):
             trouble["recv"] = OSError("unplugged")
         trouble[where] = error
@@ -180,7 +180,6 @@ def test_whatever_a_driver_raises_the_link_comes_back(
         assert hand.finger(9).get("serial_number") == application.serial
         foreseen = where in ("open", "shutdown") and isinstance(error, Exception)
         assert hand.unforeseen_n == (not foreseen)
-    node.close()
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems keep groups apart by themselves")

@@ -3,6 +3,7 @@
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, suppress
 from random import Random
 from types import SimpleNamespace
@@ -263,9 +264,9 @@ def not_needed() -> Any:
     raise AssertionError("nothing of a finger's samples is needed")
 
 
-def ask_often(finger: Finger, text: tuple[str, str], n: int, force: bool, wrong: list[str]) -> None:
-    """Read a text and tare, n times; notes what is not right. The tip is touched."""
-    name, expected = text
+def ask_often(finger: Finger, text: tuple[str, str], n: int, force: bool) -> list[str]:
+    """Read a text and tare, n times; returns what is not right. The tip is touched."""
+    (name, expected), wrong = text, list[str]()
     for _ in range(n):
         try:
             if (read := finger.get(name)) != expected:
@@ -278,20 +279,6 @@ def ask_often(finger: Finger, text: tuple[str, str], n: int, force: bool, wrong:
                 wrong.append("a tare of a touched tip was accepted")
         except hostlink.LinkError as error:
             wrong.append(repr(error))
-
-
-def ask_at_once(fingers: list[Finger], serial_number: str, n: int) -> list[str]:
-    """The first host forces its tares, so that they are accepted; the others' are refused."""
-    wrong: list[str] = []
-    texts = (("serial_number", serial_number), ("device_name", "voronoi-touch"))
-    threads = [
-        threading.Thread(target=ask_often, args=(finger, texts[k % 2], n, k == 0, wrong))
-        for k, finger in enumerate(fingers)
-    ]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
     return wrong
 
 
@@ -303,11 +290,14 @@ def ask_at_once(fingers: list[Finger], serial_number: str, n: int) -> list[str]:
 def test_hosts_on_one_bus_read_and_tare_correctly(
     monkeypatch: pytest.MonkeyPatch, hosts_n: int, lost: float, late: bool, n: int
 ) -> None:
+    """The first host forces its tares, so that they are accepted; the others' are refused."""
     if lost:
         monkeypatch.setattr(objects, "TIMEOUT_S", 0.05)
         monkeypatch.setattr(objects, "TRIES", 200)  # on a busy machine
-    with closing(SharedBus(hosts_n, lost, late)) as bus:
+    with closing(SharedBus(hosts_n, lost, late)) as bus, ThreadPoolExecutor(hosts_n) as pool:
         clients: list[ObjectClient] = [*bus.hosts]
         fingers = [Finger(HandFile().mount(NODE), client, not_needed, not_needed) for client in clients]
-        assert ask_at_once(fingers, bus.application.serial, n) == []
+        texts = (("serial_number", bus.application.serial), ("device_name", "voronoi-touch"))
+        asked = [pool.submit(ask_often, one, texts[k % 2], n, k == 0) for k, one in enumerate(fingers)]
+        assert [future.result() for future in asked] == [[]] * hosts_n
         assert bus.application.tares == [True] * n

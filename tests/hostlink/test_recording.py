@@ -89,12 +89,50 @@ def test_formats_that_lose_something_are_refused(tmp_path: Path, name: str) -> N
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_unwritable_log_and_one_of_nonsense_are_refused(tmp_path: Path) -> None:
+def test_an_unwritable_log_is_refused(tmp_path: Path) -> None:
     with pytest.raises(LogError, match="cannot be written"):
         LogWriter(tmp_path / "none" / "bus.log")
-    (tmp_path / "b.blf").write_text("nonsense" * 100)
-    with pytest.raises(LogError, match="damaged after 0 messages:"):
-        list(read_log(tmp_path / "b.blf"))
+
+
+def blf_of(container: bytes, stated: int | None = None) -> bytes:
+    """A file with one container; the length in its header may be wrong."""
+    body = struct.pack("<H6xL4x", 2, 0) + container
+    size = 16 + len(body) if stated is None else stated
+    head = b"LOGG" + struct.pack("<L", 144) + bytes(136)
+    return head + struct.pack("<4sHHLL", b"LOBJ", 16, 1, size, 10) + body
+
+
+FALSE_LENGTHS = [
+    blf_of(zlib.compress(b"LOBJ" + bytes(60)), size) for size in (0, 15, 20, 1 << 30, (1 << 32) - 1)
+]
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "stated"),
+    [
+        ("b.blf", b"nonsense" * 100, "damaged after 0 messages:"),
+        ("line.serial", b"something else entirely", "not a serial recording"),
+        ("line.serial", b"voronoi-touch serial 1\n" + b"\xff" * 40, "damaged at byte"),
+        *(("a.blf", data, r"damaged after 0 messages: .* at byte 144") for data in FALSE_LENGTHS),
+    ],
+    ids=lambda value: value[:20] if isinstance(value, str) else "",
+)
+def test_damage_is_named_and_allocates_no_memory(
+    tmp_path: Path, name: str, content: bytes, stated: str
+) -> None:
+    path = tmp_path / name
+    path.write_bytes(content)
+    with bounded_memory(4 << 20), pytest.raises(LogError, match=stated):
+        list(read_serial(path) if path.suffix == ".serial" else read_log(path))
+
+
+def test_a_blf_container_that_unpacks_endlessly_counts_as_damaged(tmp_path: Path) -> None:
+    packer = zlib.compressobj(9)
+    parts = [packer.compress(bytes(1 << 20)) for _ in range(256)]
+    path = tmp_path / "a.blf"
+    path.write_bytes(blf_of(b"".join([*parts, packer.flush()])))
+    with bounded_memory(96 << 20), pytest.raises(LogError, match="a container too large at byte 144"):
+        list(read_log(path))
 
 
 def test_serial_round_trip(tmp_path: Path) -> None:
@@ -116,21 +154,10 @@ def test_serial_round_trip(tmp_path: Path) -> None:
     assert list(read_serial(path)) == chunks[:-1], "an unfinished record is the end"
 
 
-def test_serial_damage(tmp_path: Path) -> None:
-    path = tmp_path / "line.serial"
-    path.write_bytes(b"something else entirely")
-    with pytest.raises(LogError, match="not a serial recording"):
-        list(read_serial(path))
-    path.write_bytes(b"voronoi-touch serial 1\n" + b"\xff" * 40)
-    with pytest.raises(LogError, match="damaged at byte"):
-        list(read_serial(path))
-
-
 def test_decoder_of_the_wrong_kind(tmp_path: Path) -> None:
-    with pytest.raises(TypeError, match="CanDecoder"):
-        list(decode_recording(tmp_path / "a.log", SerialDecoder()))
-    with pytest.raises(TypeError, match="SerialDecoder"):
-        list(decode_recording(tmp_path / "a.serial", CanDecoder()))
+    for name, wrong, right in (("a.log", SerialDecoder(), "Can"), ("a.serial", CanDecoder(), "Serial")):
+        with pytest.raises(TypeError, match=f"{right}Decoder"):
+            list(decode_recording(tmp_path / name, wrong))
 
 
 def test_a_channel_with_a_long_number_is_recorded(tmp_path: Path) -> None:
@@ -344,36 +371,6 @@ def write_edge(path: Path, states: list[State], finger: int = 1) -> None:
         for k, state in enumerate(states):
             frame = Frame(np.zeros((4, 4), np.uint8), k * 10_000_000, k, Clock.HOST)
             recorder.sample(frame, finger, partial(unpack_state, pack_state(state, k)))
-
-
-def blf_of(container: bytes, stated: int | None = None) -> bytes:
-    """A file with one container; the length in its header may be wrong."""
-    body = struct.pack("<H6xL4x", 2, 0) + container
-    size = 16 + len(body) if stated is None else stated
-    return (
-        b"LOGG"
-        + struct.pack("<L", 144)
-        + bytes(136)
-        + struct.pack("<4sHHLL", b"LOBJ", 16, 1, size, 10)
-        + body
-    )
-
-
-@pytest.mark.parametrize("stated", [0, 15, 20, 1 << 30, (1 << 32) - 1])
-def test_a_false_blf_length_allocates_no_memory(tmp_path: Path, stated: int) -> None:
-    path = tmp_path / "a.blf"
-    path.write_bytes(blf_of(zlib.compress(b"LOBJ" + bytes(60)), stated))
-    with bounded_memory(4 << 20), pytest.raises(LogError, match=r"damaged after 0 messages: .* at byte 144"):
-        list(read_log(path))
-
-
-def test_a_blf_container_that_unpacks_endlessly_counts_as_damaged(tmp_path: Path) -> None:
-    packer = zlib.compressobj(9)
-    parts = [packer.compress(bytes(1 << 20)) for _ in range(256)]
-    path = tmp_path / "a.blf"
-    path.write_bytes(blf_of(b"".join([*parts, packer.flush()])))
-    with bounded_memory(96 << 20), pytest.raises(LogError, match="a container too large at byte 144"):
-        list(read_log(path))
 
 
 @pytest.mark.parametrize("split", [None, 40])

@@ -19,6 +19,7 @@ import pytest
 from hostlink.web import PageServer, WebError, find_token, parse_listen
 from hostlink.web.limits import SparseLog, WebLimits
 from tests.support.memory import bounded_memory
+from tests.support.refusals import one_line
 from tests.support.seeds import SEED
 from tests.support.waiting import SOON_S, until
 
@@ -124,25 +125,21 @@ def read_all(raw: socket.socket) -> bytes:
     return bytes(got)
 
 
-def test_a_viewer_that_never_reads_is_disconnected() -> None:
+@pytest.mark.parametrize("talks", [False, True])
+def test_a_viewer_that_acknowledges_nothing_is_disconnected(talks: bool) -> None:
+    """Messages are no sign of life: only acknowledged packets count."""
     with serving(limits=WebLimits(patience_s=0.3)) as served:
         server = served.server
         with never_reads(served) as raw:
+            with contextlib.suppress(ConnectionError):
+                while talks and server.cut_off_n == 0:
+                    raw.sendall(message_frame('{"want": ["image"]}'))
+                    threading.Event().wait(0.02)
             until(lambda: server.cut_off_n == 1, "it is cut off")
             assert server.sent_n <= 2, "no more than two packets were under way to it"
             until(lambda: server.viewers_n == 0, "it is forgotten")
             read_all(raw)
         until(lambda: served.wanted == [frozenset({"image"}), None], "nothing is made any more")
-
-
-def test_a_viewer_that_acknowledges_nothing_is_disconnected() -> None:
-    """Messages are no sign of life: only acknowledged packets count."""
-    with serving(limits=WebLimits(patience_s=0.3)) as served, never_reads(served) as raw:
-        with contextlib.suppress(ConnectionError):
-            while served.server.cut_off_n == 0:
-                raw.sendall(message_frame('{"want": ["image"]}'))
-                threading.Event().wait(0.02)
-        until(lambda: served.server.cut_off_n == 1, "it is cut off")
 
 
 def test_a_viewer_that_reads_no_answers_is_disconnected() -> None:
@@ -202,28 +199,24 @@ def test_a_hundred_viewers_come_and_go(served: Served) -> None:
     until(lambda: server.viewers_n == 0, "the last one has left")
 
 
-@pytest.mark.parametrize("fields", ["", "G", "GET / HTTP/1.1\r\nHost: "])
+@pytest.mark.parametrize("fields", ["", "G", "GET / HTTP/1.1\r\nHost: ", "an upgrade"])
 def test_half_open_requests_do_not_block_others(
     served: Served, fields: str, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Many times more than there are places for: a viewer is still admitted."""
+    """Many times more than there are places for: a viewer is still admitted.
+
+    Only a viewer that has sent its first message takes a place, too.
+    """
+    upgrade = fields == "an upgrade"
+    sent = upgrade_request(served.server.port) if upgrade else fields.encode()
     with contextlib.ExitStack() as stack:
-        for _ in range(5 * LIMITS.connections_n):
+        for _ in range(2 * LIMITS.viewers_n if upgrade else 5 * LIMITS.connections_n):
             raw = stack.enter_context(served.connect())
-            raw.sendall(fields.encode())
+            raw.sendall(sent)
+            assert not upgrade or raw.recv(4096).startswith(b"HTTP/1.1 101")
         assert asyncio.run(look(served.url)) == 2
         assert served.server.connections_n <= LIMITS.connections_n
     assert sum(len(record.getMessage()) for record in caplog.records) < 10_000
-
-
-def test_half_open_sockets_do_not_count_as_viewers(served: Served) -> None:
-    """Only a viewer that has sent its request takes a place."""
-    with contextlib.ExitStack() as stack:
-        for _ in range(2 * LIMITS.viewers_n):
-            raw = stack.enter_context(served.connect())
-            raw.sendall(upgrade_request(served.server.port))
-            assert raw.recv(4096).startswith(b"HTTP/1.1 101")
-        assert asyncio.run(look(served.url)) == 2
 
 
 def test_more_viewers_than_may_watch_are_refused() -> None:
@@ -234,15 +227,12 @@ def test_more_viewers_than_may_watch_are_refused() -> None:
         assert asyncio.run(close_code(served.url, '{"want": []}')) == 1013
 
 
-def test_a_request_that_takes_too_long_is_closed() -> None:
-    with serving(limits=WebLimits(request_s=0.2)) as served, served.connect() as raw:
-        raw.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Slow: ")
-        assert read_all(raw) == b""
-        until(lambda: served.server.connections_n == 0, "it is forgotten")
-
-
-def test_a_viewer_stays_longer_than_a_request_may_take() -> None:
+def test_a_request_that_takes_too_long_is_closed_and_a_viewer_stays() -> None:
     with serving(limits=WebLimits(request_s=1.0)) as served:
+        with served.connect() as raw:
+            raw.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Slow: ")
+            assert read_all(raw) == b""
+            until(lambda: served.server.connections_n == 0, "it is forgotten")
         assert asyncio.run(look(served.url, 40)) == 40
 
 
@@ -357,20 +347,19 @@ def test_a_token_comes_from_the_option_the_file_or_the_environment(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A command line is seen by all users of a machine."""
-    path = tmp_path / "token"
+    path, empty, binary = (tmp_path / name for name in ("token", "empty", "binary"))
     path.write_text("from-the-file\nmore\n")
+    empty.write_text("\n")
+    binary.write_bytes(b"\xff\xfe\xff")
     assert find_token(None, None, "--token-file") is None
     assert find_token(None, path, "--token-file") == "from-the-file"
     monkeypatch.setenv("VORONOI_TOUCH_VIEW_TOKEN", "from-the-environment")
     assert find_token(None, None, "--token-file") == "from-the-environment"
     assert find_token("given", None, "--token-file") == "given"
-    with pytest.raises(WebError, match="given twice"):
-        find_token("given", path, "--token-file")
-    path.write_bytes(b"\xff\xfe\xff")
-    with pytest.raises(WebError, match=r"--token-file .*token: not text; give a file whose first line"):
-        find_token(None, path, "--token-file")
-    with pytest.raises(WebError, match="No such file"):
-        find_token(None, tmp_path / "none", "--token-file")
-    path.write_text("\n")
-    with pytest.raises(WebError, match="its first line is empty"):
-        find_token(None, path, "--token-file")
+    for given, file, stated in (
+        ("given", path, "given twice"),
+        (None, binary, f"--token-file {binary}: not text; give a file whose first line"),
+        (None, tmp_path / "none", "No such file"),
+        (None, empty, "its first line is empty"),
+    ):
+        assert stated in one_line(WebError, find_token, given, file, "--token-file")

@@ -7,7 +7,7 @@ import can
 
 import hostlink
 from hostlink.hand_file import HandFile
-from hostlink.wire import State, pack_state
+from hostlink.wire import Message, State, encode_frame, pack_message, pack_state
 from hostlink.wire.e2e import protected_p5
 from hostlink.wire.fields import DATA_ID
 
@@ -19,6 +19,15 @@ def message(can_id: int, data: bytes, time_s: float = 0.0) -> can.Message:
     return can.Message(
         timestamp=time_s, arbitration_id=can_id, data=data, is_extended_id=False, is_fd=len(data) > 8
     )
+
+
+def on_line(kind: Message, body: bytes, counter: int) -> bytes:
+    """A message as it passes a serial line."""
+    return encode_frame(kind, pack_message(kind, body, counter))
+
+
+def state_on_line(state: State, counter: int) -> bytes:
+    return encode_frame(Message.STATE, pack_state(state, counter))
 
 
 def foreign_frame(counter: int, data_id: int = DATA_ID ^ 0x55) -> bytes:

@@ -9,14 +9,11 @@ import numpy as np
 
 from edge.calibration import Calibration
 from edge.types import ContactRegion, Features, PinPattern
+from tests.support import layouts
 
 PATTERN = PinPattern(4.0, 20.0, np.array([320.0, 240.0]), 46.0, 10.0, 180.0, 2.0, (640, 480))
 #: Nineteen pins in a hexagon.
-PINS = [
-    [320.0 + 20.0 * (q + r / 2), round(240.0 + 20.0 * r * math.sqrt(3) / 2, 3)]
-    for q in range(-2, 3)
-    for r in range(max(-2, -q - 2), min(2, -q + 2) + 1)
-]
+PINS: list[list[float]] = layouts.hexagonal(2, 20.0).round(3).tolist()
 _CONTENT: dict[str, Any] = {
     "format": "voronoi-touch-calibration",
     "version": 1,

@@ -25,6 +25,12 @@ class Done:
     err: str = ""
 
     @property
+    def printed(self) -> str:
+        """What a command printed that succeeded."""
+        assert self.code == 0, self
+        return self.out
+
+    @property
     def refusal(self) -> str:
         """The one line of a command that was refused: its exit code is 2, and it printed nothing else."""
         assert (self.code, self.out) == (2, ""), self

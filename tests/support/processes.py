@@ -1,6 +1,8 @@
 """Programs in a process of their own, with the deadline that all tests have."""
 
 import os
+import resource
+import signal
 import subprocess
 import sys
 from fnmatch import fnmatch
@@ -24,6 +26,16 @@ def python(*arguments: str | Path, **options: Any) -> subprocess.CompletedProces
 def edge(*arguments: str | Path, **options: Any) -> subprocess.CompletedProcess[str]:
     """`python -m edge` with these arguments."""
     return python("-m", "edge", *arguments, **options)
+
+
+def small_disk(n_bytes: int) -> dict[str, Any]:
+    """No file of the process may grow beyond this: like on a full disk, except for the error number."""
+
+    def limit() -> None:
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (n_bytes, n_bytes))
+
+    return {"preexec_fn": limit}
 
 
 def source_files(root: Path, *patterns: str) -> list[Path]:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from hostlink.decoder import CanDecoder, Sample, SerialDecoder
 from hostlink.errors import VersionMismatch
-from hostlink.wire import Contact, State, Status
+from hostlink.wire import Contact, State, Status, pack_state, unpack_state
 from hostlink.wire.fields import CONTACTS_MAX, FIELDS, LAYOUT, field_named
 
 MEASURED = tuple(f for f in FIELDS if not f.plain)
@@ -18,6 +18,11 @@ MEASURED = tuple(f for f in FIELDS if not f.plain)
 def same(a: State, b: State) -> bool:
     """Equal, with NaN equal to NaN (unlike dataclass equality)."""
     return repr(a) == repr(b)
+
+
+def as_seen(state: State) -> State:
+    """The state as decoded at the other end."""
+    return unpack_state(pack_state(state, 0))
 
 
 def random_state(rng: Random, sample: int) -> State:

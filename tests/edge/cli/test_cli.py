@@ -6,9 +6,7 @@ import logging
 import os
 import pty
 import re
-import resource
 import shlex
-import signal
 import subprocess
 import sys
 from contextlib import closing, suppress
@@ -37,7 +35,7 @@ from edge.types import Frame
 from hostlink.wire import Status
 from tests.support.commands import run_edge as command
 from tests.support.messages import read_messages
-from tests.support.processes import edge, python
+from tests.support.processes import edge, python, small_disk
 from tests.support.waiting import SOON_S
 
 
@@ -54,16 +52,13 @@ def write(path: Path, image: np.ndarray) -> Path:
 
 
 def test_inspect_lists_the_pins_and_names_the_sensor(tip_image: Path, tmp_path: Path) -> None:
-    done = command("inspect", tip_image, "--json", "--overlay", tmp_path / "seen")
-    assert done.code == 0
-    (found,) = json.loads(done.out)
+    (found,) = json.loads(command("inspect", tip_image, "--json", "--overlay", tmp_path / "seen").printed)
     assert found["image"] == str(tip_image)
     assert found["n_pins"] == len(found["xy_px"]) == 127
     assert (tmp_path / "seen" / "tip_pins.png").is_file()
     assert "127 bright pins, as of TacTip, 127 pins (tactip-127), 0." in command("inspect", tip_image).out
-    other = command("inspect", tip_image, "--sensor", "tactip-331")
-    assert other.code == 0
-    assert "not as of TacTip, 331 pins: 127 pins found" in other.out
+    other = command("inspect", tip_image, "--sensor", "tactip-331").printed
+    assert "not as of TacTip, 331 pins: 127 pins found" in other
 
 
 def test_a_sensor_of_ones_own_is_made_from_one_image_and_one_length(tip_image: Path, tmp_path: Path) -> None:
@@ -132,9 +127,7 @@ def test_memory_does_not_grow_with_the_samples(
 
 def test_replay_prints_what_was_held_and_sent(data_dir: Path) -> None:
     arguments = ("replay", data_dir / "press_shear.mcap", "--speed", "max", "--sink", "memory:", "--json")
-    done = command(*arguments, "--calibration", data_dir / "hex127_flat.json")
-    assert done.code == 0
-    table = json.loads(done.out)
+    table = json.loads(command(*arguments, "--calibration", data_dir / "hex127_flat.json").printed)
     assert table["frames_n"] == table["sent_n"] == 40
     assert table["pins_held_min"] == table["pins_n"] == 127
     assert table["displacement_max_mm"] == pytest.approx(3.0, abs=0.15)
@@ -167,11 +160,15 @@ def test_the_example_loops_without_a_search_and_fits_its_truth() -> None:
         assert values["force_n"] == pytest.approx(sum(truth["forces_n"]), abs=0.1)
 
 
+def replayed(*arguments: str | Path) -> list[dict[str, Any]]:
+    """Samples of a replay, and behind them its summary."""
+    done = command("replay", *arguments, "--speed", "max", "--samples", "--json")
+    return [json.loads(line) for line in done.printed.splitlines()]
+
+
 def values(recording: Path, *more: str | Path) -> list[dict[str, object]]:
     """Samples of a replay, without their times."""
-    done = command("replay", recording, "--speed", "max", "--samples", "--json", *more)
-    assert done.code == 0
-    *samples, summary = [json.loads(line) for line in done.out.splitlines()]
+    *samples, summary = replayed(recording, *more)
     assert len(samples) == summary["frames_n"] - 7  # frames that became the rest frame have no result
     return [{k: v for k, v in s.items() if k not in ("latency_us", "capture_time_us")} for s in samples]
 
@@ -214,9 +211,7 @@ def test_a_recording_numbers_the_finger_as_the_bus_does(tmp_path: Path, sink: st
 )
 def test_a_recording_that_ends_within_its_tare_is_reported(tip_image: Path, speed: str, way_out: str) -> None:
     """No values is no success."""
-    done = command("replay", tip_image, "--speed", speed)
-    assert (done.code, done.out) == (2, "")
-    (output,) = done.err.splitlines()
+    output = command("replay", tip_image, "--speed", speed).refusal
     assert output.startswith(
         f"error: {tip_image}: ended while the rest frame was being taken (8 images and a search), no values"
     )
@@ -253,9 +248,7 @@ def test_a_truncated_recording_is_reported_and_replayed(
                 recorder.frame(frame)
     os.truncate(cut, cut.stat().st_size * 2 // 3)
     warning = f"{cut}: not whole (cut off at its end); what could be read was taken"
-    done = command("replay", cut, "--speed", "max", "--json")
-    assert done.code == 0
-    assert 8 < json.loads(done.out)["frames_n"] < 120
+    assert 8 < json.loads(command("replay", cut, "--speed", "max", "--json").printed)["frames_n"] < 120
     assert warning in caplog.text
     caplog.clear()
     assert command("render", cut, "-o", tmp_path / "a.mkv", "--height", "120", "-q").code == 0
@@ -271,9 +264,7 @@ def test_without_a_sink_a_warning_is_logged(caplog: pytest.LogCaptureFixture, tm
 
 def test_inspect_shows_the_rest_frame_of_a_recording(data_dir: Path, tmp_path: Path) -> None:
     inspect = ("inspect", data_dir / "press.mcap", "--rest")
-    done = command(*inspect, "auto", "--json", "--overlay", tmp_path)
-    assert done.code == 0
-    (found,) = json.loads(done.out)
+    (found,) = json.loads(command(*inspect, "auto", "--json", "--overlay", tmp_path).printed)
     assert found["untouched"] is True
     assert found["n_pins"] == 331
     assert "cells are" in found["rest"]
@@ -288,10 +279,8 @@ def test_replay_of_a_recording_that_begins_touched_corrects_its_rest_frame(tmp_p
     touch = (ToolPose(depth_mm=3.0, tilt_x_deg=15.0),)
     for number in range(24):
         write(tmp_path / f"{number}.png", tip.frame(touch if number < 8 else ()).image)
-    done = command("replay", tmp_path, "--sink", "memory:", "--speed", "max", "--samples", "-q")
-    assert done.code == 0
-    contacts = [json.loads(line)["contact_n"] > 0 for line in done.out.splitlines()]
-    assert contacts == [True] * 8 + [False] * 16
+    *samples, _ = replayed(tmp_path, "--sink", "memory:")
+    assert [sample["contact_n"] > 0 for sample in samples] == [True] * 8 + [False] * 16
     alone = command("replay", tmp_path / "0.png", "--sink", "memory:", "--speed", "max", "-q")
     assert alone.code == 2  # there is no untouched image
 
@@ -382,11 +371,7 @@ def test_a_mistake_is_one_line_and_exit_code_2(
     mistaken: Path, data_dir: Path, line: str, expected: str
 ) -> None:
     places = {"press": data_dir / "press_shear.mcap", "other": data_dir / "rings331_ball.json"}
-    done = command(*[word.format(**places) for word in shlex.split(line)])
-    assert done.code == 2
-    (error,) = done.err.strip().splitlines()
-    assert error.startswith("error: ")
-    assert expected in error
+    assert expected in command(*[word.format(**places) for word in shlex.split(line)]).refusal
     assert {(mistaken / name).read_text() for name in ("there.mcap", "video.mp4")} == {"keep me"}
 
 
@@ -394,9 +379,7 @@ def test_a_dark_period_is_a_status_bit_and_a_count(data_dir: Path, tmp_path: Pat
     images = [frame.image for frame in open_source(str(data_dir / "nothing.mcap"))]
     for i, image in enumerate([*images[:10], *[np.zeros_like(images[0])] * 4, *images[10:]]):
         write(tmp_path / f"{i:03d}.png", image)
-    done = command("replay", tmp_path, "--speed", "max", "--samples", "--json")
-    assert done.code == 0
-    *samples, summary = [json.loads(line) for line in done.out.splitlines()]
+    *samples, summary = replayed(tmp_path)
     assert summary["faults"]["IMAGE_DARK"] == 1
     assert summary["without_values"]["IMAGE_DARK"] == 4
     shown = command("render", tmp_path, "--height", "120", "--json", "-o", tmp_path.with_suffix(".mkv"))
@@ -404,16 +387,6 @@ def test_a_dark_period_is_a_status_bit_and_a_count(data_dir: Path, tmp_path: Pat
     lost = [bool(Status(sample["status"]) & Status.TRACKER_LOST) for sample in samples]
     assert lost == [False] * 3 + [True] * 4 + [False] * (len(samples) - 7)
     assert samples[-1]["pins_tracked"] == 1.0
-
-
-def small_disk(n_bytes: int) -> dict[str, Any]:
-    """No file of the process may grow beyond this: like on a full disk, except for the error number."""
-
-    def limit() -> None:
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (n_bytes, n_bytes))
-
-    return {"preexec_fn": limit}
 
 
 @pytest.mark.parametrize("suffix", [".mp4", ".mkv", ".avi", ".webm"])

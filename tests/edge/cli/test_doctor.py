@@ -129,11 +129,16 @@ def test_everything_in_order_gives_ok(examined: Examined) -> None:
     assert found["link"].message == "can0 is up, 1 Mbit/s and 5"
 
 
-def test_no_camera(examined: Examined) -> None:
-    found = examined(camera=SourceError("source v4l2:0: no such camera; cameras here: none"))
-    assert bad(found) == {"camera": "fail"}
-    assert "no such camera" in found["camera"].message
-    assert not {"light", "pins", "focus"} & set(found)  # topics that cannot be checked are not guessed
+def test_no_camera_and_one_without_images(examined: Examined, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("edge.cli.picture.LIVE", replace(LIVE, first_s=0.05))
+    silent = Camera([])
+    silent.condition = "stalled"
+    absent = SourceError("source v4l2:0: no such camera; cameras here: none")
+    for camera, stated in ((absent, "no such camera"), (silent, "stalled")):
+        found = examined(camera=camera)
+        assert bad(found) == {"camera": "fail"}
+        assert stated in found["camera"].message
+        assert not {"light", "pins", "focus"} & set(found)  # topics that cannot be checked are not guessed
 
 
 @pytest.mark.parametrize(
@@ -163,15 +168,6 @@ def test_a_slow_camera_and_a_touch(examined: Examined, rest: list[Image]) -> Non
     line = examined([tip.frame((ToolPose(depth_mm=3.0, tilt_x_deg=15.0),)).image])["touch"]
     assert line.level == "warn"
     assert "lopsided" in line.message
-
-
-def test_a_camera_without_images(examined: Examined, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("edge.cli.picture.LIVE", replace(LIVE, first_s=0.05))
-    camera = Camera([])
-    camera.condition = "stalled"
-    found = examined(camera=camera)
-    assert bad(found) == {"camera": "fail"}
-    assert "stalled" in found["camera"].message
 
 
 def test_a_calibration_that_cannot_be_read_or_is_another_tip_s(

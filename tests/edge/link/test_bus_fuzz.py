@@ -11,10 +11,11 @@ from edge.link.medium import CanFrame
 from edge.link.node import Node
 from edge.link.settings import SettingsFile
 from edge.link.sinks import CanFdSink, SerialSink
-from hostlink.wire import OBJECTS, CanIds, Kind, Message, encode_frame, pack_message
+from hostlink.wire import OBJECTS, CanIds, Kind, Message
 from hostlink.wire.nmt import NmtState
 from hostlink.wire.serial import FRAME_MAX
 from tests.edge.link.test_node import Finger
+from tests.support.bus import on_line
 from tests.support.media import Wire
 from tests.support.waiting import SOON_S
 
@@ -85,7 +86,7 @@ def test_can(messages: list[tuple[int, bytes]]) -> None:
         st.one_of(
             st.binary(max_size=80),
             st.builds(
-                lambda kind, body, counter: encode_frame(kind, pack_message(kind, body, counter)),
+                on_line,
                 st.sampled_from(KINDS),
                 st.one_of(st.binary(max_size=60), requests),
                 st.integers(0, 255),
@@ -100,7 +101,6 @@ def test_serial(chunks: list[bytes]) -> None:
         for chunk in chunks:
             node.sink._split(chunk)
         check_values(node, finger)
-        start = encode_frame(Message.NMT, pack_message(Message.NMT, bytes((1,)), 0))
-        node.sink._split(b"\0" + start)
+        node.sink._split(b"\0" + on_line(Message.NMT, bytes((1,)), 0))
         assert node.state is NmtState.OPERATIONAL
         assert len(node.sink._buffer) <= FRAME_MAX

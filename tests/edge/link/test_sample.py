@@ -9,7 +9,8 @@ import pytest
 
 from edge.link.sample import SIGMAS, to_state
 from edge.types import Reading, Tracks
-from hostlink.wire import FIELDS, Contact, Status, pack_state, unpack_state
+from hostlink.wire import FIELDS, Contact, State, Status
+from tests.support.states import as_seen
 
 #: Fields that the calibration fills in.
 VALUES = frozenset(f.name for f in FIELDS if not (f.plain or f.contact)) - {
@@ -20,9 +21,10 @@ VALUES = frozenset(f.name for f in FIELDS if not (f.plain or f.contact)) - {
 }
 
 
-def measured(tracks: Tracks, reading: Reading) -> Any:
-    """The part of a result that is sent."""
-    return SimpleNamespace(tracks=tracks, reading=reading)
+def sent(tracks: Tracks, reading: Reading, **stated: Any) -> State:
+    """The sample of a result, of which these parts are sent."""
+    result: Any = SimpleNamespace(tracks=tracks, reading=reading)
+    return to_state(result, **({"sample": 0, "status": Status(0), "capture_time_us": 0} | stated))
 
 
 def tracks(n: int = 10, seen: int = 8, confidence: float = 1.0) -> Tracks:
@@ -37,13 +39,8 @@ def reading(contacts: int = 2, **values: float) -> Reading:
 
 def test_every_value_has_its_place() -> None:
     values = {name: float(k + 1) / 4 for k, name in enumerate(sorted(VALUES))}
-    state = to_state(
-        measured(tracks(), reading(2, **values)),
-        sample=70_000,
-        status=Status.TOUCHED,
-        capture_time_us=1 << 33,
-    )
-    back = unpack_state(pack_state(state, 0))
+    result = tracks(), reading(2, **values)
+    back = as_seen(sent(*result, sample=70_000, status=Status.TOUCHED, capture_time_us=1 << 33))
     for f in FIELDS:
         if f.name in values:
             limited = min(max(values[f.name], f.low), f.high)
@@ -58,9 +55,7 @@ def test_every_value_has_its_place() -> None:
 
 def test_bits_that_follow_from_the_result() -> None:
     untrusted = Reading({}, {}, np.empty((0, 3)), frozenset({"displacement_mm"}), calibrated=False)
-    state = to_state(
-        measured(tracks(confidence=0.1), untrusted), sample=0, status=Status.NOT_LIVE, capture_time_us=0
-    )
+    state = sent(tracks(confidence=0.1), untrusted, status=Status.NOT_LIVE)
     assert state.status == Status.NOT_LIVE | Status.UNCALIBRATED | Status.SATURATED | Status.TRACKER_LOST
     assert isnan(state.displacement_mm)
 
@@ -77,9 +72,8 @@ def test_without_a_result_only_the_frame_counts() -> None:
 
 
 def test_contacts_that_do_not_fit_are_counted_and_unknown_values_refused() -> None:
-    rest: dict[str, Any] = {"sample": 0, "status": Status(0), "capture_time_us": 0}
-    state = to_state(measured(tracks(), reading(6)), **rest)
+    state = sent(tracks(), reading(6))
     assert state.contact_n == 6
     assert [c.x_mm for c in state.contacts] == [0.0, 1.0]
     with pytest.raises(TypeError, match="displacement_cm"):
-        to_state(measured(tracks(), reading(0, displacement_cm=1.0)), **rest)
+        sent(tracks(), reading(0, displacement_cm=1.0))

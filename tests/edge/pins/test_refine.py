@@ -101,6 +101,18 @@ def test_pins_that_the_border_cuts_keep_their_place() -> None:
     assert pins.sigma_px[:2].min() > pins.sigma_px[2]
 
 
+def test_pins_with_a_glint_keep_their_place_wherever_they_were_predicted() -> None:
+    rng = np.random.default_rng(9)
+    truth = hexagon(3, 19.0, (150.0, 150.0))
+    glints = draw(SIZE, truth + np.array([0.0, 1.2]), 1.5, 1.0, -160, 0)
+    image = expose(draw(SIZE, truth, 6.0, 1.4, 100, 60) + glints, 1.0, rng)
+    refiner = CentroidRefiner(known_rest(truth, 6.0, 1.4, 100, 1.0, 19.0, SIZE))
+    starts = truth + rng.uniform(-1, 1, (8, *truth.shape))
+    places = np.array([refiner.refine(image, start).xy_img for start in starts])
+    assert np.hypot(*np.moveaxis(places - np.median(places, axis=0), -1, 0)).max() < 0.8
+    assert np.hypot(*np.moveaxis(places - truth, -1, 0)).max() < 0.5
+
+
 def scattered(bits: int, dark: bool) -> tuple[CentroidRefiner, Image, Array]:
     """Pins of five radii, some cut by the border, half of them poorly predicted: refiner, image, predictions.
 

@@ -22,29 +22,36 @@ IMAGE = "sensor_msgs/msg/Image"
 COMPRESSED = "sensor_msgs/msg/CompressedImage"
 
 
-def image_message(encoding: str, data: bytes, step: int, kind: str = IMAGE) -> tuple[str, bytes]:
-    """A message's type, and its bytes."""
+def image_message(encoding: str, data: bytes, step: int, kind: str = IMAGE) -> tuple[str, bytes, str]:
+    """A message's type, its bytes, and their encoding."""
     time = STORE.types["builtin_interfaces/msg/Time"](1, 2)
     about: Any = STORE.types["std_msgs/msg/Header"](time, "camera")
     values = np.frombuffer(data, np.uint8)
     fields = (encoding, values) if kind == COMPRESSED else (H, W, encoding, 0, step, values)
-    return kind, bytes(STORE.serialize_cdr(STORE.types[kind](about, *fields), kind))
+    return kind, bytes(STORE.serialize_cdr(STORE.types[kind](about, *fields), kind)), "cdr"
+
+
+def in_json() -> tuple[str, bytes, str]:
+    raw = {"width": W, "height": H, "encoding": "uyvy", "step": 2 * W}
+    raw["data"] = base64.b64encode(interleaved(GREY, None, 0)).decode()
+    return "foxglove.RawImage", json.dumps(raw).encode(), "json"
 
 
 #: A message each, and the picture in it.
-MESSAGES: dict[str, tuple[tuple[str, bytes], Any]] = {
+MESSAGES: dict[str, tuple[tuple[str, bytes, str], Any]] = {
     "mono8": (image_message("mono8", GREY.tobytes(), W), GREY),
     "mono16": (image_message("mono16", picture(16).tobytes(), 2 * W), picture(16)),
     "yuyv": (image_message("yuv422_yuy2", interleaved(GREY, 0, None), 2 * W), GREY),
     "nv12": (image_message("nv12", GREY.tobytes() + CHROMA, W), GREY),
     "PNG": (image_message("png", encoded(".png", GREY), 0, COMPRESSED), GREY),
+    "JSON": (in_json(), GREY),
 }
 
 
 @pytest.mark.parametrize("kind", MESSAGES)
-def test_an_image_of_ros_in_an_mcap_file(tmp_path: Path, kind: str) -> None:
-    (schema, data), expected = MESSAGES[kind]
-    assert np.array_equal(only(mcap_of(tmp_path / "a.mcap", schema, data, "cdr")), expected)
+def test_an_image_of_ros_or_in_json_in_an_mcap_file(tmp_path: Path, kind: str) -> None:
+    message, expected = MESSAGES[kind]
+    assert np.array_equal(only(mcap_of(tmp_path / "a.mcap", *message)), expected)
 
 
 @pytest.mark.parametrize("storage", [StoragePlugin.SQLITE3, StoragePlugin.MCAP])
@@ -62,19 +69,12 @@ def test_a_bag_of_ros(tmp_path: Path, storage: StoragePlugin) -> None:
         assert [(f.capture_ns, f.image[0, 0]) for f in source] == [(1000, 1), (2000, 2), (3000, 3)]
 
 
-def test_an_image_in_json(tmp_path: Path) -> None:
-    raw = {"width": W, "height": H, "encoding": "uyvy", "step": 2 * W}
-    raw["data"] = base64.b64encode(interleaved(GREY, None, 0)).decode()
-    path = mcap_of(tmp_path / "a.mcap", "foxglove.RawImage", json.dumps(raw).encode(), "json")
-    assert np.array_equal(only(path), GREY)
-
-
 @pytest.mark.parametrize(
     ("schema", "data", "encoding", "reason"),
     [
-        (*image_message("32FC1", GREY.tobytes() * 4, 4 * W), "cdr", "image encoding '32FC1' is not one of"),
-        (*image_message("mono8", GREY.tobytes()[:9], W), "cdr", "/i: image of 64x48 has 9 bytes, rows of 64"),
-        (*image_message("png", b"no", 0, COMPRESSED), "cdr", "/i: not an image"),
+        (*image_message("32FC1", GREY.tobytes() * 4, 4 * W), "image encoding '32FC1' is not one of"),
+        (*image_message("mono8", GREY.tobytes()[:9], W), "/i: image of 64x48 has 9 bytes, rows of 64"),
+        (*image_message("png", b"no", 0, COMPRESSED), "/i: not an image"),
         (IMAGE, b"\0\1\0\0", "cdr", "/i: sensor_msgs/msg/Image does not decode: "),
         ("foxglove.RawImage", b"", "flatbuffer", "messages are encoded as 'flatbuffer', not as"),
         ("foxglove.CompressedVideo", b"", "protobuf", "its topics are /i (foxglove.CompressedVideo)"),
@@ -91,7 +91,7 @@ def test_without_rosbags_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.
     ros._rosbags.cache_clear()
     ros._types.cache_clear()
     monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
-    path = mcap_of(tmp_path / "a.mcap", *MESSAGES["mono8"][0], "cdr")
+    path = mcap_of(tmp_path / "a.mcap", *MESSAGES["mono8"][0])
     assert "install voronoi-touch[ros]" in one_line(SourceError, open_source, str(path))
 
 

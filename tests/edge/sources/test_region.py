@@ -50,7 +50,9 @@ def test_pins_are_those_of_the_region_at_their_own_places(two_views: Path, keys:
     source = open_source(f"{two_views}?{keys.format(folder=two_views.parent)}")
     frame = next(iter(source))
     assert frame.image.shape == SIZE[::-1]
-    found = _pins(frame.image)
+    rest = take_rest([frame.image], region=source.region)
+    assert rest.part is None  # parts that touch each other are one
+    found = rest.xy_img
     assert len(found) == len(expected) == 127
     assert float(np.abs(found - expected).max()) < 0.05
 

@@ -2,7 +2,6 @@
 
 import json
 import os
-import resource
 import struct
 import subprocess
 import sys
@@ -28,7 +27,7 @@ from tests.hostlink.test_recording import as_candump, write_buses, write_edge
 from tests.support.commands import Done, run_host_without
 from tests.support.commands import run_host as run
 from tests.support.fingers import Application, Fingers, need_multicast
-from tests.support.processes import uncounted
+from tests.support.processes import small_disk, uncounted
 from tests.support.ptys import Ptys
 from tests.support.waiting import SOON_S, size_of, until
 
@@ -178,21 +177,13 @@ def test_a_table_in_csv_needs_no_library(tmp_path: Path) -> None:
     assert written.exists()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "share"),
-    [
+def test_busload_says_what_fits_and_what_would() -> None:
+    for arguments, share in (
         ("--fingers 5", "5 fingers at 250 Hz take 21.2%"),
         ("--classic --rate 100", "1 finger at 100 Hz takes 16.2%"),
         ("--baud 921600", "19.5%"),
-    ],
-)
-def test_busload_that_fits(arguments: str, share: str) -> None:
-    done = run("busload", *arguments.split())
-    assert done.code == 0
-    assert share in done.out
-
-
-def test_a_busload_that_does_not_fit_suggests_one_that_does() -> None:
+    ):
+        assert share in run("busload", *arguments.split()).printed
     refusal = run("busload", "--classic", "--fingers", "5").refusal
     assert all(part in refusal for part in ("202", "111 Hz", "CAN FD at 0.5/2 Mbit/s"))
 
@@ -206,12 +197,9 @@ def test_monitor_prints_lines_without_a_terminal(finger: Application) -> None:
 
 
 def test_monitor_of_a_silent_bus_is_no_success() -> None:
-    silent = Done(
-        1,
-        "virtual:silent: nothing received yet\n",
-        "error: virtual:silent: no finger was heard for 0.2 s\n",
-    )
-    assert run("monitor", "virtual:silent", "--seconds", "0.2") == silent
+    done = run("monitor", "virtual:silent", "--seconds", "0.2")
+    assert (done.code, done.out) == (1, "virtual:silent: nothing received yet\n")
+    assert done.err == "error: virtual:silent: no finger was heard for 0.2 s\n"
 
 
 def test_info_tare_set(finger: Application) -> None:
@@ -254,8 +242,7 @@ def test_record_then_decode(finger: Application, tmp_path: Path, suffix: str) ->
     file = tmp_path / f"press{suffix}"
     recorded = record(HOST, file)
     decoded = run("decode", file, "--summary")
-    assert decoded.code == 0
-    rows = [json.loads(text) for text in decoded.out.splitlines()]
+    rows = [json.loads(text) for text in decoded.printed.splitlines()]
     assert recorded.endswith(f" {len(rows)} samples\n")
     numbers = [r["sample"] for r in rows]
     assert numbers == list(range(numbers[0], numbers[0] + len(rows)))
@@ -294,11 +281,7 @@ def test_record_on_a_full_disk_is_one_line_and_keeps_what_it_has(
 ) -> None:
     file = tmp_path / f"press{suffix}"
     limit = 40_000 if suffix == ".log" else 6000
-
-    def limit_files() -> None:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
-
-    child = recorder(file, "--seconds", "30", env=uncounted(), preexec_fn=limit_files)
+    child = recorder(file, "--seconds", "30", env=uncounted(), **small_disk(limit))
     _, err = child.communicate(timeout=2 * SOON_S)
     assert err == f"error: {file}: cannot be written: File too large; the recording ends there\n"
     assert child.returncode == 1

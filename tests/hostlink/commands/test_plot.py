@@ -70,26 +70,21 @@ def test_silence_is_a_gap(tmp_path: Path) -> None:
     assert one.time_s[19] < one.time_s[20] < one.time_s[21]
 
 
-def test_the_readable_part_of_a_damaged_log_is_drawn(
+def test_the_readable_part_of_a_damaged_recording_is_drawn(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    path = tmp_path / "a.blf"
-    write_bus(path, sent=states(5))
-    path.write_bytes(path.read_bytes() + b"nonsense" * 2)
-    assert json.loads(run("plot", path, "--json").out)["samples"]["1"] == 5
-    (warning,) = caplog.messages
-    assert warning.startswith(f"{path}: damaged after 5 messages: no object at byte ")
-    assert warning.endswith("; only the samples before that are drawn")
-
-
-def test_the_readable_part_of_a_truncated_recording_is_drawn(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    path = tmp_path / "a.mcap"
-    write_edge(path, states(8000), finger=2)  # some chunks
-    os.truncate(path, path.stat().st_size * 2 // 3)
-    assert 1000 < json.loads(run("plot", path, "--json").out)["samples"]["2"] < 8000
-    assert caplog.messages == [f"{path}: cut off or damaged; only the samples before that are drawn"]
+    log, cut = tmp_path / "a.blf", tmp_path / "b.mcap"
+    write_bus(log, sent=states(5))
+    log.write_bytes(log.read_bytes() + b"nonsense" * 2)
+    write_edge(cut, states(8000), finger=2)  # some chunks
+    os.truncate(cut, cut.stat().st_size * 2 // 3)
+    drawn = [json.loads(run("plot", path, "--json").out)["samples"] for path in (log, cut)]
+    assert drawn[0] == {"1": 5}
+    assert 1000 < drawn[1]["2"] < 8000
+    damaged, cut_off = caplog.messages
+    assert damaged.startswith(f"{log}: damaged after 5 messages: no object at byte ")
+    assert damaged.endswith("; only the samples before that are drawn")
+    assert cut_off == f"{cut}: cut off or damaged; only the samples before that are drawn"
 
 
 @pytest.mark.parametrize(

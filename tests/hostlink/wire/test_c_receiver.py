@@ -18,6 +18,7 @@ from hostlink.wire import Message, State, Status
 from hostlink.wire.parts import Assembler, unpack_part
 from hostlink.wire.serial import BODY_MAX, decode_frame
 from tests.support import processes
+from tests.support.bus import on_line, state_on_line
 from tests.support.c_programs import C, compiled
 from tests.support.fingers import Application, make_node
 from tests.support.ptys import Ptys
@@ -29,7 +30,7 @@ OWN = ("vt_e2e.c", "vt_parts.c", "vt_serial.c", "vt_request.c", "examples/receiv
 # Advisory rules that the files do not keep: 15.5 one exit a function (guards read better), 2.5 unused macros
 # (a header offers more than each program needs), 8.9 tables within the function that uses them.
 MISRA_LEFT_OUT = ("15.5", "2.5", "8.9")
-BUSY, UNKNOWN = RestFrameState.BUSY, RestFrameState.UNKNOWN
+BUSY = RestFrameState.BUSY
 
 
 def receiver(folder: Path, *options: str) -> Path:
@@ -111,16 +112,14 @@ def line_bytes(rng: Random, frames: int) -> bytes:
     """Samples, detail, heartbeats and emergencies, with noise, damage and pieces that were cut off."""
     out = bytearray(b"\x07\x11half a frame")
     for i in range(frames):
-        state = wire.encode_frame(Message.STATE, wire.pack_state(mostly_usable(rng, i), i))
+        state = state_on_line(mostly_usable(rng, i), i)
         out += state
         if i % 7 == 0:
             rows = [(rng.uniform(-9, 9), rng.uniform(-9, 9), 0.1)] * 127
             for segment in wire.pack_detail(i, rows, i):
                 out += wire.encode_frame(Message.DETAIL, segment)
         if i % 11 == 0:
-            out += wire.encode_frame(
-                Message.HEARTBEAT, wire.pack_message(Message.HEARTBEAT, b"\x05", i & 0xFF)
-            )
+            out += on_line(Message.HEARTBEAT, b"\x05", i & 0xFF)
         if i % 13 == 0:
             broken = bytearray(state)
             broken[rng.randrange(len(broken))] ^= 1 << rng.randrange(8)
@@ -149,16 +148,9 @@ def test_frames_of_a_line_are_found_as_python_finds_them(program: Path) -> None:
 def test_frames_are_packed_as_python_packs_them(program: Path) -> None:
     rng = Random(3)
     bodies = [rng.randbytes(size) for size in range(BODY_MAX + 1)]
-    bodies += [bytes(size) for size in (1, 8, BODY_MAX)] + [
-        b"\x55" * size for size in range(244, BODY_MAX + 1)
-    ]
-    expected = [
-        [
-            "packed",
-            wire.encode_frame(Message.REQUEST, wire.pack_message(Message.REQUEST, body, i & 0xFF)).hex(),
-        ]
-        for i, body in enumerate(bodies)
-    ]
+    bodies += [bytes(size) for size in (1, 8, BODY_MAX)]
+    bodies += [b"\x55" * size for size in range(244, BODY_MAX + 1)]
+    expected = [["packed", on_line(Message.REQUEST, body, i & 0xFF).hex()] for i, body in enumerate(bodies)]
     commands = [f"pack 2 {i & 0xFF} {body.hex() or '-'}" for i, body in enumerate(bodies)]
     too_long = f"pack 2 0 {bytes(BODY_MAX + 1).hex()}"
     assert run(program, [*commands, too_long]) == [*expected, ["packed", ""]]

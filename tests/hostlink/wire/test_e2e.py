@@ -4,14 +4,7 @@ from itertools import combinations
 
 import pytest
 
-from hostlink.wire.e2e import (
-    check_p5,
-    check_p11,
-    crc8,
-    crc16,
-    protect_p11,
-    protected_p5,
-)
+from hostlink.wire.e2e import check_p5, check_p11, crc8, crc16, protect_p11, protected_p5
 from hostlink.wire.generate.residual import undetected_p5, undetected_p11
 
 # AUTOSAR, "Specification of CRC Routines": test vectors of CRC8 (SAE J1850) and CRC16 (CCITT-FALSE).

@@ -1,0 +1,193 @@
+"""One skin in several views: each has a lattice, cells and contacts of its own, and none lies on the seam."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from calib.fit import tip_of
+from calib.sim import Camera, Simulator, Tip, Tool, ToolPose
+from edge.cells import tessellator_of
+from edge.errors import NoPins
+from edge.faults.pin_visibility import PinVisibility
+from edge.frame import Pipeline
+from edge.pins import take_rest
+from edge.rest.choice import rest_of_source
+from edge.rest.tip_match import in_order_of
+from edge.sources import open_source
+from edge.types import Array, Frame, FrameSource, Image, Rest, Tracks
+from tests.support.layouts import only
+
+SIDE_PX = 240
+SEAM = f"roi=0,0,{SIDE_PX - 1},{SIDE_PX}", f"roi={SIDE_PX + 1},0,{SIDE_PX - 1},{SIDE_PX}"
+POSES = (0.0, 0.0, 0.0, 0.4, 0.8, 1.2, 1.6, 2.0)
+
+
+def _mirrored(xy: Array) -> Array:
+    """Where the other view shows what is at these places."""
+    return np.array([2 * SIDE_PX - 1, 0]) + np.array([-1, 1]) * xy
+
+
+def _both(view: Image, shift_px: int = 0) -> Image:
+    """A view, shifted to the right, and its mirror image as it is, side by side."""
+    return np.asarray(np.hstack([np.roll(view, shift_px, axis=1), view[:, ::-1]]), np.uint8)
+
+
+@pytest.fixture(scope="module")
+def tip() -> Simulator:
+    return Simulator(Camera(tip=Tip(n_pins=91, kind="hex"), size_px=(SIDE_PX, SIDE_PX)))
+
+
+@pytest.fixture(scope="module")
+def folder(tip: Simulator, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A ball pressed in beside the middle, as two views show it; at last the left one alone is shifted."""
+    path = tmp_path_factory.mktemp("views")
+    ball = ToolPose(Tool("sphere", 5.0), x_mm=4.0, y_mm=3.0)
+    for k, depth_mm in enumerate(POSES):
+        view = tip.frame((replace(ball, depth_mm=depth_mm),) if depth_mm else ()).image
+        cv2.imwrite(str(path / f"{k}.png"), _both(view))
+    cv2.imwrite(str(path / "8.png"), _both(tip.frame().image, 10))
+    return path
+
+
+def _source(folder: Path, *keys: str) -> FrameSource:
+    return open_source(f"{folder}?{'&'.join(keys)}")
+
+
+def _rest(source: FrameSource, frames: list[Frame]) -> Rest:
+    return take_rest([f.image for f in frames[:3]], source.polarity, source.lens, source.region)
+
+
+def _results(folder: Path, *keys: str) -> tuple[Rest, list[Any]]:
+    """The press followed from rest, and the shift as a jump from rest."""
+    source = _source(folder, *keys)
+    frames = list(source)
+    pipeline = Pipeline(rest := _rest(source, frames))
+    results = [pipeline.process(frame) for frame in frames[:-1]]
+    pipeline.forget()
+    return rest, [*results, pipeline.process(frames[-1])]
+
+
+def test_each_view_is_read_as_it_is_alone(folder: Path) -> None:
+    rest, both = _results(folder, *SEAM)
+    assert rest.part is not None
+    left = rest.xy_img[:, 0] < SIDE_PX
+    assert (rest.part[left] == rest.part[left][0]).all()
+    assert (rest.part[~left] != rest.part[left][0]).all()
+    for key, rows in zip(SEAM, (left, ~left), strict=True):
+        own, alone = _results(folder, key)
+        assert own.part is None
+        assert np.abs(own.xy_img - rest.xy_img[rows]).max() < 0.02
+        for together, one in zip(both, alone, strict=True):
+            moved = together.features.displacement_px[rows] - one.features.displacement_px
+            assert np.nanmax(np.abs(moved)) < 0.02
+            change = together.features.area_change[rows] - one.features.area_change
+            assert np.nanmax(np.abs(change)) < 0.01
+            in_left = np.append(left, together.cells.boundary_img[:, 0] < SIDE_PX)
+            assert (np.ptp(in_left[together.cells.triangles].astype(int), axis=1) == 0).all()
+
+
+def test_a_touch_is_a_contact_in_each_view_and_none_on_the_seam(folder: Path) -> None:
+    _, results = _results(folder, *SEAM)
+    for result in results[:3]:
+        assert result.features.contacts == ()
+    deep = results[len(POSES) - 1].features
+    places = sorted((contact.xy_img for contact in deep.contacts), key=lambda xy: float(xy[0]))
+    assert len(places) == 2
+    assert np.hypot(*(_mirrored(places[0]) - places[1])) < 2.0
+    assert abs(deep.shear_px[0]) < 0.05  # of one view and its mirror image
+    x, y = deep.grid_img
+    for place in places:  # each view has its hill
+        row, column = np.abs(y - place[1]).argmin(), np.abs(x - place[0]).argmin()
+        assert deep.surface[row, column] > 0.3 * np.nanmax(deep.surface)
+
+
+def test_a_shift_of_one_view_alone_is_identified(folder: Path) -> None:
+    rest, results = _results(folder, *SEAM)
+    tracks = results[-1].tracks
+    moved = tracks.xy_img - rest.xy_img
+    left = rest.xy_img[:, 0] < SIDE_PX
+    assert tracks.confidence >= Tracks.LOW_CONFIDENCE
+    assert tracks.n_seen > 0.9 * len(rest)
+    assert np.nanmax(np.abs(moved[left] - [10.0, 0.0])) < 0.3
+    assert np.nanmax(np.abs(moved[~left])) < 0.3
+
+
+def test_a_view_that_is_followed_keeps_its_pins_when_the_other_is_searched_for(folder: Path) -> None:
+    source = _source(folder, *SEAM)
+    frames = list(source)
+    rest = _rest(source, frames)
+    left = rest.xy_img[:, 0] < SIDE_PX
+    pipeline = Pipeline(rest)
+    for frame in (frames[0], frames[-1], frames[0]):
+        result = pipeline.process(frame)
+        assert result.searched
+        assert result.tracks.confidence >= Tracks.LOW_CONFIDENCE
+        assert np.nanmax(np.abs((result.tracks.xy_img - rest.xy_img)[~left])) < 0.3
+        assert not pipeline.process(frame).searched
+
+
+def test_lost_pins_of_one_view_change_no_cell_of_the_other(folder: Path) -> None:
+    source = _source(folder, *SEAM)
+    rest = _rest(source, list(source))
+    left = rest.xy_img[:, 0] < SIDE_PX
+    seen = np.ones(len(rest), bool)
+    seen[np.flatnonzero(left)[[20, 21, 45]]] = False
+    rng = np.random.default_rng(2)
+    xy = rest.xy_img + rng.normal(0.0, 0.5, rest.xy_img.shape)
+    whole = tessellator_of(rest).cells(Tracks.of(xy, rest.pins.sigma_px, np.ones_like(seen)))
+    found = np.where(seen[:, None], xy, np.nan)
+    cells = tessellator_of(rest).cells(Tracks.of(found, rest.pins.sigma_px, seen))
+    assert np.isnan(cells.area_px2[~seen]).all()
+    assert (cells.area_px2[~left] == whole.area_px2[~left]).all()
+    assert cells.whole_px2 is not None
+    assert cells.gap_img is not None
+    assert 0.0 < cells.gap < 0.1
+    assert np.hypot(*(cells.gap_img - rest.xy_img[~seen].mean(axis=0))) < rest.pattern.pitch_px
+    visibility: Any = PinVisibility(rest)
+    assert (left[visibility._near] == left[:, None]).all()
+
+
+def test_parts_follow_the_pins_into_a_calibration_s_order_and_a_chosen_rest(folder: Path) -> None:
+    source = _source(folder, *SEAM)
+    rest = _rest(source, list(source))
+    order = np.random.default_rng(1).permutation(len(rest))
+    matched = in_order_of(tip_of(only(replace(rest, part=None), order)), rest)
+    assert matched.part is not None
+    assert rest.part is not None
+    assert (matched.part == rest.part[order]).all()
+    areas = [tessellator_of(tip).rest_area_px2 for tip in (matched, rest)]
+    assert areas[0] == pytest.approx(areas[1][order], rel=1e-9)
+    assert rest_of_source(_source(folder, *SEAM), "auto").rest.part is not None
+    assert rest_of_source(_source(folder, SEAM[0]), "0").rest.part is None
+
+
+def test_parts_without_a_pattern_have_no_pins(folder: Path) -> None:
+    source = _source(folder, SEAM[0], f"roi={SIDE_PX + 60},60,45,45")
+    rest = _rest(source, list(source))
+    assert rest.part is None
+    assert len(rest) == 91
+    assert rest.pattern.count == 91
+    source = _source(folder, "roi=60,60,45,45", f"roi={SIDE_PX + 60},60,45,45")
+    with pytest.raises(NoPins, match=r"pins at most in each of 2 parts of the region; one needs 12"):
+        _rest(source, list(source))
+
+
+def test_two_mirrors_of_a_published_sensor_show_one_touch_each(real_dir: Path) -> None:
+    case = real_dir.parent / "cases" / "sensors" / "mirror_two_views"
+    if not case.is_dir():
+        pytest.skip(f"no pictures at {case}")
+    source = open_source(f"{case}?roi=54,79,215,220&roi=308,91,219,216")
+    frames = list(source)
+    pipeline = Pipeline(take_rest([frames[0].image], source.polarity, source.lens, source.region))
+    results: list[Any] = [pipeline.process(frame) for frame in frames]
+    assert all(result.features.contacts == () for result in results[:-1])
+    touched = results[-1]
+    assert touched.tracks.confidence >= Tracks.LOW_CONFIDENCE
+    x = sorted(float(contact.xy_img[0]) for contact in touched.features.contacts)
+    assert len(x) == 2
+    assert x[0] < 285 - 60
+    assert x[1] > 285 + 60
