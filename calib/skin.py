@@ -19,8 +19,8 @@ from calib.targets import Targets
 from edge.rest.sensor_match import layout_of
 from edge.types import Rest
 
-#: The error of places read as of dots over that as of pins, below which the skin has dots: 60 presses gave
-#: 0.45 on dots, and 0.83 on pins in a grid.
+#: The error of places read as of dots over that as of pins, below which the skin has dots: of 60 presses it
+#: was 0.45 on dots, and 0.83 on pins in a grid.
 CLEARLY = 0.65
 _PLACE = ("contact_x_mm", "contact_y_mm")
 

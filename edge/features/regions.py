@@ -99,7 +99,7 @@ def _areas_of(cells: Cells, rows: Index) -> Cells:
 
 
 def extractor_of(rest: Rest, rest_area_px2: Array, dots: bool) -> FeatureExtractor | RegionExtractor:
-    """What makes the features of a skin in one part or in several; dots: they lie on its surface, if in one."""
+    """What makes the features of a skin in one part or in several; dots: on the surface of one part."""
     if rest.part is None:
         return FeatureExtractor(rest, rest_area_px2, dots)
     return RegionExtractor(rest, rest.part, rest_area_px2)
