@@ -279,6 +279,7 @@ def sensor_of(rest: Rest, serial: str) -> Sensor:
         noise=p.noise,
         rest_xy_px=[(round(float(x), 3), round(float(y), 3)) for x, y in rest.xy_img],
         lens=p.lens,
+        on_surface=p.on_surface,
     )
 
 

@@ -35,6 +35,7 @@ class LoopConfig:
 
     demand: frozenset[Feature] = frozenset(Feature) - {Feature.SURFACE}  # features that are computed
     several: bool = True  # whether contacts of one frame are fitted together
+    on_surface: bool = False  # what the sensor's file says of its skin; a calibration knows better
     smooth_s: float = 0.0  # time in which smoothed values follow a step; 0: they are not smoothed
     tare: TareParams = PARAMS
     drift: DriftParams = DRIFT
@@ -155,6 +156,8 @@ class Measurement:
     def _stages(self, rest: Rest, calibration: Calibration | None) -> Pipeline:
         """The stages, as they are configured."""
         config = self._config
+        if config.on_surface:
+            rest = replace(rest, pattern=replace(rest.pattern, on_surface=True))
         return Pipeline(rest, calibration, several=config.several, smooth_s=config.smooth_s)
 
     # ---- tare ---------------------------------------------------------------------------------------
