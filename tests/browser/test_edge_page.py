@@ -20,7 +20,7 @@ from playwright.sync_api import BrowserContext, Page, ViewportSize
 from edge.recording.reader import RecordingSource
 from tests.browser.pages import errors, opened
 from tests.support.viewing import TOKEN, Live
-from tests.support.waiting import SOON_S, until
+from tests.support.waiting import SOON_S, present, until
 
 PRESSED = -1
 PRELOADED = 14  # 1.5 mm: a forced tare accepts it; pressed deeper, the pins look like another tip's
@@ -70,6 +70,11 @@ def centre_of(mask: np.ndarray) -> np.ndarray:
     return np.array([columns.mean(), rows.mean()])
 
 
+def press(live: Live, page: Page, frame: int = PRESSED) -> None:
+    live.show(frame)
+    shown(page, "1 contact")
+
+
 def red(image: np.ndarray) -> np.ndarray:
     """Pixels of cells that are compressed for more than half of the scale."""
     r, g, b = (image[..., k].astype(int) for k in range(3))
@@ -87,9 +92,7 @@ def orange(image: np.ndarray) -> np.ndarray:
 
 def on_canvas(live: Live, xy_img: Any, width: int) -> np.ndarray:
     """Place of the image on the canvas, which shows the square round the pins with two pitches of margin."""
-    pipeline = live.loop.measurement.pipeline
-    assert pipeline is not None
-    rest = pipeline.rest
+    rest = present(live.loop.measurement.pipeline).rest
     low, high = rest.xy_img.min(axis=0), rest.xy_img.max(axis=0)
     side = float((high - low).max()) + 4 * rest.pattern.pitch_px
     place: np.ndarray = (np.array(xy_img) - ((low + high) / 2 - side / 2) + 0.5) * width / side
@@ -104,11 +107,9 @@ def test_red_where_the_simulator_pressed(live: Live, page: Page) -> None:
     untouched = pixels(page)
     assert untouched.std() > 10, "nothing is drawn"
     assert not red(untouched).any()
-    live.show(PRESSED)
-    shown(page, "1 contact")
+    press(live, page)
     image = pixels(page)
-    truth = live.source.frames[PRESSED].truth
-    assert truth is not None
+    truth = present(live.source.frames[PRESSED].truth)
     width = image.shape[1]
     where = on_canvas(live, truth["places_img"][0], width)
     pitch = on_canvas(live, [0, 0], width) - on_canvas(live, [-11.8, 0], width)
@@ -119,8 +120,7 @@ def test_red_where_the_simulator_pressed(live: Live, page: Page) -> None:
 
 
 def test_safe_colours(live: Live, page: Page) -> None:
-    live.show(PRESSED)
-    shown(page, "1 contact")
+    press(live, page)
     page.keyboard.press("c")
     page.wait_for_function("() => document.getElementById('safe').ariaPressed === 'true'")
     image = pixels(page)
@@ -137,8 +137,7 @@ def outlines_n(image: np.ndarray) -> int:
 
 
 def test_surface(live: Live, page: Page) -> None:
-    live.show(PRESSED)
-    shown(page, "1 contact")
+    press(live, page)
     outlines = outlines_n(pixels(page))
     page.keyboard.press("s")
 
@@ -150,8 +149,7 @@ def test_surface(live: Live, page: Page) -> None:
 
 
 def test_numbers_are_the_calibrated_ones(live: Live, page: Page) -> None:
-    live.show(PRESSED)
-    shown(page, "1 contact")
+    press(live, page)
     numbers = "document.getElementById('numbers').innerText"
 
     def depth_mm() -> float:
@@ -185,9 +183,8 @@ def test_charts_move(live: Live, page: Page) -> None:
 
 
 def test_tare_works_and_shows(live: Live, page: Page) -> None:
-    live.show(PRELOADED)
-    shown(page, "1 contact")
-    live.until(lambda: bool(red(pixels(page)).any()), "the pressed cells in the picture")
+    press(live, page, PRELOADED)
+    until_red(page)
     pressed = red(pixels(page)).sum()
     page.keyboard.press("t")
     shown(page, "something touches the tip")
@@ -205,9 +202,8 @@ def test_tare_works_and_shows(live: Live, page: Page) -> None:
     page.wait_for_function("() => document.getElementById('toast').hidden")
     page.keyboard.press("t")  # untouched: no confirmation is needed
     shown(page, "rest frame taken")
-    live.show(PRESSED)
-    shown(page, "1 contact")
-    live.until(lambda: bool(red(pixels(page)).any()), "the pressed cells in the picture")
+    press(live, page)
+    until_red(page)
 
 
 def test_record_button(live: Live, page: Page) -> None:
@@ -257,9 +253,9 @@ def test_hold_keeps_the_picture(live: Live, page: Page) -> None:
 
 def test_phone(live: Live, context: BrowserContext) -> None:
     live.show(PRESSED)
-    assert context.browser is not None
     screen = ViewportSize(width=390, height=844)  # the commonest of the last years
-    view = context.browser.new_context(viewport=screen, device_scale_factor=3, is_mobile=True, has_touch=True)
+    browser = present(context.browser)
+    view = browser.new_context(viewport=screen, device_scale_factor=3, is_mobile=True, has_touch=True)
     with closing(view), closing(opened(view, live.url)) as page:
         page.wait_for_function(LIVE)
         assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), "it scrolls sideways"
@@ -304,8 +300,7 @@ def replay(data_dir: Path, port: int = 0) -> tuple[subprocess.Popen[str], str]:
         text=True,
         env={**os.environ, "OMP_NUM_THREADS": "1"},
     )
-    assert process.stderr is not None
-    line = next(line for line in process.stderr if line.startswith("live page: "))
+    line = next(line for line in present(process.stderr) if line.startswith("live page: "))
     return process, line.removeprefix("live page: ").strip()
 
 

@@ -31,7 +31,7 @@ from tests.support.bus import Wire, foreign_frame, message
 from tests.support.fingers import Application, free_port, need_multicast, node_at, state
 from tests.support.ptys import Ptys
 from tests.support.states import as_seen
-from tests.support.waiting import SOON_S, until
+from tests.support.waiting import SOON_S, present, until
 
 ROUNDING_S = 2e-6  # of the wire's microseconds, and of floats
 Ends = tuple[str, str]  # addresses of edge and host
@@ -104,9 +104,7 @@ def test_iterator_and_latest(pair: Pair) -> None:
     numbers = [sample.state.sample for sample, _ in zip(hand, range(10), strict=False)]
     assert numbers == list(range(numbers[0], numbers[0] + 10))
     until(hand.latest, "one that is new")
-    newest = hand.latest(max_age_s=None)
-    assert newest is not None
-    assert newest.age_s < SOON_S
+    assert present(hand.latest(max_age_s=None)).age_s < SOON_S
     stop.set()
     feeder.join(SOON_S)
     until(lambda: hand.finger().statistics.received_n == len(sent), "all that was sent")
@@ -148,8 +146,7 @@ def test_an_old_stamp_of_the_kernel_is_kept(age_s: float) -> None:
         for k, waited_s in enumerate((age_s, age_s / 2, 0.0)):
             bus.send(message(0x183, pack_state(state(k, waited_s), k), time.time() - waited_s))
             until_sample(hand, k)
-            fresh, (row,), sample = hand.latest(), Board(hand).rows(), hand.latest(max_age_s=None)
-            assert sample is not None
+            fresh, (row,), sample = hand.latest(), Board(hand).rows(), present(hand.latest(max_age_s=None))
             assert sample.age_s >= waited_s
             assert sample.age_s == pytest.approx(waited_s, abs=SOON_S)
             assert fresh is None or waited_s < STALE_S
@@ -305,9 +302,7 @@ def test_another_version_under_an_absent_number_does_not_end_the_loops_of_others
     assert got == list(range(1, 20))
     with pytest.raises(hostlink.VersionMismatch, match="finger 7 "):
         hand.latest(7)
-    newest = hand.latest(max_age_s=None)
-    assert newest is not None
-    assert newest.finger == 1
+    assert present(hand.latest(max_age_s=None)).finger == 1
     assert 8 not in hand.fingers
     assert "finger 7 speaks wire version 9" in caplog.text
 
@@ -447,8 +442,7 @@ def test_round_trip_bounds_the_clock_without_assumptions(pair: Pair) -> None:
     sent = state(1)
     node.send(sent)
     until_sample(hand, 1)
-    sample = hand.latest(max_age_s=None)
-    assert sample is not None
+    sample = present(hand.latest(max_age_s=None))
     assert sample.host_error_s < SOON_S / 2  # half the round trip at the most, not what was assumed
     # Both ends share this machine's clock, so the truth is known.
     assert abs(sample.host_time_s - sent.capture_time_us * 1e-6) <= sample.host_error_s + ROUNDING_S

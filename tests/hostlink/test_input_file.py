@@ -63,10 +63,6 @@ READERS: dict[str, tuple[Callable[[Path], Any], type[Exception]]] = {
 }
 
 
-def make_pipe(path: Path) -> None:
-    os.mkfifo(path)
-
-
 def make_socket(path: Path) -> None:
     with socket.socket(socket.AF_UNIX) as listener:
         os.chdir(path.parent)  # the name of a socket may have 108 bytes
@@ -79,7 +75,7 @@ def make_sparse(path: Path) -> None:
 
 
 KINDS: dict[str, Callable[[Path], None]] = {
-    "a pipe": make_pipe,
+    "a pipe": os.mkfifo,
     "a socket": make_socket,
     "a link to a device": lambda path: path.symlink_to("/dev/zero"),
     "a folder": Path.mkdir,

@@ -3,6 +3,7 @@
 import os
 import sys
 from collections.abc import Iterator
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 
@@ -15,11 +16,11 @@ from hypothesis import strategies as st
 import hostlink
 from hostlink import can_bus, links
 from hostlink.can_bus import open_can_bus
-from hostlink.wire.address import Address, AddressError, parse_address
+from hostlink.wire.address import Address, parse_address
 from tests.edge.link.test_node import UNFORESEEN
 from tests.support.fingers import make_node, node_at, state
+from tests.support.media import Trouble
 from tests.support.ptys import Ptys
-from tests.support.refusals import one_line
 from tests.support.states import as_seen
 from tests.support.waiting import SOON_S, until
 
@@ -51,9 +52,8 @@ class Adapters(Ptys):
 
 @pytest.fixture
 def adapters(tmp_path: Path) -> Iterator[Adapters]:
-    adapters = Adapters(tmp_path)
-    yield adapters
-    adapters.close()
+    with closing(Adapters(tmp_path)) as adapters:
+        yield adapters
 
 
 @pytest.mark.parametrize(
@@ -131,13 +131,9 @@ def test_any_lines_of_an_adapter_are_frames_or_are_counted(noise: list[bytes]) -
 class Troubled(VirtualBus):
     """A bus with a driver that raises anything, once, in one of its calls."""
 
-    def __init__(self, channel: str, trouble: dict[str, BaseException]) -> None:
+    def __init__(self, channel: str, trouble: Trouble) -> None:
         super().__init__(channel=channel)
-        self._trouble = trouble
-
-    def _call(self, where: str) -> None:
-        if where in self._trouble:
-            raise self._trouble.pop(where)
+        self._call = trouble.call
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
         self._call("recv")
@@ -159,11 +155,10 @@ def test_whatever_a_driver_raises_the_link_comes_back(
 ) -> None:
     if where == "send" and isinstance(error, SystemExit):
         pytest.skip("the user's own thread sends, and may end")
-    channel, trouble = request.node.name, dict[str, BaseException]()
+    channel, trouble = request.node.name, Trouble()
 
     def opener(address: Address) -> can_bus.OpenBus:
-        if "open" in trouble:
-            raise trouble.pop("open")
+        trouble.call("open")
         return can_bus.OpenBus(Troubled(channel, trouble), "virtual")
 
     monkeypatch.setattr(links, "open_can_bus", opener)
@@ -269,8 +264,4 @@ def test_addresses_of_lines() -> None:
     assert parse_address("can:c?interface=kvaser&dbitrate=2000000").fd_timing() == (1_000_000, 2_000_000)
     assert parse_address("can:c?dbitrate=2000000").fd_timing() is None, "the system configures SocketCAN"
     assert parse_address("can:a?").channel == "a", "nothing asked, nothing wrong"
-
-
-@pytest.mark.parametrize("text", ["", "can0", "can:", "can:a?fd", "can:a?fd=2", "can:a?baud=9600", "x:y"])
-def test_an_invalid_address_is_one_line(text: str) -> None:
-    one_line(AddressError, parse_address, text)
+    assert parse_address("udp:ff15::5").channel == "ff15::5"

@@ -19,7 +19,7 @@ from edge.link.settings import SettingsFile
 from edge.runtime.calibration_store import CalibrationStore
 from hostlink.interrupt import ENDING
 from hostlink.output_file import OutputError, WriteError, check_output, find_unfinished, writing
-from tests.hostlink.test_input_file import make_pipe, make_socket
+from tests.hostlink.test_input_file import make_socket
 from tests.support.processes import program, python, uncounted
 
 
@@ -124,7 +124,7 @@ AIMS: dict[str, Callable[[Path], object]] = {
     "a file": lambda path: path.write_text("kept"),
     "nothing": lambda path: None,
     "a socket": make_socket,
-    "a pipe": make_pipe,
+    "a pipe": os.mkfifo,
 }
 
 

@@ -18,13 +18,9 @@ def typed_names() -> dict[str, str]:
     """What a type checker sees: each name and its module."""
     assert hostlink.__file__ is not None
     tree = ast.parse(Path(hostlink.__file__).read_text(encoding="utf-8"))
-    imports = [n for n in ast.walk(tree) if isinstance(n, ast.ImportFrom) and n.module]
-    return {
-        alias.name: str(n.module)
-        for n in imports
-        if str(n.module).startswith("hostlink.")
-        for alias in n.names
-    }
+    imports = [(str(n.module), n.names) for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)]
+    ours = [(module, names) for module, names in imports if module.startswith("hostlink.")]
+    return {alias.name: module for module, names in ours for alias in names}
 
 
 def test_names_are_those_that_a_type_checker_sees() -> None:

@@ -407,7 +407,6 @@ def unpacked(data: bytes) -> list[bytes]:
 
 @pytest.mark.parametrize(("cut", "why"), [(False, "at byte"), (True, "cut off at byte")])
 def test_damage_in_a_blf_file_costs_what_follows_it(tmp_path: Path, cut: bool, why: str) -> None:
-    """Within a container, or a file that was cut off."""
     path = tmp_path / "a.blf"
     write_log(path, traffic(200))
     data = path.read_bytes()

@@ -3,20 +3,19 @@
 import os
 from collections.abc import Iterator
 from contextlib import closing
-from io import StringIO
 from typing import Any
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 import hostlink
-from hostlink.commands.monitor import HEAD_N, Board, screen
+from hostlink.commands.monitor import HEAD_N, Board
 from hostlink.hand_file import HandFile, Mount
 from hostlink.view import HandView, hand
 from hostlink.web import pack_packet, parse_listen
 from hostlink.wire import Contact, State
 from tests.edge.worker.test_page import Viewer, unpack, watch
+from tests.hostlink.commands.test_monitor import shown
 from tests.support.bus import open_wire
 from tests.support.fingers import Fingers, state
 from tests.support.waiting import SOON_S, until
@@ -96,12 +95,10 @@ def test_twenty_fingers_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
                 wire.send_state(n, sample(n % 5, k))
         until(lambda: sum(s.received_n for s in wire.hand.statistics.values()) == 20 * len(kept), "all")
         packet = unpack(view._make(frozenset()) or b"")
-        console = Console(width=80, height=24, record=True, file=StringIO())
-        console.print(screen(Board(wire.hand).rows(), "virtual:twenty", console), end="")
+        lines = shown(Board(wire.hand).rows()).splitlines()
     assert [(f["node"], f["lost_n"]) for f in packet["fingers"]] == [(n, 2) for n in names]
     for finger in packet["fingers"]:
         assert finger["state"]["displacement_mm"] == pytest.approx(finger["node"] % 5 + 0.49, abs=0.001)
-    lines = console.export_text().splitlines()
     assert [line.split()[0] for line in lines[HEAD_N:]] == list(names.values())
     assert len(lines) == 24
 

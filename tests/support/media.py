@@ -5,6 +5,14 @@ from typing import Any
 from edge.link.medium import Medium
 
 
+class Trouble(dict[str, BaseException]):
+    """What a driver raises, once, in its call of each name."""
+
+    def call(self, name: str) -> None:
+        if name in self:
+            raise self.pop(name)
+
+
 class Wire(Medium):
     """A medium that accepts everything, and receives nothing."""
 

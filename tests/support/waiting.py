@@ -7,9 +7,11 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 SOON_S = 240.0
 POLL_S = 0.005
+T = TypeVar("T")
 
 
 def until(condition: Callable[[], object], what: str = "what was waited for") -> None:
@@ -18,6 +20,12 @@ def until(condition: Callable[[], object], what: str = "what was waited for") ->
     while not condition():
         assert time.monotonic() < end_s, f"never: {what}"
         threading.Event().wait(POLL_S)
+
+
+def present(value: T | None) -> T:
+    """The value, which the test knows to be there."""
+    assert value is not None
+    return value
 
 
 def size_of(path: Path) -> int:

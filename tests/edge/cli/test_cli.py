@@ -36,7 +36,7 @@ from hostlink.wire import Status
 from tests.support.commands import run_edge as command
 from tests.support.messages import read_messages
 from tests.support.processes import edge, python, small_disk
-from tests.support.waiting import SOON_S
+from tests.support.waiting import SOON_S, present
 
 
 @pytest.fixture
@@ -433,11 +433,10 @@ def test_closing_stdout_ends_the_replay(data_dir: Path, more: list[str]) -> None
     with subprocess.Popen(
         [*command, *speed, *more], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
-        assert process.stdout is not None
-        assert process.stderr is not None
-        assert "contact_n" in json.loads(process.stdout.readline())
-        process.stdout.close()
-        output = process.stderr.read()
+        stdout, stderr = present(process.stdout), present(process.stderr)
+        assert "contact_n" in json.loads(stdout.readline())
+        stdout.close()
+        output = stderr.read()
         assert process.wait(SOON_S) == 0
     # where the recording begins again the pins jump, which is reported
     assert all(line.startswith("WARNING edge.faults") for line in output.splitlines()), output

@@ -28,10 +28,7 @@ def config(folder: Path, name: str, spec: str, more: str = "") -> Path:
     ("specs", "stated"),
     [
         (("oak:?socket=CAM_A", "v4l2:0"), "1.toml: v4l2:0: a hand has one module"),
-        (
-            ("oak:A?socket=CAM_A", "oak:B?socket=CAM_B"),
-            "1.toml: oak:B?socket=CAM_B: a hand has one module",
-        ),
+        (("oak:A?socket=CAM_A", "oak:B?socket=CAM_B"), "1.toml: oak:B?socket=CAM_B: a hand has one module"),
         (("oak:", "oak:?socket=CAM_B"), "1.toml: oak:?socket=CAM_B: CAM_B is another finger's"),
         (("oak:", "oak:?socket=CAM_Q"), "no socket 'CAM_Q'"),
         (("oak:?socket=CAM_A", "oak:?socket=CAM_B"), "no such OAK module"),

@@ -2,7 +2,7 @@
 
 from binascii import crc_hqx
 from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import suppress
+from contextlib import closing, suppress
 from itertools import cycle, islice
 from pathlib import Path
 from types import SimpleNamespace
@@ -84,9 +84,8 @@ def bench(monkeypatch: pytest.MonkeyPatch) -> Bench:
 
 @pytest.fixture
 def bus(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[test_node.Bench]:
-    bench = test_node.Bench(f"block-{request.node.name}", tmp_path)
-    yield bench
-    bench.close()
+    with closing(test_node.Bench(f"block-{request.node.name}", tmp_path)) as bench:
+        yield bench
 
 
 def serves(bench: Bench) -> bool:

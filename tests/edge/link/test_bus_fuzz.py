@@ -17,7 +17,7 @@ from hostlink.wire.serial import FRAME_MAX
 from tests.edge.link.test_node import Finger
 from tests.support.bus import on_line
 from tests.support.media import Wire
-from tests.support.waiting import SOON_S
+from tests.support.waiting import SOON_S, present
 
 NODE = 3
 REQUEST = CanIds().of(Kind.SDO_REQUEST, NODE)
@@ -64,8 +64,7 @@ identifiers = st.one_of(
 @given(messages=st.lists(st.tuples(identifiers, frames), max_size=40))
 def test_can(messages: list[tuple[int, bytes]]) -> None:
     with a_node(CanFdSink) as (node, finger, wire):
-        receive = node.sink.on_message
-        assert receive is not None
+        receive = present(node.sink.on_message)
         for can_id, data in messages:
             receive(CanFrame(can_id, data))
         check_values(node, finger)

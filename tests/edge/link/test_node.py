@@ -22,8 +22,8 @@ from hostlink.wire import Abort, FaultCode, Message, State, Status, object_named
 from hostlink.wire.nmt import NmtState
 from hostlink.wire.serial import decode_frame
 from tests.support.fingers import Application
-from tests.support.media import Wire
-from tests.support.waiting import SOON_S, until
+from tests.support.media import Trouble, Wire
+from tests.support.waiting import SOON_S, present, until
 
 NODE = 5
 EDS = files("hostlink") / "eds" / "voronoi_touch.eds"
@@ -281,29 +281,24 @@ def test_faults_and_their_clearing(bench: Bench) -> None:
 class Troubled(Wire):
     """A bus with a driver that raises anything, once, in one of its calls."""
 
-    def __init__(self, where: str, error: BaseException, instant: bool) -> None:
+    def __init__(self, instant: bool) -> None:
         super().__init__(instant)
-        self._where, self._error, self.armed = where, error, False
-
-    def _call(self, where: str) -> None:
-        if self.armed and where == self._where:
-            self.armed = False
-            raise self._error
+        self.trouble = Trouble()
 
     def __call__(self) -> "Troubled":
-        self._call("open")
+        self.trouble.call("open")
         return self
 
     def write(self, item: CanFrame) -> None:
-        self._call("write")
+        self.trouble.call("write")
         super().write(item)
 
     def read(self, timeout_s: float) -> None:
-        self._call("read")
+        self.trouble.call("read")
         threading.Event().wait(0.002)
 
     def close(self) -> None:
-        self._call("close")
+        self.trouble.call("close")
 
 
 UNFORESEEN = [IndexError(), termios.error(5), MemoryError(), AssertionError(), KeyError(), SystemExit(1)]
@@ -315,12 +310,12 @@ UNFORESEEN = [IndexError(), termios.error(5), MemoryError(), AssertionError(), K
 def test_whatever_a_driver_raises_is_a_lost_link_and_no_thread_ends(
     where: str, error: BaseException, instant: bool
 ) -> None:
-    bus, finger = Troubled(where, error, instant), Finger()
+    bus, finger = Troubled(instant), Finger()
     sink = CanFdSink("troubled", bus, NODE)
     node = Node(sink, finger)
     sink.every(0.0, None)  # a heartbeat would show that the link is back
     assert node.drain(SOON_S)
-    bus.armed = True
+    bus.trouble[where] = error
     if where in ("open", "close"):
         sink._lose(bus, MediumError("lost"))
     if where == "write":
@@ -329,7 +324,7 @@ def test_whatever_a_driver_raises_is_a_lost_link_and_no_thread_ends(
     bus.items.clear()
     until(lambda: node.send(state(2)) and node.drain(SOON_S) and sink.up, "samples again")
     until(lambda: finger.faults == {FaultCode.LINK_DOWN: False}, "the fault's end")
-    assert not bus.armed
+    assert not bus.trouble
     assert sink.guard.unforeseen_n == 1
     assert all(thread.is_alive() for thread in sink._threads)
     first = next(wire.unpack_state(frame.data) for frame in bus.items if frame.can_id == 0x180 + NODE)
@@ -343,9 +338,7 @@ def test_whatever_a_handler_raises_costs_its_message_alone(
     monkeypatch: pytest.MonkeyPatch, bench: Bench, error: BaseException
 ) -> None:
     sink = bench.node.sink
-    receive, report, raised = sink.on_message, sink.on_faults, [error]
-    assert receive is not None
-    assert report is not None
+    receive, report, raised = present(sink.on_message), present(sink.on_faults), [error]
 
     def fail_once(then: Callable[..., None], *arguments: object) -> None:
         if raised:
@@ -360,8 +353,7 @@ def test_whatever_a_handler_raises_costs_its_message_alone(
     until(lambda: not raised, "the message")
     assert bench.read("serial_number") == "VT-0042"
     raised.append(error)
-    medium = sink._medium
-    assert medium is not None
+    medium = present(sink._medium)
     monkeypatch.setattr(sink, "_open_medium", stay_lost)
     sink.on_faults = partial(fail_once, report)
     sink._lose(medium, MediumError("lost"))

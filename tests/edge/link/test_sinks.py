@@ -16,7 +16,6 @@ import can
 import pytest
 from can.interfaces.virtual import VirtualBus
 
-from edge.errors import SinkError
 from edge.link.link_sink import ReadBudget
 from edge.link.medium import CanFrame, MediumError
 from edge.link.params import PARAMS
@@ -25,33 +24,14 @@ from edge.link.sinks import CanFdSink, SerialSink, open_sink
 from hostlink.can_bus import OpenBus
 from hostlink.wire import FaultCode, State, unpack_state
 from hostlink.wire.serial import decode_frame
+from tests.support.fingers import state
 from tests.support.ptys import Ptys
-from tests.support.refusals import one_line
 from tests.support.waiting import SOON_S, until
-
-
-def state(sample: int) -> State:
-    return State(sample=sample, capture_time_us=sample * 4000, displacement_mm=1.25, shear_x_mm=-0.5)
 
 
 @pytest.fixture
 def channel(request: pytest.FixtureRequest) -> str:
     return f"bus-{request.node.name}"
-
-
-@pytest.mark.parametrize(
-    ("spec", "message"),
-    [
-        ("slcan:/dev/nosuch", "/dev/nosuch"),
-        ("can:x?interface=nosuch", "nosuch"),
-        ("bus:can0", "starts with one of can:"),
-        ("can:can0?speed=5", "no option 'speed'"),
-        ("serial:/dev/ttyS0?baud=fast", "9600..12000000"),
-        ("can:can0?node=200", "1..127"),
-    ],
-)
-def test_unusable_address_is_one_line(spec: str, message: str) -> None:
-    assert message in one_line(SinkError, open_sink, spec)
 
 
 class Flaky:
@@ -89,9 +69,8 @@ def flaky(channel: str) -> Flaky:
 
 @pytest.fixture
 def fd_sink(flaky: Flaky) -> Iterator[CanFdSink]:
-    sink = CanFdSink("flaky", flaky)
-    yield sink
-    sink.close()
+    with closing(CanFdSink("flaky", flaky)) as sink:
+        yield sink
 
 
 @pytest.fixture
@@ -257,14 +236,13 @@ def test_line_that_nobody_reads_is_full_not_fatal(tmp_path: Path) -> None:
 
 
 def test_detail_is_spaced_by_what_a_frame_takes(channel: str) -> None:
-    line = open_sink("serial:loop://?baud=115200")
-    assert isinstance(line, SerialSink)
-    assert line.frame_s(64) == pytest.approx(72 * 10 / 115_200)
-    line.close()
-    bus = open_sink(f"virtual:{channel}?bitrate=500000&dbitrate=2000000")
-    assert isinstance(bus, CanFdSink)
-    assert bus.frame_s(64) == pytest.approx(405.5e-6)
-    bus.close()
+    for address, frame_s in (
+        ("serial:loop://?baud=115200", 72 * 10 / 115_200),
+        (f"virtual:{channel}?bitrate=500000&dbitrate=2000000", 405.5e-6),
+    ):
+        with closing(open_sink(address)) as sink:
+            assert isinstance(sink, SerialSink | CanFdSink)
+            assert sink.frame_s(64) == pytest.approx(frame_s)
 
 
 def failing(interface: str, error: Exception, cause: Exception | None) -> OpenBus:

@@ -27,7 +27,7 @@ from tests.support.fields import contact_region
 from tests.support.layouts import tracks_of
 from tests.support.messages import read_messages
 from tests.support.refusals import one_line
-from tests.support.waiting import until
+from tests.support.waiting import present, until
 
 STEP_NS = 4_166_667
 
@@ -138,9 +138,7 @@ def decode_by_the_library(path: Path) -> None:
     with path.open("rb") as file:
         for schema, channel, message in make_reader(file, validate_crcs=True).iter_messages():
             if channel.message_encoding == "protobuf":
-                decode = factory.decoder_for("protobuf", schema)
-                assert decode is not None
-                decode(message.data)
+                present(factory.decoder_for("protobuf", schema))(message.data)
 
 
 def test_results_read_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -327,8 +325,7 @@ def test_a_disk_that_fills_up_while_recording(tmp_path: Path, monkeypatch: pytes
     for frame in frames_of(30, size=(640, 480)):
         recorder.frame(frame)
     recorder.close()
-    assert recorder.fault is not None
-    assert "No space left" in recorder.fault
+    assert "No space left" in present(recorder.fault)
     assert not recorder.frame(frames_of(1)[0])
     assert recorder.dropped_n > 0
 

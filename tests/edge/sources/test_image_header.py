@@ -3,6 +3,7 @@
 import random
 import struct
 import zlib
+from contextlib import suppress
 from pathlib import Path
 
 import cv2
@@ -64,9 +65,7 @@ def test_modified_headers_give_a_size_or_a_value_error() -> None:
         data = bytearray(dice.choice(files)[: dice.choice([8, 20, 40, 1000])])
         for _ in range(dice.randrange(1, 5)):
             data[dice.randrange(len(data))] = dice.randrange(256)
-        try:
+        with suppress(ValueError):
             width, height = image_size(bytes(data))
             check_size(width, height)
-        except ValueError:
-            continue
-        assert 1 <= width * height <= 1 << 24
+            assert 1 <= width * height <= 1 << 24

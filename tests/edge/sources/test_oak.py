@@ -25,7 +25,7 @@ from edge.sources.shared_memory import Outbox
 from edge.types import Clock, Frame, Image
 from tests.support.oak_nodes import SIZE, frames_output, noise
 from tests.support.refusals import one_line
-from tests.support.waiting import SOON_S, until
+from tests.support.waiting import SOON_S, present, until
 
 HOST = Options(width=SIZE[0], height=SIZE[1])
 
@@ -46,9 +46,7 @@ def lock_step(dai: Any, steps: list[int], **asked: Any) -> tuple[list[Frame], oa
     camera: Any = SimpleNamespace(options=HOST, keys=oak.OakKeys(**asked), crop=None, output=output)
     with closing(oak.OakSource(oak.OakModule([camera]), camera)) as source:
         for _ in steps:
-            frame = source.read(SOON_S)
-            assert frame is not None
-            got.append(frame)
+            got.append(present(source.read(SOON_S)))
             go.release()
     assert not source._thread.is_alive()
     return got, source
@@ -236,15 +234,13 @@ def lost_when_read(source: oak.OakSource) -> None:
 def test_a_lost_module_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
     module = FakeModule()
     with closing(opened(module, monkeypatch)) as source:
-        before = source.read(SOON_S)
-        assert before is not None
+        before = present(source.read(SOON_S))
         # Times are of the start of the exposure.
         assert before.capture_ns == 1000 * (before.sequence * module.step_us - EXPOSURE_US)
         module.plugged = False
         lost_when_read(source)
         module.plugged = True
-        after = source.read(SOON_S)
-        assert after is not None
+        after = present(source.read(SOON_S))
         assert after.sequence > before.sequence  # though the module counts from 0 again
         assert source.faults["lost"] == 1
         assert module.opened_n == 2
@@ -269,13 +265,11 @@ def test_lens_of_a_module_from_its_calibration_file(dai: Any) -> None:
     handler.setCameraIntrinsics(dai.CameraBoardSocket.CAM_B, matrix, 1280, 800)
     handler.setDistortionCoefficients(dai.CameraBoardSocket.CAM_B, distortion)
     again = dai.CalibrationHandler.fromJson(handler.eepromToJson(), validateExtrinsics=False)
-    lens = oak.lens_of(again, "CAM_B", (640, 400))
-    assert lens is not None
+    lens = present(oak.lens_of(again, "CAM_B", (640, 400)))
     assert lens.focal_px[0] == pytest.approx(400.0)  # half the size, half the focal length
     assert lens.distortion[:2] == pytest.approx([0.1, -0.2])
     assert lens.size_px == (640, 400)
-    part = oak.lens_of(again, "CAM_B", (640, 400), oak.Crop(100, 50, 320, 240))
-    assert part is not None
+    part = present(oak.lens_of(again, "CAM_B", (640, 400), oak.Crop(100, 50, 320, 240)))
     assert part.centre_px == pytest.approx((lens.centre_px[0] - 100, lens.centre_px[1] - 50))
     assert part.size_px == (320, 240)
 

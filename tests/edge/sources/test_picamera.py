@@ -14,7 +14,7 @@ from edge.sources import open_source
 from edge.sources.options import Options
 from edge.sources.picamera import PiCameraSource
 from edge.types import Clock, Frame
-from tests.support.waiting import SOON_S
+from tests.support.waiting import SOON_S, present
 
 SIZE = (64, 40)
 PERIOD_US, EXPOSURE_US = 4000, 1500
@@ -121,8 +121,7 @@ def read(source: PiCameraSource, camera: Camera, skip: int = 0) -> tuple[Frame, 
     camera.count = number + 1
     camera.numbers.put(number)
     while True:
-        frame = source.read(SOON_S)
-        assert frame is not None
+        frame = present(source.read(SOON_S))
         if (frame.capture_ns - camera.epoch_ns) // (1000 * PERIOD_US) == number:
             return frame, number
 

@@ -18,6 +18,7 @@ from edge.sources.paced import Paced
 from edge.types import Array, Image
 from tests.edge.sources.test_sources import video_of
 from tests.support.refusals import one_line
+from tests.support.waiting import present
 
 SIZE = (640, 320)
 
@@ -65,9 +66,8 @@ def test_every_kind_of_source_takes_a_region(two_views: Path, tmp_path: Path) ->
     for where in (tmp_path / "a.mcap", tmp_path / "a.avi", two_views, "sim:press"):
         source = open_source(f"{where}?roi=0,0,320,320&width=640&height=320")
         live = source if isinstance(source, Paced) else Paced(source, 30.0)
-        shown = live.read(10.0)
+        shown = present(live.read(10.0))
         live.close()
-        assert shown is not None
         assert (shown.image[:, 320:] == shown.image[:, 319:320]).all(), where
         assert float(shown.image[:, :320].std()) > 10
 

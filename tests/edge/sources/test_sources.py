@@ -26,7 +26,7 @@ from edge.sources.options import Options, parse_spec
 from edge.sources.paced import Paced
 from edge.types import Clock, Frame, FrameSource, Polarity
 from tests.support.refusals import one_line
-from tests.support.waiting import SOON_S
+from tests.support.waiting import SOON_S, present
 
 
 def noise(seed: int = 0, size: tuple[int, int] = (64, 48)) -> np.ndarray[Any, Any]:
@@ -290,18 +290,15 @@ class Scripted(ThreadedSource):
 
 @pytest.fixture
 def scripted() -> Iterator[Scripted]:
-    source = Scripted()
-    source.start()
-    yield source
-    source.close()
+    with closing(Scripted()) as source:
+        source.start()
+        yield source
 
 
 def test_a_slow_reader_gets_the_newest_frame_and_a_count(scripted: Scripted) -> None:
     for n, newest in ((1, 0), (5, 5)):
         scripted.give(n)
-        frame = scripted.read(SOON_S)
-        assert frame is not None
-        assert frame.sequence == newest
+        assert present(scripted.read(SOON_S)).sequence == newest
     assert (scripted.dropped_n, scripted.received_n) == (4, 6)
     assert scripted.read(0.0) is None
     scripted.close()
@@ -435,9 +432,7 @@ def test_a_replay_waits_for_the_reader_of_the_rest_frame() -> None:
         with paced._changed:
             assert paced._changed.wait_for(lambda: paced.received_n > len(frames), SOON_S)
         assert n == 7 or paced.received_n == n + 1
-        frame = paced.read(SOON_S)
-        assert frame is not None
-        frames.append(frame)
+        frames.append(present(paced.read(SOON_S)))
     paced.close()
     assert [f.sequence for f in frames[:7]] == [10 * i for i in range(7)]
     assert all(step_ns >= 1_000 for step_ns in np.diff([f.capture_ns for f in frames]))
@@ -448,7 +443,7 @@ def test_closing_ends_a_replay_at_once(times_ns: list[int], rest_n: int) -> None
     """It waits for its reader, or for an hour."""
     paced = Paced(Listed(times_ns, 1000.0), rest_n=rest_n)
     paced.start()
-    assert paced.read(SOON_S) is not None
+    present(paced.read(SOON_S))
     paced.close()  # joins the thread
     assert not paced._thread.is_alive()
     assert paced.source.closed  # type: ignore[attr-defined]

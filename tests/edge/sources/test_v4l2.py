@@ -14,7 +14,7 @@ from edge.sources.v4l2 import V4l2Source, find_device, lasting_name, list_camera
 from edge.types import Clock, Frame
 from tests.edge.sources.test_sources import noise
 from tests.support.refusals import one_line
-from tests.support.waiting import SOON_S, until
+from tests.support.waiting import SOON_S, present, until
 
 W, H = 64, 48
 
@@ -147,9 +147,7 @@ class Opened:
 
     def next(self) -> Frame:
         self.camera.gate.release()
-        frame = self.source.read(SOON_S)
-        assert frame is not None
-        return frame
+        return present(self.source.read(SOON_S))
 
     def lose(self) -> None:
         """The camera goes with the next frame."""

@@ -26,16 +26,14 @@ class Hand(Fingers):
         self.connection = hostlink.connect(f"virtual:{bus}", hand=hand)
         self._end = ExitStack()
 
-    def bridge(self, *outlets: Outlet) -> Bridge:
-        bridge = Bridge(self.connection, outlets)
+    def bridge(self, outlet: Outlet) -> None:
+        bridge = Bridge(self.connection, (outlet,))
         thread = threading.Thread(target=bridge.run)
         thread.start()
-        for outlet in outlets:
-            self._end.callback(outlet.close)
+        self._end.callback(outlet.close)
         self._end.callback(thread.join, SOON_S)
         self._end.callback(bridge.stop)
         until(lambda: len(self.connection.fingers) == len(self.nodes), "all fingers heard")
-        return bridge
 
     def close(self) -> None:
         self._end.close()

@@ -72,8 +72,6 @@ def take_apart(attachment: bytes) -> tuple[int, int, bytes]:
 
 
 class Peer:
-    """Subscribes and asks."""
-
     def __init__(self, port: int) -> None:
         self.session = open_session("client", "connect/endpoints", port)
         self.received: dict[str, list[Received]] = {}

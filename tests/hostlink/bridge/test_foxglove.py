@@ -23,10 +23,11 @@ from hostlink.bridge.values import PARAMETERS
 from hostlink.hand_file import HandFile, Mount
 from hostlink.topics import DIAGNOSTICS, values_of
 from hostlink.web import Listen
-from hostlink.wire import Contact, State, Status, pack_state, unpack_state
+from hostlink.wire import Contact, State, Status
 from tests.hostlink.bridge.hand import Hand
 from tests.support.commands import run_host as run
 from tests.support.fingers import state as live_state
+from tests.support.states import as_seen
 from tests.support.waiting import until
 
 WAIT_S = 20.0
@@ -86,13 +87,15 @@ class Viewer:
                 _, _, channel = output["message"].partition("Unknown channel ID: ")
                 self._refused |= {channel} - {""}
 
-    async def subscribe(self, topic: str) -> None:
-        await self.until(lambda: topic in self.channels, topic)
-        number = len(self._subscribed) + 1
-        self._subscribed[number] = topic
-        await self._ask(number)
+    async def subscribe(self, *topics: str) -> None:
+        await self.until(lambda: {*topics} <= self.channels.keys(), f"channels {topics}")
+        for topic in topics:
+            number = len(self._subscribed) + 1
+            self._subscribed[number] = topic
+            await self.ask(number)
 
-    async def _ask(self, number: int) -> None:
+    async def ask(self, number: int) -> None:
+        """Subscribe to the topic that was subscribed to as this one, again too."""
         channel = self.channels[self._subscribed[number]]["id"]
         await self.say(op="subscribe", subscriptions=[{"id": number, "channelId": channel}])
 
@@ -101,7 +104,7 @@ class Viewer:
         refused, self._refused = self._refused, set()
         for number, topic in self._subscribed.items():
             if str(self.channels[topic]["id"]) in refused:
-                await self._ask(number)
+                await self.ask(number)
 
     async def say(self, **what: Any) -> None:
         await self._socket.send_str(json.dumps(what))
@@ -133,9 +136,8 @@ def watch(url: str, visit: Callable[[Viewer], Awaitable[None]]) -> None:
 
 @pytest.fixture
 def hand(request: pytest.FixtureRequest) -> Iterator[Hand]:
-    made = Hand(f"fox-{request.node.name}", (1, 3), state)
-    yield made
-    made.close()
+    with Hand(f"fox-{request.node.name}", (1, 3), state) as made:
+        yield made
 
 
 def bridged(hand: Hand, **options: Any) -> FoxgloveOutlet:
@@ -148,14 +150,14 @@ def test_samples_scenes_and_diagnoses_are_what_the_fingers_sent(hand: Hand) -> N
     outlet = bridged(hand)
 
     async def visit(viewer: Viewer) -> None:
-        for topic in ("/finger_1/sample", "/finger_3/sample", "/finger_3/contacts", "/diagnostics", "/tf"):
-            await viewer.subscribe(topic)
+        samples = "/finger_1/sample", "/finger_3/sample"
+        await viewer.subscribe(*samples, "/finger_3/contacts", "/diagnostics", "/tf")
         assert (viewer.info["capabilities"], viewer.services) == ([], {}), "without --allow-control"
         got = viewer.messages
         await viewer.until(lambda: len(got) == 5 and len(got["/finger_1/sample"]) > 20, "messages")
         at_ns, data = got["/finger_3/sample"][-1]
         message = json.loads(data)
-        expected = values_of(unpack_state(pack_state(state(3, message["sequence"]), 0)))
+        expected = values_of(as_seen(state(3, message["sequence"])))
         for name in expected.keys() - {"capture_time_us"}:
             assert message["values"][name] == expected[name], name
         assert message["values"]["force_n"] is None
@@ -172,11 +174,10 @@ def test_samples_scenes_and_diagnoses_are_what_the_fingers_sent(hand: Hand) -> N
         turn = scene.arrows[0].pose.orientation
         assert (1 - 2 * turn.z**2, 2 * turn.z * turn.w) == pytest.approx((0.6, -0.8))  # along the shear
 
-        await viewer.until(lambda: json.loads(got["/diagnostics"][-1][1])["status"], "a diagnosis")
-        status = json.loads(got["/diagnostics"][-1][1])["status"]
+        diagnoses, places = got["/diagnostics"], got["/tf"]
+        status = await viewer.until(lambda: json.loads(diagnoses[-1][1])["status"], "a diagnosis")
         assert [(s["name"], s["level"]) for s in status] == [("finger_1", 0), ("finger_3", 0)]
-        await viewer.until(lambda: FrameTransforms.FromString(got["/tf"][-1][1]).transforms, "transforms")
-        tips = FrameTransforms.FromString(got["/tf"][-1][1]).transforms
+        tips = await viewer.until(lambda: FrameTransforms.FromString(places[-1][1]).transforms, "transforms")
         assert [t.child_frame_id for t in tips] == ["finger_1", "finger_3"]
 
     watch(outlet.url, visit)
@@ -188,8 +189,7 @@ def test_a_hands_names_are_those_of_topics_frames_and_parameters() -> None:
     outlet = bridged(hand, control=())
 
     async def visit(viewer: Viewer) -> None:
-        for topic in ("/thumb/sample", "/thumb/contacts", "/tf"):
-            await viewer.subscribe(topic)
+        await viewer.subscribe("/thumb/sample", "/thumb/contacts", "/tf")
         got = viewer.messages
         await viewer.until(lambda: len(got) == 3, "messages")
         assert SceneUpdate.FromString(got["/thumb/contacts"][-1][1]).entities[0].frame_id == "thumb"
@@ -391,13 +391,12 @@ def test_a_taken_port_is_one_line() -> None:
 
 
 def test_the_command_records_and_prints_the_path(tmp_path: Path) -> None:
-    hand = Hand("fox-command", (2,), state)
     path = tmp_path / "hand.mcap"
     arguments = ("bridge", "virtual:fox-command", "--foxglove", "--listen", "127.0.0.1:0", "--seconds", "2")
-    done = run(*arguments, "--record", path)
+    with Hand("fox-command", (2,), state):
+        done = run(*arguments, "--record", path)
     assert done.code == 0
     assert "foxglove: ws://127.0.0.1:" in done.err
     with path.open("rb") as file:
         assert sum(1 for _ in make_reader(file).iter_messages(topics=["/finger_2/sample"])) > 20
     assert "exists already" in run(*arguments, "--record", path).refusal
-    hand.close()

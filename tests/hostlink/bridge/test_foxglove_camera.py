@@ -21,10 +21,10 @@ from hostlink.bridge.page_camera import PageAddress, PageCamera, Picture, parse_
 from hostlink.commands.plot import read_series
 from hostlink.web import Listen, PageServer, pack_packet, parse_listen, unpack_packet
 from tests.hostlink.bridge.hand import Hand
-from tests.hostlink.bridge.test_foxglove import Viewer, state, watch
+from tests.hostlink.bridge.test_foxglove import Viewer, bridged, state, watch
 from tests.support.commands import run_host as run
 from tests.support.viewing import Live
-from tests.support.waiting import until
+from tests.support.waiting import present, until
 
 TOPICS = tuple(f"/finger_3/{name}" for name in ("camera/image", "pins/overlay", "cells/overlay"))
 HEADER = {"capture_us": 5_000_000, "size_px": [1280, 800], "image_px": [640, 400]}
@@ -69,9 +69,8 @@ def page() -> Iterator[Page]:
 
 @pytest.fixture
 def hand(request: pytest.FixtureRequest) -> Iterator[Hand]:
-    made = Hand(f"fox-camera-{request.node.name}", (3,), state)
-    yield made
-    made.close()
+    with Hand(f"fox-camera-{request.node.name}", (3,), state) as made:
+        yield made
 
 
 @contextmanager
@@ -87,23 +86,19 @@ def test_image_pins_and_cells_are_the_finger_s(hand: Hand, data_dir: Path) -> No
     begun_ns = time.time_ns()
     with Live(data_dir / "press.mcap", data_dir / "rings331_ball.json") as live:
         live.show(-1)
-        outlet = FoxgloveOutlet(Listen("127.0.0.1", 0), pages=[parse_page(f"3={live.url}")])
-        hand.bridge(outlet)
+        outlet = bridged(hand, pages=[parse_page(f"3={live.url}")])
 
         async def visit(viewer: Viewer) -> None:
-            for topic in TOPICS:
-                await viewer.subscribe(topic)
+            await viewer.subscribe(*TOPICS)
             got = viewer.messages
             await viewer.until(lambda: len(got.get(TOPICS[2], ())) > 3, "pictures")
-            result = live.loop.measurement.last
-            assert result is not None
+            result = present(live.loop.measurement.last)
             assert result.cells is not None
             at_ns, data = got[TOPICS[0]][-1]
             image = CompressedImage.FromString(data)
             assert image.format == "jpeg"
             assert begun_ns < image.timestamp.ToNanoseconds() == at_ns < time.time_ns()
-            shown = cv2.imdecode(np.frombuffer(image.data, np.uint8), cv2.IMREAD_GRAYSCALE)
-            assert shown is not None
+            shown = present(cv2.imdecode(np.frombuffer(image.data, np.uint8), cv2.IMREAD_GRAYSCALE))
             assert np.abs(shown.astype(float) - result.frame.image).mean() < 3.0  # a JPEG's error
 
             (pins,) = ImageAnnotations.FromString(got[TOPICS[1]][-1][1]).points
@@ -151,8 +146,7 @@ def test_pictures_are_stamped_by_the_samples_clock_across_its_wrap(page: Page) -
 
 
 def test_the_page_is_watched_only_while_somebody_watches_the_camera(hand: Hand, page: Page) -> None:
-    outlet = FoxgloveOutlet(Listen("127.0.0.1", 0), pages=[page.address])
-    hand.bridge(outlet)
+    outlet = bridged(hand, pages=[page.address])
 
     async def visit(viewer: Viewer) -> None:
         await viewer.subscribe("/finger_3/sample")
@@ -166,9 +160,7 @@ def test_the_page_is_watched_only_while_somebody_watches_the_camera(hand: Hand, 
         for number in (2, 3):
             await viewer.say(op="unsubscribe", subscriptionIds=[number])
         await viewer.until(lambda: page.wants[-1] is None, "nobody watches the page")
-        await viewer.say(
-            op="subscribe", subscriptions=[{"id": 2, "channelId": viewer.channels[TOPICS[0]]["id"]}]
-        )
+        await viewer.ask(2)
         n = len(viewer.messages[TOPICS[0]])
         await viewer.until(lambda: len(viewer.messages[TOPICS[0]]) > n, "images again")
 
@@ -178,15 +170,12 @@ def test_the_page_is_watched_only_while_somebody_watches_the_camera(hand: Hand, 
 
 def test_a_recording_has_the_camera_though_nobody_watches(hand: Hand, page: Page, tmp_path: Path) -> None:
     path = tmp_path / "hand.mcap"
-    outlet = FoxgloveOutlet(Listen("127.0.0.1", 0), path, [page.address])
-    hand.bridge(outlet)
+    bridged(hand, record=path, pages=[page.address])
     until(lambda: page.server.sent_n > 10, "pictures")
     hand.close()
     with path.open("rb") as file:
-        summary = make_reader(file).get_summary()
-    assert summary is not None
-    assert summary.statistics is not None
-    messages_n = summary.statistics.channel_message_counts
+        summary = present(make_reader(file).get_summary())
+    messages_n = present(summary.statistics).channel_message_counts
     counts = {channel.topic: messages_n[channel.id] for channel in summary.channels.values()}
     assert min(counts[topic] for topic in TOPICS) > 5
     drawn = read_series(path)
@@ -267,8 +256,7 @@ def test_whatever_a_page_sends_the_camera_comes_back(
     outlet = FoxgloveOutlet(Listen("127.0.0.1", 0), pages=[page.address])
 
     async def visit(viewer: Viewer) -> None:
-        for topic in TOPICS:
-            await viewer.subscribe(topic)
+        await viewer.subscribe(*TOPICS)
         await viewer.until(lambda: TOPICS[2] in viewer.messages, "the good picture")
 
     watch(outlet.url, visit)

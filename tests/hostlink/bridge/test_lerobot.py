@@ -15,7 +15,7 @@ from hostlink.window import MEASURED
 from hostlink.wire import State, pack_detail
 from tests.support.bus import Wire
 from tests.support.fingers import Fingers
-from tests.support.waiting import until
+from tests.support.waiting import present, until
 
 HAND = HandFile(mounts=(Mount("thumb", 3, (0.0, 0.0, 0.0)), Mount("index", 1, (0.0, 0.0, 0.0))))
 
@@ -108,8 +108,7 @@ def test_an_observation_has_its_features_and_no_nan() -> None:
             assert all(isfinite(value) and type(value) is float for value in seen.values())
             return seen
 
-        connection = touch._connection
-        assert connection is not None
+        connection = present(touch._connection)
         full()
         begun_n = connection.statistics[1].received_n
         until(lambda: connection.statistics[1].received_n >= begun_n + 40, "a window of 40 samples")

@@ -24,7 +24,7 @@ from hostlink.bridge.ros_types import DISTRIBUTIONS, TRIGGER, Types, endpoint_na
 from hostlink.bridge.values import PARAMETERS
 from hostlink.finger import Finger, RestFrameOutcome
 from hostlink.hand_file import HandFile, Mount
-from hostlink.wire import Contact, RestFrameState, State, pack_state, unpack_state
+from hostlink.wire import Contact, RestFrameState, State
 from hostlink.wire.fields import FIELDS
 from tests.hostlink.bridge.hand import Hand
 from tests.hostlink.bridge.ros_peer import Peer, open_router, unpack
@@ -32,6 +32,7 @@ from tests.hostlink.bridge.test_foxglove import state as touched
 from tests.hostlink.bridge.test_foxglove_camera import ARRAYS, Page
 from tests.support.commands import run_host as run
 from tests.support.fingers import free_port
+from tests.support.states import as_seen
 from tests.support.waiting import SOON_S, until
 
 OF_FINGER = ("wrench", "contacts", "markers", "pins", "sample")
@@ -51,7 +52,7 @@ class Scene:
         self.hand = Hand(f"ros-{name}", (1, 3), sent, options.get("hand"))
         self.outlet = RosOutlet("jazzy", f"tcp/127.0.0.1:{self.port}", 7, **options)
         self.types = Types("jazzy")
-        self.bridge = self.hand.bridge(self.outlet)
+        self.hand.bridge(self.outlet)
         self.peer = Peer(self.port)
 
     def message(self, topic: str) -> Any:
@@ -79,7 +80,7 @@ def test_a_peer_decodes_the_samples_that_were_sent(scene: Scene) -> None:
     until(lambda: len(peer.of("/finger_3/sample")) > 20 and peer.of("/diagnostics"), "messages")
     received = peer.of("/finger_3/sample")
     message = unpack(KINDS["sample"], received[-1].payload)
-    expected = unpack_state(pack_state(state(3, message.sample), 0))
+    expected = as_seen(state(3, message.sample))
     for f in FIELDS:
         if f.name != "capture_time_us":
             value = getattr(message, f.name)
@@ -181,9 +182,8 @@ def test_the_graph_shows_node_topics_and_services(scene: Scene) -> None:
             seen[topic.replace("%", "/")] = token[5]
             assert "::dds_::" in kind
             assert hashed.startswith("RIHS01_")
-            assert qos == (
-                ":1:,1:,:,:,," if topic in ("%tf_static", "%robot_description") else "::,10:,:,:,,"
-            )
+            latched = topic in ("%tf_static", "%robot_description")
+            assert qos == (":1:,1:,:,:,," if latched else "::,10:,:,:,,")
     assert seen == endpoints
 
 
@@ -211,13 +211,8 @@ def test_rviz_gets_no_nan() -> None:
     scene.close()
 
 
-HAND = HandFile(
-    "left_hand",
-    mounts=(
-        Mount("thumb", 3, (-0.04, 0.02, 0.0), (0.0, pi / 2, 0.0), calibration="wanted"),
-        Mount("index", 1, (0.0, 0.0, 0.0)),
-    ),
-)
+THUMB = Mount("thumb", 3, (-0.04, 0.02, 0.0), (0.0, pi / 2, 0.0), calibration="wanted")
+HAND = HandFile("left_hand", mounts=(THUMB, Mount("index", 1, (0.0, 0.0, 0.0))))
 
 
 def test_a_hand_has_names_frames_and_a_description_for_whoever_comes_late() -> None:
@@ -318,12 +313,8 @@ def test_rates_and_features_are_parameters(scene: Scene) -> None:
     assert [r.successful for r in results] == [True, False, False, False]
     assert "divider = 0: give 1 to 1000" in results[1].reason
     assert not ask("SetParametersAtomically", parameters=asked[1:]).result.successful
-    values = ask("GetParameters", names=names).values
-    assert [(v.type, v.double_value, v.integer_value) for v in values] == [
-        (3, 50.0, 0),
-        (2, 0.0, 1),
-        (0, 0.0, 0),
-    ]
+    got = [(v.type, v.double_value, v.integer_value) for v in ask("GetParameters", names=names).values]
+    assert got == [(3, 50.0, 0), (2, 0.0, 1), (0, 0.0, 0)]
     assert scene.hand.connection.finger(3).get("rate_hz") == 50.0
 
 

@@ -45,7 +45,7 @@ def test_line_is_complete() -> None:
 
 def shown(rows: list[FingerRow], height: int = 24) -> str:
     console = Console(width=80, height=height, record=True, file=StringIO())
-    console.print(screen(rows, "can:can0", console))
+    console.print(screen(rows, "can:can0", console), end="")
     return str(console.export_text())
 
 

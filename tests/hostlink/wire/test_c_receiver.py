@@ -5,7 +5,9 @@ import select
 import shutil
 import subprocess
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
+from math import nan
 from pathlib import Path
 from random import Random
 
@@ -23,7 +25,7 @@ from tests.support.c_programs import C, compiled
 from tests.support.fingers import Application, make_node
 from tests.support.ptys import Ptys
 from tests.support.states import random_state, same
-from tests.support.waiting import SOON_S
+from tests.support.waiting import SOON_S, present
 
 SANITIZED = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
 OWN = ("vt_e2e.c", "vt_parts.c", "vt_serial.c", "vt_request.c", "examples/receiver.c")
@@ -95,12 +97,9 @@ def test_parts_are_assembled_as_in_python(program: Path) -> None:
     sent = disturbed(rng, parts)
     expected: list[State] = []
     for tpdo, data in sent:
-        try:
-            state = assembler.add(unpack_part(tpdo, data))
-        except LinkError:
-            continue
-        if state is not None:
-            expected.append(state)
+        with suppress(LinkError):
+            if (state := assembler.add(unpack_part(tpdo, data))) is not None:
+                expected.append(state)
     rows = run(program, [f"part {tpdo} {data.hex()}" for tpdo, data in sent])
     got = [wire.unpack_state(bytes.fromhex(row[1])) for row in rows]  # which checks CRC, version and check
     assert 2000 < len(expected) < 3000
@@ -135,11 +134,9 @@ def test_frames_of_a_line_are_found_as_python_finds_them(program: Path) -> None:
     data = line_bytes(Random(2), 400)
     expected = []
     for block in data.split(b"\0"):
-        try:
+        with suppress(LinkError):
             kind, payload = decode_frame(block)
-        except LinkError:
-            continue
-        expected.append([str(kind), payload.hex()])
+            expected.append([str(kind), payload.hex()])
     rows = run(program, [f"line {data[i : i + 997].hex()}" for i in range(0, len(data), 997)])
     assert rows == expected
     assert len(rows) > 1000
@@ -157,21 +154,18 @@ def test_frames_are_packed_as_python_packs_them(program: Path) -> None:
 
 
 def usable_mm(state: State) -> float:
-    return float("nan") if state.status & wire.NO_CONTROL else state.displacement_mm
+    return nan if state.status & wire.NO_CONTROL else state.displacement_mm
 
 
 @pytest.mark.parametrize("link", ["fd", "classic", "serial"])
 def test_receiver_follows_a_finger_until_it_is_silent(program: Path, link: str) -> None:
-    rng, commands, expected = Random(6), [], [float("nan")]
-    dropped_n = 0
+    rng, commands, expected, dropped_n = Random(6), [], [nan], 0
     for i in range(500):
         sent = mostly_usable(rng, i)
-        frame = wire.pack_state(sent, i)
+        frame, parts = wire.pack_state(sent, i), wire.pack_parts(sent, i)
         messages = {
             "fd": [f"can 181 {frame.hex()}"],
-            "classic": [
-                f"can {0x81 + 0x100 * tpdo:x} {data.hex()}" for tpdo, data in wire.pack_parts(sent, i)
-            ],
+            "classic": [f"can {0x81 + 0x100 * tpdo:x} {data.hex()}" for tpdo, data in parts],
             "serial": [f"serial {wire.encode_frame(Message.STATE, frame).hex()}"],
         }[link]
         if i and rng.random() < 0.05:  # the one before is still the newest
@@ -184,9 +178,7 @@ def test_receiver_follows_a_finger_until_it_is_silent(program: Path, link: str) 
         commands += [f"{message} {i * 4}" for message in [*messages, "look"]]
     commands += [f"can 181 {wire.pack_state(State(), 244).hex()} 1999"] if link == "fd" else []
     rows = run(program, [*commands, f"look {1996 + 21}"])
-    assert [float(row[0]) for row in rows] == pytest.approx(
-        [*expected[1:], float("nan")], abs=1e-5, nan_ok=True
-    )
+    assert [float(row[0]) for row in rows] == pytest.approx([*expected[1:], nan], abs=1e-5, nan_ok=True)
     assert int(rows[-1][1]) == dropped_n
 
 
@@ -202,9 +194,7 @@ class Controller:
 
     def tell(self, command: str) -> int:
         """Give it a command and transmit what it sends; returns the tare's outcome."""
-        stdin, stdout = self._process.stdin, self._process.stdout
-        assert stdin is not None
-        assert stdout is not None
+        stdin, stdout = present(self._process.stdin), present(self._process.stdout)
         stdin.write(f"{command} {self.now_ms}\nlook {self.now_ms}\n")
         stdin.flush()
         while True:
@@ -216,11 +206,9 @@ class Controller:
                 return int(words[2])
 
     def close(self) -> None:
-        assert self._process.stdin is not None
-        self._process.stdin.close()
+        present(self._process.stdin).close()
         assert self._process.wait(SOON_S) == 0
-        assert self._process.stdout is not None
-        self._process.stdout.close()
+        present(self._process.stdout).close()
 
 
 OUTCOMES = [

@@ -177,9 +177,8 @@ class Codec:
         """Its struct as the header has it, its function that unpacks, and those that make floats."""
         text = (C / f"{header}.h").read_text(encoding="utf-8")
         body = text.split(f"struct {header}_{message}_t {{", 1)[1].split("};", 1)[0]
-        kinds = {
-            name: getattr(ctypes, f"c_{kind}") for kind, name in re.findall(r"(u?int\d+)_t (\w+);", body)
-        }
+        members = re.findall(r"(u?int\d+)_t (\w+);", body)
+        kinds = {name: getattr(ctypes, f"c_{kind}") for kind, name in members}
         floats = {name: self._library[f"{header}_{message}_{name}_decode"] for name in kinds}
         for name, kind in kinds.items():
             floats[name].argtypes, floats[name].restype = (kind,), ctypes.c_float
