@@ -104,11 +104,11 @@ class Region:
     """The part of a source's images that shows the skin: `edge.sources.region`.
 
     nearest_px  (h, w, 2) x, y of the pixel of the skin that is nearest to each
-    part        (h, w) number of the connected part of the skin that this pixel belongs to
+    views       the same of each part of the skin by itself, where it has several that do not touch
     """
 
     nearest_px: NDArray[np.int16]
-    part: Index
+    views: tuple[NDArray[np.int16], ...] = ()
 
 
 @per_frame

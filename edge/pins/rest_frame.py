@@ -6,13 +6,13 @@ from typing import cast
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from edge.errors import NoPins
 from edge.geometry.lattice import pitch_of
 from edge.geometry.layout import circle_of
 from edge.geometry.neighbours import nearest_of
-from edge.geometry.parts import one_part, parts_of
-from edge.limits import PINS_MIN
+from edge.geometry.parts import one_part
 from edge.pins.blobs import join, rows_of
 from edge.pins.detect import as_bright, detect, in_view, learn, noise_of, spots_of, to_grey
 from edge.pins.lens import corrected_rest, pattern_as_seen
@@ -37,16 +37,18 @@ def take_rest(
 
     polarity  FOUND: as the first image that shows pins has them
     lens      whose distortion is removed from the pins' places
-    region    that the images show; of several parts those with too few pins for a pattern have none
+    region    that the images show; of several parts each is taken by itself
     like      of an earlier rest frame of this tip, of the same polarity: `learn`
     Raises    NoPins: no image, images of different size or another than the lens's, no pins in them, or
-              all pins of the skin, or of one of its parts, on one line
+              all pins on one line
     """
     greys = [to_grey(image) for image in images]
     if not greys:
         raise NoPins("no image to take the rest frame from; give one or more of the untouched tip")
     if len({grey.shape for grey in greys}) > 1:
         raise NoPins("images of different size cannot make one rest frame; give images of one camera setting")
+    if region is not None and region.views:
+        return _of_views(greys, polarity, lens, region.views)
     dark, greys, rest = _at_rest(greys, polarity, like) or _at_rest_in_some(greys, polarity)
     pattern, pins = with_voted(greys, rest.pattern, rest.pins)
     trend = trend_of(pins.xy_img, pins.radius_px, pins.brightness, pattern.pin_radius_px)
@@ -59,31 +61,49 @@ def take_rest(
     pattern = replace(pattern, noise=float(np.median([noise_of(grey) for grey in greys])), dark=dark)
     order = np.lexsort((pins.xy_img[:, 0], np.rint(pins.xy_img[:, 1] / pattern.pitch_px)))
     rest = Rest(rows_of(pins, order), pattern)
-    if region is not None:
-        rest = _in_parts(rest, region)
-    for _, part in parts_of(rest):
-        away = part.xy_img - part.xy_img.mean(axis=0)
-        across = np.ptp(away @ np.linalg.svd(away, full_matrices=False)[2][1])
-        if across < pattern.pin_radius_px:
-            raise NoPins(f"{len(part)} pins are found, all on one line; pins that span a plane are needed")
+    away = rest.xy_img - rest.xy_img.mean(axis=0)
+    across = np.ptp(away @ np.linalg.svd(away, full_matrices=False)[2][1])
+    if across < pattern.pin_radius_px:
+        raise NoPins(f"{len(rest)} pins are found, all on one line; pins that span a plane are needed")
     return rest if lens is None else corrected_rest(rest, lens)
 
 
-def _in_parts(rest: Rest, region: Region) -> Rest:
-    """The rest frame with the part of the region that each pin is in. Raises NoPins."""
-    column, row = np.rint(rest.xy_img).astype(np.intp).T
-    height, width = region.part.shape
-    part = region.part[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
-    kinds, counts = np.unique(part, return_counts=True)
-    if len(kinds) == 1:
-        return rest
-    enough = np.isin(part, kinds[counts >= PINS_MIN])
-    if not enough.any():
-        most, n = int(counts.max()), len(kinds)
-        raise NoPins(f"{most} pins at most in each of {n} parts of the region; one needs {PINS_MIN}")
-    if not enough.all():
-        rest, part = one_part(rest, enough), part[enough]
-    return replace(rest, part=part) if part.min() < part.max() else rest
+def _of_views(
+    greys: Sequence[Image], polarity: Polarity, lens: Lens | None, views: Sequence[NDArray[np.int16]]
+) -> Rest:
+    """The rest frame of a skin in several parts, each by itself: mirrors show pins of other sizes in other
+    light. A part in which none are found has none. Raises NoPins: no part has any.
+    """
+    found: list[Rest] = []
+    complaint = ""
+    for nearest_px in views:
+        x, y = nearest_px[..., 0], nearest_px[..., 1]
+        try:
+            found.append(take_rest([grey[y, x] for grey in greys], polarity, lens))
+        except NoPins as error:
+            complaint = str(error)
+    if not found:
+        raise NoPins(f"none of {len(views)} parts of the region shows pins; the last one: {complaint}")
+    pattern = max(found, key=len).pattern
+    if any(rest.pattern.dark != pattern.dark for rest in found):
+        return _of_views(greys, Polarity.DARK if pattern.dark else Polarity.BRIGHT, lens, views)
+    if len(found) == 1:
+        return found[0]
+    small, large = np.array([rest.pattern.radius_range_px for rest in found]).T
+    means = {
+        name: float(np.average([getattr(rest.pattern, name) for rest in found], weights=list(map(len, found))))
+        for name in ("pin_radius_px", "edge_px", "background", "brightness")
+    }
+    pattern = replace(
+        pattern,
+        **means,  # type: ignore[arg-type]  # all of them are floats
+        radius_range_px=(float(small.min()), float(large.max())),
+        noise=float(np.median([noise_of(grey) for grey in greys])),
+        glints_img=tuple(glint for rest in found for glint in rest.pattern.glints_img),
+    )
+    part = np.repeat(np.arange(len(found), dtype=np.int32), [len(rest) for rest in found])
+    whole = one_part(Rest(join([rest.pins for rest in found]), pattern), np.ones(len(part), np.bool_))
+    return replace(whole, part=part)
 
 
 def _at_rest(

@@ -13,6 +13,7 @@ could be taken for a pin, and a pin that it cuts becomes a streak, which is none
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from edge.errors import SourceError
 from edge.limits import PINS_MIN
@@ -40,15 +41,22 @@ def region_of(source: FrameSource, roi: str, circle: str, mask: str) -> Region |
         skin &= _white(name, (width, height), mask)
     if np.count_nonzero(skin) < PINS_MIN:
         raise SourceError(f"{name}: the region holds no skin in images of {width}x{height}; give another")
+    _, part, table, _ = cv2.connectedComponentsWithStats(skin.astype(np.uint8))
+    # A speck of a mask has no room for pins of a dozen pixels.
+    views = [k for k in range(1, len(table)) if table[k, cv2.CC_STAT_AREA] >= PINS_MIN**2]
+    return Region(_nearest_px(skin), tuple(_nearest_px(part == k) for k in views if len(views) > 1))
+
+
+def _nearest_px(skin: Mask) -> NDArray[np.int16]:
+    """(h, w, 2) x, y of the pixel of the skin that is nearest to each."""
     # OpenCV labels each pixel with the nearest zero: with the nearest pixel of the skin.
     labels = cv2.distanceTransformWithLabels(
         (~skin).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
     )[1]
     place_of = np.zeros((int(labels.max()) + 1, 2), np.int16)
     place_of[labels[skin]] = np.argwhere(skin)[:, ::-1]
-    nearest_px = place_of[labels]
-    part = cv2.connectedComponents(skin.astype(np.uint8))[1]
-    return Region(nearest_px, part[nearest_px[..., 1], nearest_px[..., 0]])
+    nearest_px: NDArray[np.int16] = place_of[labels]
+    return nearest_px
 
 
 def _numbers(name: str, key: str, text: str) -> list[float]:
