@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -84,10 +84,17 @@ class Dataset:
         Raises  CalibrationError: the frames show another tip
         """
         seen = aligned if self.rest_message else in_order_of
-        return Dataset(
-            tuple(RestGroup(seen(calibration, p.rest), p.targets, p.frames, p.rows) for p in self.parts),
-            self.rest_message,
-        )
+        rests = [seen(calibration, p.rest) for p in self.parts]
+        return self._with(rests).read_as(calibration.rest.pattern.on_surface)
+
+    def read_as(self, on_surface: bool) -> Dataset:
+        """The same data of a skin with dots on its surface, or with pins."""
+        patterns = [replace(p.rest.pattern, on_surface=on_surface) for p in self.parts]
+        return self._with([replace(p.rest, pattern=q) for p, q in zip(self.parts, patterns, strict=True)])
+
+    def _with(self, rests: Sequence[Rest]) -> Dataset:
+        parts = [replace(p, rest=rest) for p, rest in zip(self.parts, rests, strict=True)]
+        return Dataset(tuple(parts), self.rest_message)
 
     def extract(self, pool: Executor, on_done: Callable[[int], None] = lambda n: None) -> Extract:
         """The edge's results for them; see `calib.extract.extract`."""

@@ -38,7 +38,8 @@ def predict(calibration: Calibration, extract: Extract) -> tuple[dict[str, Array
     for i, z in enumerate(extract.contact):
         for name, (value, sigma, _) in zip(models.names, models.of_inputs(z).tolist(), strict=True):
             values[name][i], sigmas[name][i] = value, sigma
-    if {"contact_depth_mm", "displacement_mm"} <= values.keys():
+    of_own = calibration.rest.pattern.on_surface
+    if {"contact_depth_mm", "displacement_mm"} <= values.keys() and not of_own:
         single = extract.counts == 1  # as in `Calibration.apply`
         for table in (values, sigmas):
             table["contact_depth_mm"][single] = table["displacement_mm"][single]

@@ -240,6 +240,8 @@ def _read(path: Path, rest: Rest) -> Image:
 
 
 def _same(a: Rest, b: Rest) -> bool:
+    if a.pattern.on_surface != b.pattern.on_surface:
+        return False
     return np.array_equal(a.xy_img, b.xy_img) and np.array_equal(a.pins.sigma_px, b.pins.sigma_px)
 
 

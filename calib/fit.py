@@ -279,6 +279,7 @@ def sensor_of(rest: Rest, serial: str) -> Sensor:
         noise=p.noise,
         rest_xy_px=[(round(float(x), 3), round(float(y), 3)) for x, y in rest.xy_img],
         lens=p.lens,
+        on_surface=p.on_surface,
     )
 
 
@@ -613,7 +614,7 @@ def _best(
     else:
         process: Polynomial | Process = _process(problem, i, processes[kind])
         if kind is ModelKind.CARRIED:
-            process = _valid_too(process, search.known[outputs])
+            process = _valid_too(process, search.known[outputs], float(problem.share.sum()))
         model = mirror(process)
         good = _sufficient(of_all, whole.y[:, i], whole.share, Prefer.SPEED)
         simple = min(good, key=_terms_then_error)[0] if good else None
@@ -659,7 +660,10 @@ def _sufficient(tried: list[_Tried], y: Complex, share: Array, prefer: Prefer) -
     best, _, predicted = min(tried, key=lambda t: t[0].rms)
     good = [t for t in tried if _as_good(t, best, predicted, y, share)]
     if prefer is Prefer.SPEED and _kind_of(best.name) is not ModelKind.CARRIED:
-        return good
+        # Few poses may not tell whether a smaller model errs clearly more: then none is taken for speed.
+        shown = [t for t in good if _as_good(t, best, predicted, y, share, shown=True)]
+        if len(shown) > 1:
+            return shown
     # The best of many polynomials looks better than it is, most of all in few poses; a process is one try.
     processes = [t for t in good if _kind_of(t[0].name) in PROCESS_KINDS]
     return [min(processes or good, key=lambda t: t[0].rms)]
@@ -673,14 +677,19 @@ def _unchanged(model: Polynomial | Process) -> Polynomial | Process:
     return model
 
 
-def _as_good(tried: _Tried, best: Candidate, predicted: Complex, y: Complex, share: Array) -> bool:
+def _as_good(
+    tried: _Tried, best: Candidate, predicted: Complex, y: Complex, share: Array, *, shown: bool = False
+) -> bool:
     """Whether a model errs more than the best by no more than one standard error of the difference.
 
     Frames that are hard for all models are in the errors of each, not in their difference. In few poses that
     error is large because they do not tell: then a model that errs clearly more is not as good.
+
+    shown  it must not err clearly more even if the difference is one standard error larger
     """
     more = np.abs(tried[2] - y) ** 2 - np.abs(predicted - y) ** 2
-    allowed = min(error_of_mean(more, share), PARAMS.worse_max * best.rms**2)
+    error = error_of_mean(more, share)
+    allowed = min(error, PARAMS.worse_max * best.rms**2 - shown * error)
     return tried[0].rms ** 2 - best.rms**2 <= allowed
 
 
@@ -737,10 +746,16 @@ def _valid(y: Complex, *, real: bool) -> list[tuple[float, float]]:
     return [(-far, far), (-far, far)]
 
 
-def _valid_too(model: Polynomial | Process, known: KnownModel) -> Polynomial | Process:
-    """The model, valid where the other tip's is, too."""
-    both = zip(model.valid, known.valid, strict=True)
-    valid = [(min(low, other_low), max(high, other_high)) for (low, high), (other_low, other_high) in both]
+def _valid_too(model: Polynomial | Process, known: KnownModel, poses: float) -> Polynomial | Process:
+    """The model, valid a little beyond its own data where the other tip's is, too.
+
+    Evenly spread over a range, so many poses span less of it: on each side one part in so many less one is
+    missing, and twice that leaves room for chance. Nothing shows how the tips differ further out.
+    """
+    valid = []
+    for (low, high), (other_low, other_high) in zip(model.valid, known.valid, strict=True):
+        more = 2.0 * (high - low) / (poses - 1.0)
+        valid.append((min(low, max(other_low, low - more)), max(high, min(other_high, high + more))))
     return msgspec.structs.replace(model, valid=valid)
 
 

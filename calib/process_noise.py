@@ -17,7 +17,7 @@ from calib.terms import evaluate_terms, term_columns
 from edge.calibration.file import Lost
 from edge.types import Array, Complex
 
-__all__ = ["NoiseModel", "NoiseParams", "fit_lost", "fit_noise", "scale_of"]
+__all__ = ["TOO_FEW", "NoiseModel", "NoiseParams", "fit_lost", "fit_noise", "scale_of"]
 
 #: The effect of lost pins may depend on these: how much of them is not known, the load, and how far on the
 #: contact's side, or ahead of the shear, they are.
@@ -42,6 +42,8 @@ class NoiseParams:
 PARAMS = NoiseParams()
 #: Shares of Gaussian errors within one and within two sigma.
 WITHIN = ((1.0, 0.6827), (2.0, 0.9545))
+#: So many errors do not show how many are beyond two sigma.
+TOO_FEW = int(1.0 / (1.0 - WITHIN[-1][1]))
 
 
 def scale_of(standardised: Sequence[Array]) -> Array:
@@ -101,16 +103,20 @@ def fit_noise(
 ) -> NoiseModel:
     """Likeliest for errors with these squares, of which the weights explain `learnt`.
 
-    before  another tip's, which this one departs from no further than the errors show; None: a constant
+    before  another tip's, which this one departs from no further than the errors show, and is not below it
+            if they are too few to show that; None: a constant
     """
     terms = before.terms if before else [[], *NOISE_TERMS]
     psi = evaluate_terms(inputs, term_columns(terms, names)).real
     weights = before.weights if before else np.zeros(len(terms))
     change = _fit_log_variance(psi, squares, learnt, np.exp(np.clip(psi @ weights, -60.0, 60.0)))
+    shift = float((psi @ change).mean())
+    if before and len(squares) <= TOO_FEW and shift < 0.0:
+        change[0] -= shift
+        shift = 0.0
     logs = psi @ (weights + change)
     low, high = float(logs.min()), float(logs.max())
     if before:
-        shift = float((psi @ change).mean())
         low, high = min(low, before.low + shift), max(high, before.high + shift)
     return NoiseModel(terms, weights + change, low, high, math.exp(float(logs.mean())))
 

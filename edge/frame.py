@@ -88,7 +88,9 @@ class Pipeline:
         self.tracker = tracker_of(rest, self._refiner.found, self._refiner.predicted)
         self._tessellator = tessellator_of(rest)
         still = Tracks.of(rest.xy_img, rest.pins.sigma_px, np.ones(len(rest), dtype=np.bool_))
-        self._extractor = extractor_of(rest, self._tessellator.cells(still).rest_area_px2)
+        known = rest if calibration is None else calibration.rest
+        rest_area_px2 = self._tessellator.cells(still).rest_area_px2
+        self._extractor = extractor_of(rest, rest_area_px2, known.pattern.on_surface)
         self.demand = demand
 
     @property

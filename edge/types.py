@@ -202,6 +202,7 @@ class PinPattern:
     glints_img       bright arcs at rest that resemble a cut pin's edge but are none
     lens             whose distortion is removed from the pins' places, and from centre, radius, pitch, glints
                      here; None: they are as the camera sees them
+    on_surface       they are dots on the skin's surface, not pins under it; named, or found by a fit
     """
 
     pin_radius_px: float
@@ -218,6 +219,7 @@ class PinPattern:
     count: int = 0
     glints_img: tuple[tuple[float, float], ...] = ()
     lens: Lens | None = None
+    on_surface: bool = False
 
 
 @dataclass(frozen=True, slots=True)

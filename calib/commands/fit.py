@@ -16,10 +16,13 @@ from calib.axes import Axes
 from calib.carry_over import KnownModel, known_models
 from calib.commands.evaluate import print_report
 from calib.commands.options import PATH, Frames, frames_options, overwrite_option, progress_bar
-from calib.extract import executor
+from calib.dataset import Dataset
+from calib.extract import Extract, executor
 from calib.fit import Choice, Prefer, Search, fit, groups_of
 from calib.fit_warnings import fit_warnings
 from calib.hold_out import evaluate_held_out
+from calib.skin import extract_of_dots
+from calib.targets import Targets
 from edge.calibration import Calibration
 from edge.calibration.checks import is_of_contact, outputs_of
 from edge.cli.options import sensor_option
@@ -90,13 +93,13 @@ def fit_command(
     contact_depth (mm). What has no column is not fitted. The scale comes from contacts in known places, from
     --mm-per-px, or from the pitch of --sensor; without any, what is in mm of the image (places, slip speed)
     stays invalid. With --hold-out, a share of the poses is held out first: a fit to the others is evaluated
-    on them. The file is then fitted to all frames. With --prior, a few frames of a new tip are enough.
+    on them. The file is then fitted to all frames. Dots on the skin's surface are named by --sensor, or found
+    from contacts in known places, if they are a square grid. With --prior, a new tip needs only a few frames.
     """
     given = Frames(**frames)
     check_output(output, (".json",), [*given.inputs, *([prior] if prior else [])], overwrite)
     search = Search(Prefer(prefer), known={} if prior is None else _known_models(prior))
-    data = given.open()
-    targets, extract = given.extract(data)
+    data, targets, extract = _of_its_skin(given, sensor_name)
     held_out_errors = None
     with executor(given.dask, given.workers) as pool, progress_bar(given.quiet) as bar:
         if hold_out is not None:
@@ -128,6 +131,18 @@ def fit_command(
         title = f"a fit to the other frames, on held-out ones ({hold_out:g}, seed {seed})"
         print_report(held_out_errors, title)
         click.echo(f"{output} is fitted to all frames.")
+
+
+def _of_its_skin(given: Frames, sensor: str | None) -> tuple[Dataset, Targets, Extract]:
+    """The data, the truth, and the frames read as the skin needs: the sensor's, or one that is found."""
+    skin = None if sensor is None else load_sensor(sensor).tip.skin
+    data = given.open().read_as(on_surface=skin == "surface")
+    targets, extract = given.extract(data)
+    of_dots = None if skin else extract_of_dots(data, targets, extract, given.measured)
+    if of_dots is None:
+        return data, targets, extract
+    click.echo("skin: dots on its surface, by the places of the contacts", err=True)
+    return data.read_as(on_surface=True), targets, of_dots
 
 
 def scale_of(name: str | None, rest: Rest) -> float | None:

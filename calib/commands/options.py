@@ -109,14 +109,18 @@ class Frames:
         Returns  the truth, depths and forces positive into the tip, and the edge's results
         Raises   TableError: a column of the table cannot be made one
         """
-        with executor(self.dask, self.workers) as pool, progress_bar(self.quiet) as bar:
-            task = bar.add_task("frames", total=len(data))
-            extract = data.extract(pool, lambda n: bar.advance(task, n))
+        extract = self.measured(data)
         captured, rest_given = bool(data.rows), not data.rest_message
         targets, lines = along_press(data.targets, extract, captured=captured, rest_given=rest_given)
         for line in lines:
             click.echo(f"axes: {line}", err=True)
         return targets, extract
+
+    def measured(self, data: Dataset) -> Extract:
+        """The edge's results, with a progress bar."""
+        with executor(self.dask, self.workers) as pool, progress_bar(self.quiet) as bar:
+            task = bar.add_task("frames", total=len(data))
+            return data.extract(pool, lambda n: bar.advance(task, n))
 
 
 @contextmanager

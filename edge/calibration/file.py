@@ -167,6 +167,7 @@ class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
         list[tuple[Pixels, Pixels]], msgspec.Meta(min_length=limits.PINS_MIN, max_length=limits.PINS_MAX)
     ]
     lens: Lens | None = None  # whose distortion is removed from places, centre, radius and pitch here
+    on_surface: bool = False  # they are dots on the skin's surface
 
 
 class Data(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -254,6 +255,7 @@ def rest_of(sensor: Sensor) -> Rest:
         noise=sensor.noise,
         size_px=sensor.size_px,
         lens=sensor.lens,
+        on_surface=sensor.on_surface,
     )
     n = len(xy)
     pins = Pins(

@@ -9,7 +9,8 @@ Rules
   the motion that a load does not explain, times the scale, over the time between two frames; a length that
   a feature's row names (`Feature.scaled`) is that in the image times the scale.
 - A single contact's depth is the frame's displacement: all pins contribute to it, and on a ball its error
-  is several times smaller than with the contact's own height and size (0.05 against 0.2..0.3 mm rms).
+  is several times smaller than with the contact's own height and size (0.05 against 0.2..0.3 mm rms). Dots on
+  the surface say more of the contact's own depth: a fit of their motion weighs them all.
 - Of several contacts that were fitted together, place and depth are those of the models of fitted contacts.
 - The number of contacts has no unit: it is sent without a calibration too.
 - Every value has a standard deviation: the residual of the fit on held-out frames, widened where a frame
@@ -227,7 +228,7 @@ class Calibration:
     def _places(
         self, features: Features, found: Contacts | None, pattern: PinPattern, depth_mm: float | None
     ) -> Array:
-        """`Reading.contacts`; the depth of a single one is that of the frame, if it is known."""
+        """`Reading.contacts`; a single one's depth is the frame's, if it is known; of dots its own."""
         if not found:
             return np.empty((0, 3))
         places: list[list[float]] = []
@@ -245,7 +246,8 @@ class Calibration:
                 for i, value in zip(self._of_joint, values, strict=True):
                     place[i] = value
             places.append(place)
-        if len(found) == 1 and depth_mm is not None:
+        of_own = self.rest.pattern.on_surface and math.isfinite(places[0][2])
+        if len(found) == 1 and depth_mm is not None and not of_own:
             places[0][2] = depth_mm
         return np.array(places, np.float64)
 

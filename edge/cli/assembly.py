@@ -100,6 +100,7 @@ def make_loop(stack: ExitStack, source: FrameSource, config: Config, calibration
         LoopConfig(
             demand=frozenset(config.features.demand),
             several=config.features.several,
+            on_surface=sensor is not None and sensor.on_surface,
             smooth_s=config.features.smooth_ms * 1e-3,
             tare=TareParams(frames_n=config.tare.frames_n, steady_px=config.tare.steady_px),
             drift=DriftParams(limit_px=config.tare.drift_px),

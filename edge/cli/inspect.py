@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 
 from edge.calibration import Calibration
 from edge.cli import picture
@@ -15,7 +16,7 @@ from edge.cli.assembly import load_calibration, look_as
 from edge.cli.checks import Line, print_lines
 from edge.cli.options import FOLDER, PATH, calibration_option, overwrite_option, rest_option, sensor_option
 from edge.errors import EdgeError, InputError, NoPins, SourceError
-from edge.pins import take_rest
+from edge.pins import left_out, take_rest
 from edge.pins.lens import rest_as_seen
 from edge.rest.choice import rest_of_source
 from edge.rest.sensor_match import mm_per_px, recognise
@@ -37,8 +38,8 @@ from hostlink.output_file import check_output, writing
     "as_json",
     is_flag=True,
     help='Print [{"image":..., "n_pins":..., "dark":..., "sensor":..., "mm_per_px":..., "touched":..., '
-    '"xy_px":..., "holes_px":..., "settings":..., "lines":...}]; of a recording "rest":... and '
-    '"untouched":... too.',
+    '"xy_px":..., "holes_px":..., "left_out_px":..., "settings":..., "lines":...}]; of a recording '
+    '"rest":... and "untouched":... too.',
 )
 @click.option("--out", type=PATH, help="One picture that shows all of it (.png), of a single IMAGE.")
 @click.option("--overlay", type=FOLDER, help="Folder for such pictures, one of each IMAGE.")
@@ -125,6 +126,7 @@ class _Seen:
             "touched": symmetry_of(rest).in_contact,
             "xy_px": rest.xy_img.round(3).tolist(),
             "holes_px": picture.holes(rest).round(3).tolist(),
+            "left_out_px": left_out(self.frame.image, rest_as_seen(rest)).round(3).tolist(),
             "settings": self.settings,
             "lines": [asdict(line) for line in self.lines],
         }
@@ -142,7 +144,7 @@ class _Seen:
             self.frame.image,
             rest.pins,
             picture.clipped(self.frame, rest),
-            picture.holes(rest),
+            np.concatenate([picture.holes(rest), left_out(self.frame.image, rest)]),
             [[int(number) for number in roi] for roi in rois],
             [title, *text],
         )

@@ -21,7 +21,7 @@ from edge.geometry.parts import parts_of
 from edge.limits import PINS_MIN
 from edge.params import ASTRAY_REL
 from edge.params import PARAMS as RUNTIME
-from edge.pins import take_rest
+from edge.pins import left_out, take_rest
 from edge.pins.lens import rest_as_seen
 from edge.rest.symmetry import symmetry_of
 from edge.rest.tip_match import SHARED_MIN
@@ -150,6 +150,8 @@ def settings_tried(source: FrameSource, frame: Frame, rest: Rest) -> dict[str, i
         own = _rest_within(source, frame, polarity, roi)
         if own is not None and len(own) < len(rest):
             alone[roi] = len(own)
+    if 2 * sum(alone.values()) < len(rest):  # most of the skin would be left out
+        return found
     both = _rest_within(source, frame, polarity, PARTS.join(alone)) if len(alone) > 1 else None
     if both is not None and len(parts_of(both)) == len(alone):
         return found | {"&".join(f"roi={roi}" for roi in alone): len(both)}
@@ -178,12 +180,16 @@ def pins(frame: Frame, rest: Rest) -> Iterator[Line]:
     p = rest.pattern
     kind = "dark" if p.dark else "bright"
     finding = f"{len(rest)} found, {kind}, radius {p.pin_radius_px:.1f} px, pitch {p.pitch_px:.1f} px"
-    yield Line("pins", "ok", finding)
+    seen = rest_as_seen(rest)
+    left_n = len(left_out(frame.image, seen))
+    left = f", {left_n} spots like them left out: unlike their neighbours, or far from them" if left_n else ""
+    share = left_n / (len(rest) + left_n)
+    choose = "look at them (--out): light all pins alike, or take the others out of view by ?roi= or ?mask="
+    yield judged("pins", finding + left, (share > ASTRAY_REL, "warn", choose))
     missing_n = len(holes(rest))
     share = missing_n / (len(rest) + missing_n)
     clean = "clean lens and skin, light it evenly; is a pin torn out?"
     yield judged("holes", f"{missing_n or 'none'} seen in the lattice", (share > ASTRAY_REL, "warn", clean))
-    seen = rest_as_seen(rest)
     softness = p.edge_px / p.pin_radius_px
     blur = f"edges are blurred by {p.edge_px:.1f} px, {softness:.0%} of a pin's radius"
     sharpen = "turn the lens until `python -m edge inspect` finds the sharpest pins"
@@ -196,7 +202,8 @@ def pins(frame: Frame, rest: Rest) -> Iterator[Line]:
     top = (1 << frame.bits) - 1
     noise = f"of full scale, noise is {p.noise / top:.1%}"
     contrast = f"pins differ from the skin by {p.brightness / top:.0%} {noise}"
-    faint = p.brightness**2 < p.noise * top  # by ratios, nearer to the noise than to full scale
+    # By ratios, nearer to the noise, of which levels have as much as rounding leaves, than to full scale.
+    faint = p.brightness**2 < max(p.noise, 12**-0.5) * top
     yield judged("contrast", contrast, (faint, "warn", "light the pins better, then raise gain"))
     x, y = seen.xy_img.T
     margin = float(np.min([x, y, width - 1 - x, height - 1 - y])) - p.pin_radius_px

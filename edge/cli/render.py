@@ -21,21 +21,20 @@ from edge.cli.assembly import load_calibration, rest_given
 from edge.cli.options import PATH, calibration_option, overwrite_option, rest_option
 from edge.cli.progress import counting
 from edge.cli.summary import damage_of, json_line
-from edge.errors import NoPins, SourceError
+from edge.errors import CalibrationError, SourceError
 from edge.examples import example_calibration
-from edge.pins import take_rest
-from edge.rest.tare import TareParams
-from edge.rest.tip_match import in_order_of
+from edge.rest.tare import TareParams, TareRefused
 from edge.runtime.loop import Loop
 from edge.runtime.measurement import LoopConfig
 from edge.sources import open_source
 from edge.sources.files import FileSource
-from edge.types import Feature, Frame, FrameSource, Rest, Result, Tracks
+from edge.types import Feature, Frame, Rest, Result, Tracks
 from edge.view.palette import PAPER, SAFE
 from edge.view.panels import View, picture
 from edge.view.video import CODECS, write_video
 from hostlink.cli_types import FiniteFloat, WholeNumber, counted
 from hostlink.output_file import check_output, writing
+from hostlink.wire import RestFrameReason
 
 log = logging.getLogger(__name__)
 
@@ -110,11 +109,11 @@ def render_recording(
     Raises   InputError: the recording, its first frames or the calibration; SinkError; OSError: a full disk
     """
     with closing(open_source(recording)) as source:
-        rest_frame, seen_in = _rest_frame(source, rest, calibration)
+        loop = Loop(source, [], calibration, LoopConfig(DRAWN))
+        rest_frame, seen_in, taken_n = _rest_frame(loop, rest, calibration)
         mm_per_px = (calibration.mm_per_px if calibration else None) or 0.0
         pattern, colours = rest_frame.pattern, PALETTES[palette]
         view = View.of(rest_frame.xy_img, pattern.pitch_px, height, mm_per_px, colours)
-        loop = Loop(source, [], calibration, LoopConfig(DRAWN))
         loop.measurement.use_rest(rest_frame, seen_in)
         n_pins = len(rest_frame)
         lost = Tracks.of(np.full((n_pins, 2), np.nan), np.full(n_pins, np.nan), np.zeros(n_pins, np.bool_), 0)
@@ -126,6 +125,8 @@ def render_recording(
 
             def pictures() -> Iterator[NDArray[np.uint8]]:
                 for n, frame in enumerate(source, 1):
+                    if n == taken_n:  # `replay` begins here, and what is learnt since must be the same
+                        loop.measurement.use_rest(rest_frame, seen_in)
                     loop.step(frame)
                     result = loop.measurement.last
                     if result is None or result.frame is not frame:  # it could not be measured
@@ -144,22 +145,26 @@ def render_recording(
     }  # fmt: skip
 
 
-def _rest_frame(source: FrameSource, how: str | None, calibration: Calibration | None) -> tuple[Rest, Frame]:
-    """The rest frame, and an image that shows it. Raises SourceError, CalibrationError."""
+def _rest_frame(loop: Loop, how: str | None, calibration: Calibration | None) -> tuple[Rest, Frame, int]:
+    """The rest frame, an image that shows it, and of how many first images it is. Raises SourceError,
+    CalibrationError.
+    """
+    source = loop.source
     if source.live:
         raise SourceError(f"{source.name}: is live; record it first, then render the recording")
     given = rest_given(source, how, calibration)
     if given is not None:
         log.info("rest frame: %s", given.message)
-        return given.rest, given.frame
+        return given.rest, given.frame, 0
     frames = list(islice(source, TareParams().frames_n))
     if not frames:
         raise SourceError(f"{source.name}: no images")
     try:
-        rest = take_rest([frame.image for frame in frames], source.polarity, source.lens, source.region)
-    except NoPins as error:
-        raise SourceError(f"{source.name}: {error}") from None
-    return rest if calibration is None else in_order_of(calibration, rest), frames[-1]
+        rest = loop.measurement.take_rest_frame(frames, calibration).rest
+    except TareRefused as error:
+        kind = CalibrationError if error.reason is RestFrameReason.OTHER_TIP else SourceError
+        raise kind(f"{source.name}: {error.problem}") from None
+    return rest, frames[-1], len(frames)
 
 
 def caption(result: Result) -> str:

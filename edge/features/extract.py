@@ -31,7 +31,7 @@ from cython.cimports.libc.math import sqrt
 
 from edge.features.modes import Modes
 from edge.features.params import PARAMS, largest_noise
-from edge.features.several import Fits
+from edge.features.several import DotContacts, Fits
 from edge.features.surface import Surface
 from edge.types import Array, Cells, Complex, ContactRegion, Feature, Features, Mask, Rest, Tracks
 
@@ -98,11 +98,14 @@ class FeatureExtractor:
     """Features of the frames of one tip.
 
     rest_area_px2  (n,) float64 px2, area of each pin's cell at rest, by the current cells' own rule
+    dots           the pins are dots on the skin's surface
     """
 
     _n: cython.Py_ssize_t
     _rest: Rest
     _finder: ContactFinder
+    _is_of_dots: cython.bint
+    _dots: DotContacts | None  # made with the finder
     _making: threading.Lock  # of the finder
     _plan: FeaturePlan  # of the last frame
     _motion: PinMotion
@@ -125,8 +128,9 @@ class FeatureExtractor:
     _contact_sigma: cython.double
     _min_area_change: cython.double
 
-    def __init__(self, rest: Rest, rest_area_px2: Array) -> None:
+    def __init__(self, rest: Rest, rest_area_px2: Array, dots: bool = False) -> None:
         n = len(rest)
+        self._is_of_dots, self._dots = dots, None
         self._n, self._rest = n, rest
         self._motion = PinMotion(rest)
         self._area_change = AreaChange(rest.xy_img, rest.pattern.pitch_px, rest_area_px2)
@@ -155,7 +159,10 @@ class FeatureExtractor:
         if self._finder is None:
             with self._making:
                 if self._finder is None:
-                    self._finder = ContactFinder(Surface(self._rest), np.asarray(self._motion.xy))
+                    surface = Surface(self._rest)
+                    if self._is_of_dots:
+                        self._dots = DotContacts(surface)
+                    self._finder = ContactFinder(surface, np.asarray(self._motion.xy))
         return self._finder
 
     def forget_contacts(self) -> None:
@@ -285,7 +292,9 @@ class FeatureExtractor:
             finder.field.set_area_change(self._area_change.values)
             if self._plan.surface:
                 picture, grid = finder.surface.picture(), finder.surface.grid_img
-            if self._plan.contacts:
+            if self._plan.contacts and self._dots is not None:
+                contacts = self._dots.find(np.asarray(self._motion.xy), seen)
+            elif self._plan.contacts:
                 contacts = finder.find(seen, sigma_px, self._plan.moments, self._plan.fits)
         return volume, picture, grid, contacts
 

@@ -98,8 +98,8 @@ def _areas_of(cells: Cells, rows: Index) -> Cells:
     return replace(cells, area_px2=cells.area_px2[rows], xy_img=cells.xy_img[rows], whole_px2=whole)
 
 
-def extractor_of(rest: Rest, rest_area_px2: Array) -> FeatureExtractor | RegionExtractor:
-    """What makes the features of a skin in one part or in several."""
+def extractor_of(rest: Rest, rest_area_px2: Array, dots: bool) -> FeatureExtractor | RegionExtractor:
+    """What makes the features of a skin in one part or in several; dots: on the surface of one part."""
     if rest.part is None:
-        return FeatureExtractor(rest, rest_area_px2)
+        return FeatureExtractor(rest, rest_area_px2, dots)
     return RegionExtractor(rest, rest.part, rest_area_px2)

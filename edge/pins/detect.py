@@ -232,6 +232,19 @@ def spots_of(grey: Image, pattern: PinPattern) -> Spots:
     return found[np.hypot(*(found.xy_img - pattern.centre_img).T) < 1.1 * pattern.tip_radius_px]
 
 
+def left_out(image: Image, rest: Rest) -> Array:
+    """(k, 2) px, spots of the pins' size, more than half as bright, clear of all, that are taken for none.
+
+    Their neighbours are too unlike or too far away, or they are no pins. `rest` is as the camera sees it.
+    """
+    spots = spots_of(as_bright(to_grey(image), rest.pattern.dark), rest.pattern)
+    spots = spots[_well_shaped(spots) & (spots.depth > 0.5 * rest.pattern.brightness)]
+    if len(spots) == 0:
+        return spots.xy_img
+    away = nearest_of(rest.xy_img, spots.xy_img)[0][:, 0]
+    return spots.xy_img[away > rest.pattern.pin_radius_px + spots.radius_px]
+
+
 def _find(grey: Image, pattern: PinPattern) -> Spots:
     found = spots_of(grey, pattern)
     spots = found[_well_shaped(found)]

@@ -223,6 +223,8 @@ def _touch_sigmas(reference: Rest, tracks: Tracks) -> float:
     frame_px = math.sqrt(max((sigma_px * max(1.0, ratio)) ** 2 - rest_sigma_px**2, 0.0))
     noisy = replace(tracks, sigma_px=np.where(tracks.seen, frame_px, np.nan))
     in_contact: bool = (
-        extractor_of(reference, rest_area).extract(noisy, cells, FeaturePlan(frozenset())).in_contact
+        extractor_of(reference, rest_area, dots=False)
+        .extract(noisy, cells, FeaturePlan(frozenset()))
+        .in_contact
     )
     return sigmas if in_contact else 0.0

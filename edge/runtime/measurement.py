@@ -35,6 +35,7 @@ class LoopConfig:
 
     demand: frozenset[Feature] = frozenset(Feature) - {Feature.SURFACE}  # features that are computed
     several: bool = True  # whether contacts of one frame are fitted together
+    on_surface: bool = False  # what the sensor's file says of its skin; a calibration knows better
     smooth_s: float = 0.0  # time in which smoothed values follow a step; 0: they are not smoothed
     tare: TareParams = PARAMS
     drift: DriftParams = DRIFT
@@ -155,6 +156,8 @@ class Measurement:
     def _stages(self, rest: Rest, calibration: Calibration | None) -> Pipeline:
         """The stages, as they are configured."""
         config = self._config
+        if config.on_surface:
+            rest = replace(rest, pattern=replace(rest.pattern, on_surface=True))
         return Pipeline(rest, calibration, several=config.several, smooth_s=config.smooth_s)
 
     # ---- tare ---------------------------------------------------------------------------------------
@@ -204,7 +207,7 @@ class Measurement:
         """Take and check the rest frame, make stages, store a calibration. Raises TareRefused, OSError."""
         calibration = request.calibration or self.calibration
         try:
-            rest_frame = self._take_rest_frame(frames, calibration, request.force)
+            rest_frame = self.take_rest_frame(frames, calibration, request.force)
         except TareRefused as error:
             is_start = self.pipeline is None and request.calibration is None
             if not is_start or error.reason is not RestFrameReason.OTHER_TIP:
@@ -215,10 +218,10 @@ class Measurement:
             request.store()
         return rest_frame, pipeline, frames[-1]
 
-    def _take_rest_frame(
+    def take_rest_frame(
         self, frames: Sequence[Frame], calibration: Calibration | None, force: bool = False
     ) -> RestFrame:
-        """Raises TareRefused."""
+        """The rest frame that these images give; it is not used yet. Raises TareRefused."""
         source, live = self._source, self._source.live
         params = self._config.tare.of(source)
         if not live:  # only a live tip can be asked to keep still
@@ -230,7 +233,7 @@ class Measurement:
         """A calibration of this tip, where the first choice was another's. Raises TareRefused: none is."""
         for calibration in self.fallbacks:
             try:
-                rest_frame = self._take_rest_frame(frames, calibration)
+                rest_frame = self.take_rest_frame(frames, calibration)
             except TareRefused:
                 continue
             log.warning("%s; using the calibration stored before, %08x", error, calibration.content_id)

@@ -37,9 +37,13 @@ class SensorPins(_Closed, frozen=True, kw_only=True):
 
 
 class SensorTip(_Closed, frozen=True, kw_only=True):
-    """[tip] shape of the skin; radius_mm of a dome's sphere."""
+    """[tip] shape of the skin; radius_mm of a dome's sphere.
+
+    skin  "pins" under it, or dots on its "surface"
+    """
 
     shape: Literal["dome", "flat"] | None = None
+    skin: Literal["pins", "surface"] | None = None
     radius_mm: Length | None = None
 
 
@@ -67,6 +71,11 @@ class KnownSensor(_Closed, frozen=True, kw_only=True):
     @property
     def polarity(self) -> Polarity:
         return Polarity(self.pins.polarity or "")
+
+    @property
+    def on_surface(self) -> bool:
+        """Whether its markers are dots on the skin's surface."""
+        return self.tip.skin == "surface"
 
     @property
     def cut(self) -> bool:

@@ -153,7 +153,7 @@ def save_pins_overlay(
 ) -> None:
     """The image, twice its size, with a circle of each pin's own radius and a cross at its centre.
 
-    clipped    (n,) pins whose circle is red; holes_img  (k, 2) px, marked by a cross
+    clipped    (n,) pins whose circle is red; holes_img  (k, 2) px, missing or left out: marked by a cross
     rois       x, y, w, h in px, drawn as rectangles; text  lines below the image
     Raises     SinkError: cannot be written
     """

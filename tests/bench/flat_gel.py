@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from edge.geometry.layout import pin_layout
 from edge.types import Array, Image
-from tests.bench.half_space import Ball, Bar, displace
+from tests.bench.half_space import Ball, Bar, Surface, displace
 
 RADIUS_MM = 17.0  # of the outermost pins
 PIN_MM, BASE_MM = 1.5, 0.5  # lever of a pin, radius of its base
@@ -45,10 +45,12 @@ _WEIGHTS = np.array([1 / 4, *[1 / 8] * 6])
 class FlatGel:
     """One tip; `seed` decides how its caps differ."""
 
+    LAYOUT = "hex"
+
     def __init__(self, n_pins: int, seed: int = 0) -> None:
         rng, self.n_pins = np.random.default_rng(seed), n_pins
-        roots = RADIUS_MM * pin_layout("hex", n_pins)
-        self.pitch_mm = float(np.hypot(*(roots[1] - roots[0])))
+        roots = RADIUS_MM * pin_layout(self.LAYOUT, n_pins)
+        self.pitch_mm = float(np.hypot(*(roots[1:] - roots[0]).T).min())
         radius = CAP_PITCHES * self.pitch_mm * self._px_per_mm()
         self._level = (1.0 + SPREAD_LEVEL * rng.standard_normal(n_pins)) * (CAP - SKIN)
         x, y = np.meshgrid(*(np.arange(n) - (n - 1) / 2.0 for n in SIZE_PX))
@@ -64,10 +66,14 @@ class FlatGel:
             RADIUS_PX / (_distorted(np.array([RADIUS_MM / (HEIGHT_MM - PIN_MM)]))[0] * (HEIGHT_MM - PIN_MM))
         )
 
+    def skin(self, xy_mm: Array, tools: Sequence[Ball | Bar]) -> Surface:
+        """How the skin is displaced at (n, 2) mm."""
+        return displace(xy_mm, tools)
+
     def caps_mm(self, tools: Sequence[Ball | Bar] = ()) -> Array:
         """(n, 3) where the caps are under these tools."""
         points = (self.roots_mm[:, None] + BASE_MM * _BASE).reshape(-1, 2)
-        skin = displace(points, tools)
+        skin = self.skin(points, tools)
         along, slope = (
             np.einsum("k,nkc->nc", _WEIGHTS, a.reshape(self.n_pins, len(_WEIGHTS), 2))
             for a in (skin.along_mm, skin.slope)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from edge.types import Array
-from tests.bench.contacts import SCENES, SecondTip, measure
+from tests.bench import bonded_layer
+from tests.bench.contacts import KINDS, SCENES, SecondTip, measure
 from tests.bench.half_space import FRICTION, POISSON, Ball, displace, twist_rad
 
 SEED = 3
@@ -15,7 +16,7 @@ BALL = Ball(0.3, -0.2, 1.2, (0.5, 0.8))
 
 @pytest.fixture(scope="module")
 def tip() -> SecondTip:
-    return SecondTip.made(127, SEED, presses=60)
+    return SecondTip.made(KINDS[0], SEED, presses=60)
 
 
 def by_point_forces(x: float, y: float, ball: Ball) -> tuple[Array, float]:
@@ -74,3 +75,29 @@ def test_scenes_are_compared_with_their_tools(tip: SecondTip, name: str) -> None
     assert np.isfinite(getattr(found, compared[name.split()[0].rstrip(",")]))
     if name.startswith("two"):
         assert found.place_mm < 1.0  # half a pitch would be 1.4
+
+
+def test_a_layer_yields_as_a_half_space_to_short_waves_and_as_a_clamped_sheet_to_long_ones() -> None:
+    compliance = bonded_layer._compliance(np.array([1e-3, 8.0]))
+    short = np.array([[1.0 - POISSON, POISSON - 0.5], [POISSON - 0.5, 1.0 - POISSON]])
+    assert 8.0 * compliance[1] == pytest.approx(short, abs=1e-6)
+    squeezed = bonded_layer.THICKNESS_MM * (1.0 - 2.0 * POISSON) / (2.0 * (1.0 - POISSON))
+    assert np.diag(compliance[0]) == pytest.approx([bonded_layer.THICKNESS_MM, squeezed], rel=1e-3)
+
+
+def test_a_layer_lies_at_the_tools_depths_and_bulges_round_them() -> None:
+    tools = [Ball(-4.0, 0.0, 1.0), Ball(4.0, 1.0, 0.5, (0.2, 0.1))]
+    found = bonded_layer.displace(np.array([(-4.0, 0.0), (-7.5, 0.0)]), tools)
+    assert found.w_mm[0] == pytest.approx(1.0, abs=0.02)
+    assert found.along_mm[1, 0] < -0.01
+    assert found.w_mm[1] < 0.0
+
+
+def test_a_layers_slope_is_that_of_its_indentation() -> None:
+    step = 0.1
+    offsets = np.array([(0.0, 0.0), (step, 0.0), (-step, 0.0), (0.0, step), (0.0, -step)])
+    places = np.array([1.3, 0.4]) + offsets
+    found = bonded_layer.displace(places, [Ball(0.0, 0.0, 1.5, radius_mm=4.0)])
+    w = found.w_mm
+    by_steps = (w[1] - w[2]) / (2.0 * step), (w[3] - w[4]) / (2.0 * step)
+    assert found.slope[0] == pytest.approx(by_steps, rel=0.02)

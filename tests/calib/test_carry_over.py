@@ -55,6 +55,11 @@ def _carried(prior: Calibration, extract: Extract, values: dict[str, Array]) -> 
     return fit(REST, targets(values), extract, mm_per_px=None, search=search)[0]
 
 
+def _range_of_depth(calibration: Calibration) -> tuple[float, float]:
+    models = (m for m in calibration.content.models if isinstance(m, Process))
+    return next(m.valid[0] for m in models if m.outputs == ["displacement_mm"])
+
+
 @pytest.mark.parametrize(
     ("turn_deg", "mirrored", "first_mirrored"),
     [(0.0, False, False), (90.0, True, False), (-70.0, False, True)],
@@ -100,12 +105,26 @@ def test_the_file_is_one_like_any_other() -> None:
     calibration = _carried(prior, extract, values)
     again = Calibration.parse(calibration.encoded, "again")
     assert again.content == calibration.content
-    ranges = {m.outputs[0]: m.valid for m in prior.content.models if isinstance(m, Process)}
-    for model in again.content.models:
-        assert isinstance(model, Process)
-        for (low, high), (known_low, known_high) in zip(model.valid, ranges[model.outputs[0]], strict=True):
-            assert low <= known_low
-            assert high >= known_high
+    assert all(isinstance(model, Process) for model in again.content.models)
+
+
+def test_a_touch_lighter_than_any_of_few_frames_is_out_of_range() -> None:
+    """Also where the other tip's frames reached: nothing shows how the tips differ there."""
+    extract, values = _second(80, 1)
+    depth = values["displacement_mm"]
+    pressed = np.flatnonzero(depth > np.median(depth))[:12]
+    part = {name: column[pressed] for name, column in values.items()}
+    calibration = _carried(_first(), extract.rows(pressed), part)
+    (known_low, _), (low, high) = (_range_of_depth(one) for one in (_first(), calibration))
+    least = depth[pressed].min() - 2.0 * np.ptp(depth[pressed]) / 11.0
+    assert known_low < least - 0.001
+    assert low == pytest.approx(least, abs=0.001)
+    assert high >= depth[pressed].max()
+    place = calibration.frame_models.names.index("displacement_mm")
+    for one, true in zip(extract.inputs, depth, strict=True):
+        value, _, flagged = calibration.frame_models.of_inputs(one)[place]
+        assert value >= low
+        assert flagged or true > low - 0.2
 
 
 def test_the_effect_of_lost_pins_is_carried_over_to_few_frames() -> None:

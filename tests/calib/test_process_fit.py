@@ -167,6 +167,21 @@ def test_a_value_does_not_follow_what_differs_within_a_pose() -> None:
     assert within < 0.05
 
 
+def test_few_repeated_poses_are_read_by_a_mean_of_settings() -> None:
+    """It errs less than settings of one frame a pose, of which it has no mean, and sigma follows."""
+    errors, within = [], []
+    for seed in range(2):
+        inputs, fresh = _inputs(30, seed), _inputs(300, seed + 50)
+        pose = np.repeat(np.arange(30, dtype=np.int32), 4)
+        y = _shear(inputs) + _noise(inputs, seed + 2)
+        for fitted in (_fitted(inputs, y), _fitted(inputs[pose], y[pose], pose=pose)):
+            value, sigma = _predicted(fitted, fresh)
+            errors.append(np.abs(value - _shear(fresh)).mean())
+            within.append(_within(value - _shear(fresh) - _noise(fresh, seed + 3), sigma))
+    assert np.mean(errors[1::2]) < np.mean(errors[::2])
+    assert 0.6 < np.mean(within[1::2]) < 0.8
+
+
 def test_a_depth_is_zero_at_rest_unless_it_counts_from_elsewhere() -> None:
     inputs = _inputs(300, 7)
     volume = inputs[:, FRAME_INPUTS.index("volume")].real

@@ -55,6 +55,8 @@ class Finger:
         self.camera, self.sink = Camera(), MemorySink()
         self.registry = FaultRegistry()
         self.now_ns = self.jumped_ns = self.n = 0
+        self.period_ns: int = options.pop("period_ns", PERIOD_NS)
+        self.camera.rate_hz = 1e9 / self.period_ns
         clock_ns = options.pop("clock_ns", lambda: self.now_ns)
         self.clock = options.pop("clock", Clock.DEVICE)
         config = LoopConfig(**options)
@@ -69,8 +71,8 @@ class Finger:
         """Give it an image. Before it, `skip` are lost; work on it begins `late_n` periods late."""
         self.n += 1 + skip
         self.jumped_ns += jump_ns
-        captured_ns = self.n * PERIOD_NS
-        self.now_ns = captured_ns + late_n * PERIOD_NS
+        captured_ns = self.n * self.period_ns
+        self.now_ns = captured_ns + late_n * self.period_ns
         return self.loop.step(Frame(image, captured_ns + self.jumped_ns, self.n, self.clock))
 
     def show(self, *numbers: int) -> State:

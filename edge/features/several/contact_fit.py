@@ -8,6 +8,10 @@ r"""A few parametric contacts fitted to the pins' motion together: place, size, 
     line     the same press and t, mean over the points of a line: a bar, an edge. With Hertz's pressure along
              it, as of a bar on a dome or a bar with round ends, or with an even one
 
+    dots     on the surface of a gel: the same press, t f and a core (c + k d) exp(-r^2 / 2 b^2), or the means
+             over a line, d from its middle. The core is what lies under the tool: a camera sees its dots come
+             nearer, and the tool drags them along
+
 Idea: motions of several contacts add up, their areas, peaks and regions do not. So what one contact does is
 what is left when the fitted others are taken away, and the depth of the skin at its place is the sum of all
 potentials there. The rational quadratic potential is a mean over Gaussian ones of all widths: nothing but a
@@ -29,7 +33,7 @@ Source  More, The Levenberg-Marquardt algorithm, Lecture Notes in Mathematics 63
 
 import cython
 import numpy as np
-from cython.cimports.libc.math import exp, hypot, log, sqrt
+from cython.cimports.libc.math import erf, exp, hypot, log, sqrt
 
 from edge.features.params import PARAMS
 from edge.geometry.motion_field import SHARP
@@ -40,8 +44,10 @@ FITS_MAX = 4
 
 _FITS_MAX = cython.declare(cython.Py_ssize_t, FITS_MAX)
 _EVEN = cython.declare(cython.Py_ssize_t, FITS_MAX + 1)  # beside 0, a line, and so many points: an even line
-#: Parameters of a contact: place (2), logarithm of the width, strength, t (2), v or half a line (2).
+#: Parameters of a contact: place (2), logarithm of the width, strength, t (2), v or half a line (2); and with
+#: dots on the surface c (2), the logarithm of the core's width, and k.
 _OWN = cython.declare(cython.Py_ssize_t, 8)
+_OWN_OF_DOT = cython.declare(cython.Py_ssize_t, 12)
 _COMMON = cython.declare(cython.Py_ssize_t, 6)
 #: Damping of the first step; a tenth of it after one that helped, else tenfold. At 0.1 some lines get short.
 _DAMPING = cython.declare(cython.double, 1.0)
@@ -58,6 +64,10 @@ def _nodes_n(error: float) -> int:
 
 
 _NODES = cython.declare(cython.Py_ssize_t, _nodes_n(_ENOUGH))
+#: Of normal noise: the density in the middle, and the scale of the error function.
+_NORMAL = cython.declare(cython.double, 1.0 / sqrt(2.0 * np.pi))
+_ROOT_HALF = cython.declare(cython.double, sqrt(0.5))
+_POINT = cython.declare(cython.double, 1e-6)  # half of a line over the core's width: below it is a point
 _NO_LIMIT = cython.declare(cython.double, float("inf"))
 
 
@@ -71,10 +81,12 @@ class ContactFit:
     total      (FITS_MAX,) float64 squared pitches, of all potentials at this contact's place
     shear      (FITS_MAX, 2) float64 pitches, t
     dipole     (FITS_MAX, 2) float64 pitches, v; of a line: half of the line
+    core       (FITS_MAX,) float64 pitches, b; 0 with pins
     least      squared pitches, what the squared error could still fall to if steps went on
     n_pins     pins that count
 
     rest_xy, pitch_px  (n, 2) px, and their pitch
+    dots               they are dots on the surface: all count, from any place
     Raises             ValueError: sizes that do not fit
     """
 
@@ -84,8 +96,10 @@ class ContactFit:
     total = cython.declare(cython.double[::1], visibility="readonly")
     shear = cython.declare(cython.double[:, ::1], visibility="readonly")
     dipole = cython.declare(cython.double[:, ::1], visibility="readonly")
+    core = cython.declare(cython.double[::1], visibility="readonly")
     least = cython.declare(cython.double, visibility="readonly")
     n_pins = cython.declare(cython.Py_ssize_t, visibility="readonly")
+    _own: cython.Py_ssize_t
     _rest: cython.double[:, ::1]  # pitches
     _pitch_px: cython.double
     _pin: cython.int[::1]  # the pins that count
@@ -116,6 +130,7 @@ class ContactFit:
     _radius: cython.double  # pins count within it; any scale of that size would do for the affine part
     _reach: cython.double
     _width: cython.double
+    _core: cython.double
     _prior: cython.double[::1]  # of a contact's parameters, likewise
     _error: cython.double  # squared, at the present parameters
     _limit: cython.double  # of it
@@ -124,13 +139,15 @@ class ContactFit:
     _is_known: cython.uchar[::1]  # of each shape
     _is_taken: cython.uchar[::1]  # of a last fit's contacts
 
-    def __init__(self, rest_xy: Array, pitch_px: float) -> None:
-        n, size = len(rest_xy), 8 * FITS_MAX + 6
+    def __init__(self, rest_xy: Array, pitch_px: float, dots: bool = False) -> None:
+        self._own = _OWN_OF_DOT if dots else _OWN
+        n, size = len(rest_xy), self._own * FITS_MAX + _COMMON
         if rest_xy.shape != (n, 2):
             raise ValueError(f"rest_xy (n, 2) is wanted, not {rest_xy.shape}")
         self.place, self.width = np.zeros((FITS_MAX, 2)), np.zeros(FITS_MAX)
         self.height, self.total = np.zeros(FITS_MAX), np.zeros(FITS_MAX)
         self.shear, self.dipole = np.zeros((FITS_MAX, 2)), np.zeros((FITS_MAX, 2))
+        self.core = np.zeros(FITS_MAX)
         self._rest, self._pitch_px = np.array(rest_xy / pitch_px, np.float64, order="C"), pitch_px
         self._pin, self._lost = np.zeros((2, n), np.int32)
         self._lost_n, self._place = 0, np.zeros((n, 2))
@@ -145,7 +162,7 @@ class ContactFit:
         self.least = self._middle_x = self._middle_y = 0.0
         self.n_pins, self._m, self._is_line = 0, 0, False
         self._radius, self._reach = 2.0 * PARAMS.close_pitch, PARAMS.place_radius_pitch
-        self._width = 1.0 / PARAMS.grid_steps_per_pitch
+        self._width = self._core = 1.0 / PARAMS.grid_steps_per_pitch
         # Gauss and Chebyshev's second kind, for a weight of sqrt(1 - z^2); Fejer's second, for an even one.
         angle, odd = np.pi * np.arange(1, _NODES + 1) / (_NODES + 1), np.arange(1, _NODES + 1, 2)
         sine, even = np.sin(angle), (np.sin(np.outer(angle, odd)) / odd).sum(axis=1)
@@ -153,6 +170,12 @@ class ContactFit:
         self._evenly, self._sums = False, np.zeros((n, 14))
         noise, shear = SHARP.noise, SHARP.noise / SHARP.curl  # errors of the model; a shear against a press
         self._prior = np.array([0.0, 0.0, noise, noise / 10.0, shear, shear, shear, shear])
+        if dots:
+            # A gel is about as thick as the reach; how far a dot's shear goes is for the dots to tell.
+            self._radius = float(np.hypot(*np.ptp(rest_xy, axis=0))) / pitch_px
+            self._width, self._core = self._reach, self._width
+            drag = noise / 10.0
+            self._prior = np.array([0.0, 0.0, noise, drag, *[noise] * 4, drag, drag, noise, drag])
 
     def forget(self) -> None:
         """The next frame does not follow the last one."""
@@ -282,8 +305,8 @@ class ContactFit:
         self._m, self._is_line, self._limit = n, False, limit
         self._clear()
         for i in range(n):
-            self._start[_OWN * i] = starts[i, 0] / self._pitch_px
-            self._start[_OWN * i + 1] = starts[i, 1] / self._pitch_px
+            self._start[self._own * i] = starts[i, 0] / self._pitch_px
+            self._start[self._own * i + 1] = starts[i, 1] / self._pitch_px
         return self._solve()
 
     def fit_line(
@@ -306,8 +329,9 @@ class ContactFit:
         self._clear()
         self._start[0] = x / self._pitch_px
         self._start[1] = y / self._pitch_px
-        for i in range(4, _OWN):
-            self._scale[i] = self._prior[2]  # a line and its shear, which pins show well, as a width
+        for i in range(4, 8):
+            # A line and its shear, which pins show well, as a width; dots move less than pins.
+            self._scale[i] = self._prior[3 if self._own == _OWN_OF_DOT else 2]
         self._start[6] = half_x / self._pitch_px
         self._start[7] = half_y / self._pitch_px
         return self._solve()
@@ -326,22 +350,31 @@ class ContactFit:
         self._m, self._is_line, self._evenly = max(points, 1), points == 0, False
         return self._explain(self._last[points], False)
 
+    def left_over(self) -> Array:
+        """(n, 2) float64 pitches, the motion that the last fit left; 0 of pins that do not count; new."""
+        all_left = np.zeros((self._rest.shape[0], 2))
+        self._explain(self._now, False)
+        all_left[np.asarray(self._pin)[: self.n_pins]] = np.asarray(self._left)[: self.n_pins]
+        return all_left
+
     @cython.cfunc
     def _clear(self) -> cython.void:
         """Parameters to begin with, but for places and lines; and their priors."""
         for i in range(self._m):
-            for j in range(_OWN):
-                self._start[_OWN * i + j] = 0.0
-                self._scale[_OWN * i + j] = self._prior[j]
-            self._start[_OWN * i + 2] = log(self._width)
-        for j in range(_OWN * self._m, _OWN * self._m + _COMMON):
+            for j in range(self._own):
+                self._start[self._own * i + j] = 0.0
+                self._scale[self._own * i + j] = self._prior[j]
+            self._start[self._own * i + 2] = log(self._width)
+            if self._own == _OWN_OF_DOT:
+                self._start[self._own * i + 10] = log(self._core)
+        for j in range(self._own * self._m, self._own * self._m + _COMMON):
             self._start[j] = 0.0
             self._scale[j] = self._prior[3]
 
     @cython.cfunc
     def _solve(self) -> cython.double:
         """Fit, and write the results."""
-        size = _OWN * self._m + _COMMON
+        size = self._own * self._m + _COMMON
         shape = self._m if not self._is_line else _EVEN if self._evenly else 0
         if not (self._follow(shape) and self._descend_on()):
             self._now[:size] = self._start[:size]
@@ -362,7 +395,7 @@ class ContactFit:
         """Two steps at most from an earlier frame's optimum, since more of them often end in another one.
         Whether they end in an optimum, or out of reach of the limit.
         """
-        size = _OWN * self._m + _COMMON
+        size = self._own * self._m + _COMMON
         self._error = self._sum_up()
         for left in range(1, -1, -1):
             if not self._find_step(0.0):
@@ -387,7 +420,7 @@ class ContactFit:
     @cython.cfunc
     def _descend(self) -> cython.void:
         """Steps while they gain."""
-        size = _OWN * self._m + _COMMON
+        size = self._own * self._m + _COMMON
         damping = _DAMPING
         steps = size  # so that a frame's time is bounded
         self._error = self._sum_up()
@@ -412,31 +445,31 @@ class ContactFit:
     @cython.cfunc
     def _follow(self, shape: cython.Py_ssize_t) -> cython.bint:
         """Begin where the last frame's fit ended; False: there is none, or not near where to begin."""
-        own = _OWN * self._m
+        own = self._own * self._m
         if not self._is_known[shape]:
             return False
         for i in range(self._m):
             self._is_taken[i] = False
-        for p in range(0, own, _OWN):
+        for p in range(0, own, self._own):
             nearest, least = -1, self._reach
             for j in range(self._m):
                 far = hypot(
-                    self._last[shape, _OWN * j] - self._start[p],
-                    self._last[shape, _OWN * j + 1] - self._start[p + 1],
+                    self._last[shape, self._own * j] - self._start[p],
+                    self._last[shape, self._own * j + 1] - self._start[p + 1],
                 )
                 if far <= least and not self._is_taken[j]:
                     nearest, least = j, far
             if nearest < 0:
                 return False
             self._is_taken[nearest] = True
-            self._now[p : p + _OWN] = self._last[shape, _OWN * nearest : _OWN * (nearest + 1)]
+            self._now[p : p + self._own] = self._last[shape, self._own * nearest : self._own * (nearest + 1)]
         self._now[own : own + _COMMON] = self._last[shape, own : own + _COMMON]
         return True
 
     @cython.cfunc
     def _sum_up(self) -> cython.double:
         """Normal equations at the present parameters; the squared error."""
-        size = _OWN * self._m + _COMMON
+        size = self._own * self._m + _COMMON
         n = 2 * self.n_pins
         h: cython.double[:, ::1] = self._normal
         cost: cython.double = self._explain(self._now, True)
@@ -470,7 +503,7 @@ class ContactFit:
     @cython.cfunc
     def _explain(self, parameters: cython.double[::1], derive: cython.bint) -> cython.double:
         """The pins' motion that contacts and affine motion leave, and its rows; the squared error."""
-        base = _OWN * self._m
+        base = self._own * self._m
         cost: cython.double = 0.0
         rows: cython.double[:, ::1] = self._rows
         left: cython.double[:, ::1] = self._left
@@ -491,11 +524,15 @@ class ContactFit:
                 parameters[base] + x * parameters[base + 1] + y * parameters[base + 2]
             )
             left[i, 1] = self._motion[i, 1] - (parameters[base + 3] + off)
-        if self._is_line:
+        if self._own == _OWN_OF_DOT:
+            for j in range(self._m):
+                self._add_core(parameters, self._own * j, derive)
+                self._add_bulge(parameters, self._own * j, derive)
+        elif self._is_line:
             self._add_line(parameters, derive)
         else:
             for j in range(self._m):
-                self._add_point(parameters, _OWN * j, derive)
+                self._add_point(parameters, self._own * j, derive)
         for i in range(self.n_pins):
             cost += left[i, 0] * left[i, 0] + left[i, 1] * left[i, 1]
             if derive:
@@ -505,7 +542,7 @@ class ContactFit:
     @cython.cfunc
     def _off(self, parameters: cython.double[::1], j: cython.Py_ssize_t) -> cython.double:
         """How far a parameter is from its prior's mean: that of a width is where the fit begins."""
-        if j < _OWN * self._m and j % _OWN == 2:
+        if j < self._own * self._m and (j % self._own == 2 or j % self._own == 10):
             return parameters[j] - self._start[j]
         return parameters[j]
 
@@ -586,6 +623,122 @@ class ContactFit:
             rows[q, 7], rows[r, 7] = tx * ky - a * sums[i, 9], ty * ky - a * sums[i, 10]
 
     @cython.cfunc
+    def _add_core(
+        self, parameters: cython.double[::1], p: cython.Py_ssize_t, derive: cython.bint
+    ) -> cython.void:
+        """Take away the motion by a contact's core; its derivatives begin those of the contact."""
+        rows: cython.double[:, ::1] = self._rows
+        left: cython.double[:, ::1] = self._left
+        core: cython.double[6] = [0.0] * 6
+        for i in range(self.n_pins):
+            x, y = self._place[i, 0] - parameters[p], self._place[i, 1] - parameters[p + 1]
+            self._find_core(parameters, p, x, y, core)
+            cx = parameters[p + 8] + parameters[p + 11] * x
+            cy = parameters[p + 9] + parameters[p + 11] * y
+            left[i, 0] -= cx * core[0]
+            left[i, 1] -= cy * core[0]
+            if not derive:
+                continue
+            q, r = 2 * i, 2 * i + 1
+            own = parameters[p + 11] * core[0]
+            rows[q, p], rows[q, p + 1] = -cx * core[1] - own, -cx * core[2]
+            rows[r, p], rows[r, p + 1] = -cy * core[1], -cy * core[2] - own
+            for j in range(2, 6):
+                rows[q, p + j] = rows[r, p + j] = 0.0
+            rows[q, p + 6], rows[q, p + 7] = cx * core[3], cx * core[4]
+            rows[r, p + 6], rows[r, p + 7] = cy * core[3], cy * core[4]
+            rows[q, p + 8], rows[q, p + 9] = core[0], 0.0
+            rows[r, p + 8], rows[r, p + 9] = 0.0, core[0]
+            rows[q, p + 10], rows[r, p + 10] = cx * core[5], cy * core[5]
+            rows[q, p + 11], rows[r, p + 11] = core[0] * x, core[0] * y
+
+    @cython.cfunc
+    def _add_bulge(
+        self, parameters: cython.double[::1], p: cython.Py_ssize_t, derive: cython.bint
+    ) -> cython.void:
+        """Take away the motion of dots round a point, or a line; its derivatives are added to the core's."""
+        rows: cython.double[:, ::1] = self._rows
+        left: cython.double[:, ::1] = self._left
+        z: cython.double = 0.0
+        weight: cython.double = 1.0
+        i1 = exp(-parameters[p + 2])
+        i2 = i1 * i1
+        a = parameters[p + 3] * i1
+        tx, ty = parameters[p + 4], parameters[p + 5]
+        for i in range(self.n_pins):
+            q, r = 2 * i, 2 * i + 1
+            for k in range(_NODES if self._is_line else 1):
+                if self._is_line:
+                    z, weight = self._node[k], self._weight[1 if self._evenly else 0, k]
+                dx = self._place[i, 0] - parameters[p] - z * parameters[p + 6]
+                dy = self._place[i, 1] - parameters[p + 1] - z * parameters[p + 7]
+                r2 = (dx * dx + dy * dy) * i2
+                f = 1.0 / (1.0 + 0.5 * r2)
+                wf = weight * f
+                g = f * wf
+                left[i, 0] -= a * g * dx + tx * wf
+                left[i, 1] -= a * g * dy + ty * wf
+                if not derive:
+                    continue
+                # Along d, f changes by -f^2 d / s^2, and f^2 by -2 f^3 d / s^2.
+                g3 = 2.0 * g * f
+                x, y = -i2 * (a * g3 * dx + g * tx), -i2 * (a * g3 * dy + g * ty)
+                xx, xy, yx, yy = a * g + x * dx, x * dy, y * dx, a * g + y * dy
+                rows[q, p] -= xx
+                rows[q, p + 1] -= xy
+                rows[r, p] -= yx
+                rows[r, p + 1] -= yy
+                rows[q, p + 6] -= z * xx
+                rows[q, p + 7] -= z * xy
+                rows[r, p + 6] -= z * yx
+                rows[r, p + 7] -= z * yy
+                push = a * (g3 * r2 - g)
+                rows[q, p + 2] += push * dx + tx * g * r2
+                rows[r, p + 2] += push * dy + ty * g * r2
+                rows[q, p + 3] += g * dx * i1
+                rows[r, p + 3] += g * dy * i1
+                rows[q, p + 4] += wf
+                rows[r, p + 5] += wf
+
+    @cython.cfunc
+    @cython.exceptval(check=False)
+    def _find_core(
+        self,
+        parameters: cython.double[::1],
+        p: cython.Py_ssize_t,
+        x: cython.double,
+        y: cython.double,
+        out: cython.p_double,
+    ) -> cython.void:
+        """The core at a distance from the middle of a point, or of a line, along which it is even; 1 in the
+        middle. Written are it, and its derivatives: along x and y; by half of the line, x and y; by log b.
+        """
+        b = exp(parameters[p + 10])
+        half = hypot(parameters[p + 6], parameters[p + 7]) / b
+        u, v = x / b, y / b
+        if not self._is_line or half < _POINT:
+            out[0] = exp(-0.5 * (u * u + v * v))
+            out[1], out[2] = -out[0] * u / b, -out[0] * v / b
+            out[3] = out[4] = 0.0
+            out[5] = out[0] * (u * u + v * v)
+            return
+        nx, ny = parameters[p + 6] / (half * b), parameters[p + 7] / (half * b)
+        along, across = nx * u + ny * v, nx * v - ny * u
+        whole = erf(half * _ROOT_HALF)
+        beside = exp(-0.5 * across * across) / whole
+        core = 0.5 * beside * (erf((along + half) * _ROOT_HALF) - erf((along - half) * _ROOT_HALF))
+        left, right = exp(-0.5 * (along + half) ** 2), exp(-0.5 * (along - half) ** 2)
+        by_along = beside * (left - right) * _NORMAL
+        by_half = beside * (left + right) * _NORMAL - core * 2.0 * _NORMAL * exp(-0.5 * half * half) / whole
+        by_turn = across * (by_along + along * core) / half
+        out[0] = core
+        out[1] = (nx * by_along + ny * across * core) / b
+        out[2] = (ny * by_along - nx * across * core) / b
+        out[3] = (nx * by_half - ny * by_turn) / b
+        out[4] = (ny * by_half + nx * by_turn) / b
+        out[5] = -(along * by_along - across * across * core + half * by_half)
+
+    @cython.cfunc
     @cython.exceptval(check=False)
     def _sum_nodes(
         self, i: cython.Py_ssize_t, parameters: cython.double[::1], i2: cython.double, derive: cython.bint
@@ -631,7 +784,7 @@ class ContactFit:
     @cython.cfunc
     def _find_step(self, damping: cython.double) -> cython.bint:
         """`_next`, by one damped step (Cholesky), and `_promise`; False: it is not positive definite."""
-        size = _OWN * self._m + _COMMON
+        size = self._own * self._m + _COMMON
         d: cython.double[:, ::1] = self._damped
         step: cython.double[::1] = self._step
         total: cython.double
@@ -663,7 +816,7 @@ class ContactFit:
             step[i] = total / d[i, i]
             self._next[i] = self._now[i] + step[i]
         for i in range(self._m):
-            self._confine(_OWN * i)
+            self._confine(self._own * i)
         return True
 
     @cython.cfunc
@@ -677,6 +830,8 @@ class ContactFit:
             self._next[p + 1] = self._start[p + 1] + dy * self._reach / far
         most = log(self._radius)
         self._next[p + 2] = min(max(self._next[p + 2], -most), most)
+        if self._own == _OWN_OF_DOT:
+            self._next[p + 10] = min(max(self._next[p + 10], -most), most)
         if self._is_line:
             far = hypot(self._next[p + 6], self._next[p + 7])
             if far > self._radius:
@@ -686,17 +841,19 @@ class ContactFit:
     @cython.cfunc
     def _write(self) -> cython.void:
         for i in range(self._m):
-            self.place[i, 0] = self._now[_OWN * i] * self._pitch_px
-            self.place[i, 1] = self._now[_OWN * i + 1] * self._pitch_px
-            self.width[i] = exp(self._now[_OWN * i + 2])
-            self.height[i] = self._now[_OWN * i + 3] * self.width[i]
+            self.place[i, 0] = self._now[self._own * i] * self._pitch_px
+            self.place[i, 1] = self._now[self._own * i + 1] * self._pitch_px
+            self.width[i] = exp(self._now[self._own * i + 2])
+            self.height[i] = self._now[self._own * i + 3] * self.width[i]
             for j in range(2):
-                self.shear[i, j] = self._now[_OWN * i + 4 + j]
-                self.dipole[i, j] = self._now[_OWN * i + 6 + j]
+                self.shear[i, j] = self._now[self._own * i + 4 + j]
+                self.dipole[i, j] = self._now[self._own * i + 6 + j]
+            if self._own == _OWN_OF_DOT:
+                self.core[i] = exp(self._now[self._own * i + 10])
         for i in range(self._m):
             self.total[i] = 0.0
             for j in range(self._m):
-                dx = self._now[_OWN * i] - self._now[_OWN * j]
-                dy = self._now[_OWN * i + 1] - self._now[_OWN * j + 1]
+                dx = self._now[self._own * i] - self._now[self._own * j]
+                dy = self._now[self._own * i + 1] - self._now[self._own * j + 1]
                 s = self.width[j]
                 self.total[i] += self.height[j] / (1.0 + 0.5 * (dx * dx + dy * dy) / (s * s))

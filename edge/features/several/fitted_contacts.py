@@ -34,7 +34,9 @@ from edge.types import Array, FittedContact, Mask, Tracks
 #: Two points as far from a region's middle, in its semi-axes, have its variance: a semi-axis is two sigmas.
 _HALF = 0.5
 #: Pins that a fit needs: as many as two contacts with the affine motion have parameters, two numbers each.
-_PINS_MIN = 22
+PINS_MIN = 22
+#: Of all pins, that overrules the regions, or makes a contact: a pin and its ring count as one.
+EVIDENCE = (N_RING + 1) * math.log(Tracks.LOW_CONFIDENCE / (1.0 - Tracks.LOW_CONFIDENCE))
 
 
 class Fits(IntEnum):
@@ -78,8 +80,6 @@ class FittedContacts:
         self._regions = regions
         self._pitch_px = surface.pitch_px
         self._close_px = PARAMS.close_pitch * surface.pitch_px
-        odds = Tracks.LOW_CONFIDENCE / (1.0 - Tracks.LOW_CONFIDENCE)
-        self._evidence = (N_RING + 1) * math.log(odds)  # of all pins, that overrules the regions
         self._middle, self._starts = np.asarray(regions.middle), np.zeros((2, 2))
         fit = self._fit
         self._fitted = [np.asarray(a) for a in (fit.place, fit.width, fit.total, fit.shear, fit.dipole)]
@@ -232,7 +232,7 @@ class FittedContacts:
         """
         self._moved = self._fit.again(xy, seen, places)
         if math.isfinite(self._moved):
-            return bool(self._fit.n_pins >= _PINS_MIN)
+            return bool(self._fit.n_pins >= PINS_MIN)
         return self._choose_pins(xy, seen, places)
 
     def _last(self, overruled: bool) -> _Decision | None:
@@ -254,7 +254,7 @@ class FittedContacts:
         """The pins near these places are those to be explained; whether they are enough."""
         self._decision, self._moved = None, 0.0
         self._fit.choose(xy, seen, places)
-        return bool(self._fit.n_pins >= _PINS_MIN)
+        return bool(self._fit.n_pins >= PINS_MIN)
 
     def _start_at(self, x0: float, y0: float, x1: float, y1: float) -> None:
         """Where two points begin."""
@@ -287,4 +287,4 @@ class FittedContacts:
 
     def _limit(self, error: float) -> float:
         """The error below which another shape has as much evidence as overrules one with this error."""
-        return error * math.exp(-self._evidence / self._fit.n_pins)
+        return error * math.exp(-EVIDENCE / self._fit.n_pins)

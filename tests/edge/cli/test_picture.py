@@ -53,6 +53,12 @@ def test_the_length_and_direction_of_a_motion_are_found(degrees: float) -> None:
     assert "motion" in levels(moved)
 
 
+def test_pins_of_a_few_levels_are_faint_though_rounding_hides_the_noise() -> None:
+    image = frame().image.astype(np.float64)
+    assert "contrast" not in levels(frame().image)
+    assert "contrast" in levels(np.rint(100 + 5 * image / np.ptp(image)).astype(np.uint8))
+
+
 def test_holes_are_counted_where_there_is_a_lattice() -> None:
     rest = take_rest([frame().image])
     assert len(picture.holes(rest)) == 0

@@ -7,10 +7,14 @@ import numpy as np
 import pytest
 
 from edge.calibration import Calibration
+from edge.cli import render
 from edge.cli.render import render_recording
 from edge.pins import take_rest
+from edge.runtime.loop import Loop
 from edge.types import Frame
 from edge.view.panels import View, draw_camera
+from hostlink.wire import State
+from tests.support.finger import Finger
 
 
 def frames_of(path: Path) -> list[np.ndarray]:
@@ -46,3 +50,27 @@ def test_every_frame_is_in_the_video(
     alike = [np.corrcoef(camera.ravel(), image)[0, 1] for image in drawn]
     assert alike[1] > max(0.8, alike[0])
     assert cv2.VideoCapture(str(video)).get(cv2.CAP_PROP_FPS) == pytest.approx(25)
+
+
+def test_render_shows_the_values_that_the_running_finger_sends(
+    data_dir: Path, tmp_path: Path, frames: list[Frame], calibration: Calibration,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    shown: list[State] = []
+
+    class Shown(Loop):
+        def step(self, frame: Frame) -> State:
+            shown.append(super().step(frame))
+            return shown[-1]
+
+    monkeypatch.setattr(render, "Loop", Shown)
+    render_recording(str(data_dir / "press.mcap"), tmp_path / "a.mkv", calibration, height=120)
+    finger = Finger([], calibration)
+    for frame, now in zip(frames, shown, strict=True):
+        sent = finger.loop.step(frame)
+        if np.isfinite(sent.displacement_mm):
+            assert now.displacement_mm == sent.displacement_mm
+            assert now.shear_x_mm == sent.shear_x_mm
+            assert now.contacts == sent.contacts
+    assert np.isfinite(shown[0].displacement_mm)
+    assert np.isfinite(sent.displacement_mm)
