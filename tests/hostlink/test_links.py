@@ -194,10 +194,8 @@ def test_udp_buses_of_one_machine_are_apart(buses: tuple[str, str]) -> None:
 def test_a_callback_may_exit_or_ask_and_the_link_goes_on(request: pytest.FixtureRequest, kind: str) -> None:
     """`sys.exit()` ends nothing; what waits for the finger is refused at once, in one line."""
     bus = f"virtual:{request.node.name}"
-    refused: list[str] = []
-    ended: list[hostlink.Sample] = []
-    received: list[hostlink.Sample] = []
-    failed: list[object] = []
+    refused, failed = list[str](), list[object]()
+    ended, received = list[hostlink.Sample](), list[hostlink.Sample]()
     with node_at(f"{bus}?node=9") as (node, _), hostlink.connect(bus) as hand:
 
         def fail(*what: object) -> None:

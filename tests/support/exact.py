@@ -34,12 +34,8 @@ def cell_areas(points: NDArray[np.float64], n_pins: int) -> list[Fraction]:
 
 def relative_errors(areas: NDArray[np.float64], exact: list[Fraction]) -> NDArray[np.float64]:
     """|area - exact| / exact, computed exactly; NaN in `areas` counts as infinite."""
-    return np.array(
-        [
-            float(abs(Fraction(float(a)) - e) / e) if np.isfinite(a) else np.inf
-            for a, e in zip(areas, exact, strict=True)
-        ]
-    )
+    pairs = zip(areas.tolist(), exact, strict=True)
+    return np.array([float(abs(Fraction(a) - e) / e) if np.isfinite(a) else np.inf for a, e in pairs])
 
 
 def _as_integers(points: NDArray[np.float64]) -> tuple[list[tuple[int, int]], Fraction]:
@@ -91,7 +87,5 @@ def _clip(lines: list[Line], corners: list[Corner], cut: Line) -> tuple[list[Lin
 
 def _area(corners: list[Corner]) -> Fraction:
     place = [(Fraction(x, w), Fraction(y, w)) for x, y, w in corners]
-    twice = sum(
-        (a[0] * b[1] - b[0] * a[1] for a, b in zip(place, [*place[1:], place[0]], strict=True)), Fraction(0)
-    )
-    return abs(twice) / 2
+    edges = zip(place, [*place[1:], place[0]], strict=True)
+    return abs(sum((a[0] * b[1] - b[0] * a[1] for a, b in edges), Fraction(0))) / 2

@@ -46,12 +46,8 @@ def horseshoe(pitch: float = PITCH_PX) -> Points:
     return kept
 
 
-TIPS: dict[str, Callable[[], Points]] = {
-    "hexagonal": hexagonal,
-    "concentric": concentric,
-    "square": square,
-    "horseshoe": horseshoe,
-}
+_KINDS: tuple[Callable[[], Points], ...] = (hexagonal, concentric, square, horseshoe)
+TIPS = {kind.__name__: kind for kind in _KINDS}
 
 
 def pressed(xy: Points, depth_px: float = 6.0) -> Points:

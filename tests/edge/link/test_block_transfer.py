@@ -124,14 +124,13 @@ def test_a_remote_node_reads_and_writes_every_object(bus: test_node.Bench) -> No
 
 def test_samples_pass_the_segments_of_a_sub_block(bus: test_node.Bench) -> None:
     bus.finger.calibration = VALUE
-    stream = bus.remote.sdo.open(0x2030, 0, "rb", block_transfer=True, buffering=0)
-    until(lambda: bus.remote.sdo.responses.qsize() > 3, "segments have come")
-    sent = [bus.node.send(State(sample=k, capture_time_us=k)) for k in range(20)]
-    assert all(sent)
-    assert bus.node.sink._queue._spaced["block"].spacing_s == pytest.approx(135e-6 / PARAMS.spaced_rel)
-    assert bus.samples(20) == list(range(20))
-    assert stream.readall() == VALUE
-    stream.close()
+    with closing(bus.remote.sdo.open(0x2030, 0, "rb", block_transfer=True, buffering=0)) as stream:
+        until(lambda: bus.remote.sdo.responses.qsize() > 3, "segments have come")
+        sent = [bus.node.send(State(sample=k, capture_time_us=k)) for k in range(20)]
+        assert all(sent)
+        assert bus.node.sink._queue._spaced["block"].spacing_s == pytest.approx(135e-6 / PARAMS.spaced_rel)
+        assert bus.samples(20) == list(range(20))
+        assert stream.readall() == VALUE
 
 
 @pytest.mark.parametrize("crc", [True, False])

@@ -4,6 +4,7 @@ import termios
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing
 from functools import partial
 from importlib.resources import files
 from pathlib import Path
@@ -110,9 +111,8 @@ class Bench:
 
 @pytest.fixture
 def bench(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Bench]:
-    bench = Bench(f"node-{request.node.name}", tmp_path)
-    yield bench
-    bench.close()
+    with closing(Bench(f"node-{request.node.name}", tmp_path)) as bench:
+        yield bench
 
 
 def refused(code: int) -> pytest.RaisesExc[canopen.SdoAbortedError]:
@@ -312,24 +312,23 @@ def test_whatever_a_driver_raises_is_a_lost_link_and_no_thread_ends(
 ) -> None:
     bus, finger = Troubled(instant), Finger()
     sink = CanFdSink("troubled", bus, NODE)
-    node = Node(sink, finger)
-    sink.every(0.0, None)  # a heartbeat would show that the link is back
-    assert node.drain(SOON_S)
-    bus.trouble[where] = error
-    if where in ("open", "close"):
-        sink._lose(bus, MediumError("lost"))
-    if where == "write":
-        node.send(state(1))
-    until(lambda: finger.faults == {FaultCode.LINK_DOWN: True}, "the fault")
-    bus.items.clear()
-    until(lambda: node.send(state(2)) and node.drain(SOON_S) and sink.up, "samples again")
-    until(lambda: finger.faults == {FaultCode.LINK_DOWN: False}, "the fault's end")
-    assert not bus.trouble
-    assert sink.guard.unforeseen_n == 1
-    assert all(thread.is_alive() for thread in sink._threads)
-    first = next(wire.unpack_state(frame.data) for frame in bus.items if frame.can_id == 0x180 + NODE)
-    assert first.status == Status.LINK_FAULT
-    node.close()
+    with closing(Node(sink, finger)) as node:
+        sink.every(0.0, None)  # a heartbeat would show that the link is back
+        assert node.drain(SOON_S)
+        bus.trouble[where] = error
+        if where in ("open", "close"):
+            sink._lose(bus, MediumError("lost"))
+        if where == "write":
+            node.send(state(1))
+        until(lambda: finger.faults == {FaultCode.LINK_DOWN: True}, "the fault")
+        bus.items.clear()
+        until(lambda: node.send(state(2)) and node.drain(SOON_S) and sink.up, "samples again")
+        until(lambda: finger.faults == {FaultCode.LINK_DOWN: False}, "the fault's end")
+        assert not bus.trouble
+        assert sink.guard.unforeseen_n == 1
+        assert all(thread.is_alive() for thread in sink._threads)
+        first = next(wire.unpack_state(frame.data) for frame in bus.items if frame.can_id == 0x180 + NODE)
+        assert first.status == Status.LINK_FAULT
     assert not any(thread.is_alive() for thread in sink._threads)
 
 
@@ -392,7 +391,6 @@ def test_moved_identifiers(request: pytest.FixtureRequest) -> None:
 
 def test_serial_heartbeat() -> None:
     line = Wire(instant=False)
-    node = Node(SerialSink("line", lambda: line), Finger())
-    node.objects.write(0x1017, 0, b"\x0a\0")
-    until(lambda: any(decode_frame(frame.strip(b"\0"))[0] == Message.HEARTBEAT for frame in line.items))
-    node.close()
+    with closing(Node(SerialSink("line", lambda: line), Finger())) as node:
+        node.objects.write(0x1017, 0, b"\x0a\0")
+        until(lambda: any(decode_frame(frame.strip(b"\0"))[0] == Message.HEARTBEAT for frame in line.items))

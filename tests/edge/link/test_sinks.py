@@ -77,10 +77,9 @@ def fd_sink(flaky: Flaky) -> Iterator[CanFdSink]:
 def slow(channel: str) -> Iterator[tuple[Flaky, CanFdSink]]:
     """A bus whose writes may take their time, and its sink."""
     flaky = Flaky(channel, instant=False)
-    sink = CanFdSink("slow", flaky)
-    yield flaky, sink
-    flaky.free.set()
-    sink.close()
+    with closing(CanFdSink("slow", flaky)) as sink:
+        yield flaky, sink
+        flaky.free.set()
 
 
 class Reports:
@@ -132,11 +131,10 @@ def test_full_buffer_drops_and_keeps_the_bus(
     assert flaky.opened_n == 1
     assert fd_sink.counters.reconnects == 0
     monkeypatch.setattr("edge.link.link_sink.PARAMS", replace(PARAMS, stall_s=SOON_S))
-    patient = CanFdSink("patient", flaky)
-    flaky.trouble = errno.ENOBUFS
-    assert not patient.send(state(3))
-    assert patient.up  # one full buffer is no lost link
-    patient.close()
+    with closing(CanFdSink("patient", flaky)) as patient:
+        flaky.trouble = errno.ENOBUFS
+        assert not patient.send(state(3))
+        assert patient.up  # one full buffer is no lost link
 
 
 def test_bus_off_is_reported_by_the_link(channel: str, fd_sink: CanFdSink) -> None:

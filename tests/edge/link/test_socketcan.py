@@ -3,7 +3,7 @@
 import socket
 import threading
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 
 import can
@@ -108,16 +108,15 @@ def test_a_bus_that_is_gone_is_an_error(bus: Bus) -> None:
 
 def test_bus_off_lasts_until_the_carrier_is_back(bus: Bus) -> None:
     bus.carrier.write_text("0\n")
-    sink = CanFdSink("kernel", lambda: bus.medium)
-    bus.error(CAN_ERR_BUSOFF)
-    until(lambda: sink.faults == {FaultCode.BUS_OFF}, "bus-off")
-    assert not sink.send(State(sample=0))  # the kernel would take it, and discard it
-    assert sink.faults == {FaultCode.BUS_OFF}
-    bus.carrier.write_text("1\n")
-    until(lambda: sink.send(State(sample=1)), "carrier")
-    assert sink.faults == frozenset()
-    assert unpack_state(dissect_can_frame(bus.kernel.recv(128))[3]).sample == 1
-    sink.close()
+    with closing(CanFdSink("kernel", lambda: bus.medium)) as sink:
+        bus.error(CAN_ERR_BUSOFF)
+        until(lambda: sink.faults == {FaultCode.BUS_OFF}, "bus-off")
+        assert not sink.send(State(sample=0))  # the kernel would take it, and discard it
+        assert sink.faults == {FaultCode.BUS_OFF}
+        bus.carrier.write_text("1\n")
+        until(lambda: sink.send(State(sample=1)), "carrier")
+        assert sink.faults == frozenset()
+        assert unpack_state(dissect_can_frame(bus.kernel.recv(128))[3]).sample == 1
 
 
 def test_an_error_frame_is_known_by_its_flag_and_a_restart_ends_bus_off(bus: Bus) -> None:
@@ -142,23 +141,21 @@ def host() -> Iterator[can.BusABC]:
 
 
 def test_the_kernel_passes_on_what_is_wanted(host: can.BusABC) -> None:
-    medium = open_socket("vcan0", True, (0x000, 0x601))
-    for can_id in (0x600, 0x602, 0x181):
-        host.send(as_python_can(CanFrame(can_id, b"1")))
-    host.send(as_python_can(CanFrame(0x601, b"2"), is_extended_id=True))
-    host.send(as_python_can(CanFrame(0x601, b""), is_remote_frame=True))
-    host.send(as_python_can(CanFrame(0x181, bytes(64), fd=True)))
-    wanted = [CanFrame(0x601, b"3"), CanFrame(0x000, b"4")]
-    for frame in wanted:
-        host.send(as_python_can(frame))
-    assert [medium.read(SOON_S) for _ in wanted] == wanted
-    assert medium.read(0.0) is None
-    medium.close()
+    with closing(open_socket("vcan0", True, (0x000, 0x601))) as medium:
+        for can_id in (0x600, 0x602, 0x181):
+            host.send(as_python_can(CanFrame(can_id, b"1")))
+        host.send(as_python_can(CanFrame(0x601, b"2"), is_extended_id=True))
+        host.send(as_python_can(CanFrame(0x601, b""), is_remote_frame=True))
+        host.send(as_python_can(CanFrame(0x181, bytes(64), fd=True)))
+        wanted = [CanFrame(0x601, b"3"), CanFrame(0x000, b"4")]
+        for frame in wanted:
+            host.send(as_python_can(frame))
+        assert [medium.read(SOON_S) for _ in wanted] == wanted
+        assert medium.read(0.0) is None
 
 
 def test_a_node_in_classic_frames_does_not_see_fd(host: can.BusABC) -> None:
-    medium = open_socket("vcan0", False, (0x601,))
-    host.send(as_python_can(CanFrame(0x601, bytes(64), fd=True)))
-    host.send(as_python_can(CanFrame(0x601, b"5")))
-    assert medium.read(SOON_S) == CanFrame(0x601, b"5")
-    medium.close()
+    with closing(open_socket("vcan0", False, (0x601,))) as medium:
+        host.send(as_python_can(CanFrame(0x601, bytes(64), fd=True)))
+        host.send(as_python_can(CanFrame(0x601, b"5")))
+        assert medium.read(SOON_S) == CanFrame(0x601, b"5")

@@ -7,7 +7,7 @@ import struct
 import threading
 import time
 from collections.abc import Awaitable, Callable, Iterator
-from contextlib import suppress
+from contextlib import closing, suppress
 from math import pi, sqrt
 from pathlib import Path
 from typing import Any
@@ -185,26 +185,25 @@ def test_samples_scenes_and_diagnoses_are_what_the_fingers_sent(hand: Hand) -> N
 
 def test_a_hands_names_are_those_of_topics_frames_and_parameters() -> None:
     mounts = (Mount("thumb", 1, (-0.04, 0.0, 0.0), (0.0, 0.0, pi / 2)), Mount("index", 3, (0.0, 0.0, 0.0)))
-    hand = Hand("fox-named", (1, 3), state, HandFile("left_hand", mounts=mounts))
-    outlet = bridged(hand, control=())
+    with Hand("fox-named", (1, 3), state, HandFile("left_hand", mounts=mounts)) as hand:
+        outlet = bridged(hand, control=())
 
-    async def visit(viewer: Viewer) -> None:
-        await viewer.subscribe("/thumb/sample", "/thumb/contacts", "/tf")
-        got = viewer.messages
-        await viewer.until(lambda: len(got) == 3, "messages")
-        assert SceneUpdate.FromString(got["/thumb/contacts"][-1][1]).entities[0].frame_id == "thumb"
+        async def visit(viewer: Viewer) -> None:
+            await viewer.subscribe("/thumb/sample", "/thumb/contacts", "/tf")
+            got = viewer.messages
+            await viewer.until(lambda: len(got) == 3, "messages")
+            assert SceneUpdate.FromString(got["/thumb/contacts"][-1][1]).entities[0].frame_id == "thumb"
 
-        def thumb() -> Any:
-            tips = FrameTransforms.FromString(got["/tf"][-1][1]).transforms
-            return next((tip for tip in tips if tip.child_frame_id == "thumb"), None)
+            def thumb() -> Any:
+                tips = FrameTransforms.FromString(got["/tf"][-1][1]).transforms
+                return next((tip for tip in tips if tip.child_frame_id == "thumb"), None)
 
-        tip = await viewer.until(thumb, "where the thumb is")
-        assert (tip.parent_frame_id, tip.translation.x) == ("hand", -0.04)
-        assert (tip.rotation.z, tip.rotation.w) == pytest.approx((sqrt(0.5), sqrt(0.5)))
-        await viewer.until(lambda: "/index/tare" in viewer.services, "the service")
+            tip = await viewer.until(thumb, "where the thumb is")
+            assert (tip.parent_frame_id, tip.translation.x) == ("hand", -0.04)
+            assert (tip.rotation.z, tip.rotation.w) == pytest.approx((sqrt(0.5), sqrt(0.5)))
+            await viewer.until(lambda: "/index/tare" in viewer.services, "the service")
 
-    watch(outlet.url, visit)
-    hand.close()
+        watch(outlet.url, visit)
 
 
 def test_tare_is_a_service(hand: Hand) -> None:
@@ -283,13 +282,11 @@ FOREIGN = [
 
 @pytest.mark.parametrize(("why", "headers"), FOREIGN)
 def test_foreign_pages_look_at_most(hand: Hand, why: str, headers: dict[str, str]) -> None:
-    outlet = bridged(hand)
-    status, greeting = received(outlet.url, **headers)
-    assert (status, greeting["capabilities"]) == (0, []), why
-    outlet.close()
-    commanding = FoxgloveOutlet(Listen("127.0.0.1", 0), control=("http://localhost:8080",))
-    assert received(commanding.url, RATE, **headers)[0] == 403, why
-    commanding.close()
+    with closing(bridged(hand)) as outlet:
+        status, greeting = received(outlet.url, **headers)
+        assert (status, greeting["capabilities"]) == (0, []), why
+    with closing(FoxgloveOutlet(Listen("127.0.0.1", 0), control=("http://localhost:8080",))) as commanding:
+        assert received(commanding.url, RATE, **headers)[0] == 403, why
     assert hand.connection.finger(1).get("rate_hz") == 0.0
 
 
@@ -304,12 +301,11 @@ def test_programs_and_pages_that_were_named_may_set(hand: Hand, headers: dict[st
 def test_a_viewer_of_the_older_protocol_reads_which_release_it_needs(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    outlet = FoxgloveOutlet(Listen("127.0.0.1", 0))
-    for _ in range(5):
-        _, greeting = received(outlet.url, protocol="foxglove.websocket.v1")
-        assert "update it (Lichtblick 1.26" in greeting["message"]
-    assert received(outlet.url, protocol="chat")[0] == 400
-    outlet.close()
+    with closing(FoxgloveOutlet(Listen("127.0.0.1", 0))) as outlet:
+        for _ in range(5):
+            _, greeting = received(outlet.url, protocol="foxglove.websocket.v1")
+            assert "update it (Lichtblick 1.26" in greeting["message"]
+        assert received(outlet.url, protocol="chat")[0] == 400
     assert len(caplog.records) == 1, "one line, however often it tries"
     assert "Lichtblick 1.26" in caplog.text
 
@@ -324,16 +320,15 @@ BAD_REQUESTS = (
 
 
 def test_requests_that_are_none_end_and_the_next_viewer_is_served(caplog: pytest.LogCaptureFixture) -> None:
-    outlet = FoxgloveOutlet(Listen("127.0.0.1", 0), control=())
-    for request in BAD_REQUESTS * 10:
-        place = ("127.0.0.1", outlet.server.port)
-        with socket.create_connection(place, WAIT_S) as client, suppress(ConnectionError):
-            client.sendall(request)
-            client.shutdown(socket.SHUT_WR)
-            answer = client.recv(1000)
-            assert not answer or answer.startswith(b"HTTP/1.1 4"), request
-    assert received(outlet.url)[0] == 0
-    outlet.close()
+    with closing(FoxgloveOutlet(Listen("127.0.0.1", 0), control=())) as outlet:
+        for request in BAD_REQUESTS * 10:
+            place = ("127.0.0.1", outlet.server.port)
+            with socket.create_connection(place, WAIT_S) as client, suppress(ConnectionError):
+                client.sendall(request)
+                client.shutdown(socket.SHUT_WR)
+                answer = client.recv(1000)
+                assert not answer or answer.startswith(b"HTTP/1.1 4"), request
+        assert received(outlet.url)[0] == 0
     assert len(caplog.records) <= 1
 
 
@@ -383,11 +378,10 @@ def test_the_layout_shows_what_is_there() -> None:
 
 
 def test_a_taken_port_is_one_line() -> None:
-    outlet = FoxgloveOutlet(Listen("127.0.0.1", 0))
-    listen = f"127.0.0.1:{outlet.server.port}"
-    refusal = run("bridge", "virtual:fox-taken", "--foxglove", "--listen", listen).refusal
-    assert f"--listen {listen}: " in refusal
-    outlet.close()
+    with closing(FoxgloveOutlet(Listen("127.0.0.1", 0))) as outlet:
+        listen = f"127.0.0.1:{outlet.server.port}"
+        refusal = run("bridge", "virtual:fox-taken", "--foxglove", "--listen", listen).refusal
+        assert f"--listen {listen}: " in refusal
 
 
 def test_the_command_records_and_prints_the_path(tmp_path: Path) -> None:

@@ -132,17 +132,16 @@ def test_places_are_scaled_with_the_picture() -> None:
 
 
 def test_pictures_are_stamped_by_the_samples_clock_across_its_wrap(page: Page) -> None:
-    outlet = FoxgloveOutlet(Listen("127.0.0.1", 0), pages=[page.address])
-    (camera,) = outlet._cameras  # no public way in: the SDK alone holds the rest
-    camera.clock.note((1 << 32) - 1_000_000, 100_000_000_000)
+    with closing(FoxgloveOutlet(Listen("127.0.0.1", 0), pages=[page.address])) as outlet:
+        (camera,) = outlet._cameras  # no public way in: the SDK alone holds the rest
+        camera.clock.note((1 << 32) - 1_000_000, 100_000_000_000)
 
-    async def visit(viewer: Viewer) -> None:
-        await viewer.subscribe(TOPICS[0])
-        await viewer.until(lambda: viewer.messages, "a picture")
-        assert viewer.messages[TOPICS[0]][0][0] == 106_000_000_000  # 1 s before the wrap, 5 s after it
+        async def visit(viewer: Viewer) -> None:
+            await viewer.subscribe(TOPICS[0])
+            await viewer.until(lambda: viewer.messages, "a picture")
+            assert viewer.messages[TOPICS[0]][0][0] == 106_000_000_000  # 1 s before the wrap, 5 s after it
 
-    watch(outlet.url, visit)
-    outlet.close()
+        watch(outlet.url, visit)
 
 
 def test_the_page_is_watched_only_while_somebody_watches_the_camera(hand: Hand, page: Page) -> None:
@@ -253,14 +252,13 @@ def test_whatever_a_page_sends_the_camera_comes_back(
 ) -> None:
     monkeypatch.setattr("hostlink.bridge.page_camera.RETRY_S", 0.01)
     page = Page(first=BAD_PACKETS)
-    outlet = FoxgloveOutlet(Listen("127.0.0.1", 0), pages=[page.address])
+    with closing(FoxgloveOutlet(Listen("127.0.0.1", 0), pages=[page.address])) as outlet:
 
-    async def visit(viewer: Viewer) -> None:
-        await viewer.subscribe(*TOPICS)
-        await viewer.until(lambda: TOPICS[2] in viewer.messages, "the good picture")
+        async def visit(viewer: Viewer) -> None:
+            await viewer.subscribe(*TOPICS)
+            await viewer.until(lambda: TOPICS[2] in viewer.messages, "the good picture")
 
-    watch(outlet.url, visit)
-    outlet.close()
+        watch(outlet.url, visit)
     page.server.close()
     assert page.server.sent_n > len(BAD_PACKETS)
     assert len(reports(caplog)) == 1

@@ -7,6 +7,7 @@ import struct
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from dataclasses import replace
 from math import nan, pi, sqrt
 from socket import SOCK_STREAM
@@ -69,9 +70,8 @@ class Scene:
 
 @pytest.fixture
 def scene(request: pytest.FixtureRequest) -> Iterator[Scene]:
-    made = Scene(request.node.name)
-    yield made
-    made.close()
+    with closing(Scene(request.node.name)) as made:
+        yield made
 
 
 def test_a_peer_decodes_the_samples_that_were_sent(scene: Scene) -> None:
@@ -193,22 +193,21 @@ NOTHING = State(contact_n=1, contacts=(Contact(1.0, nan, nan), Contact(2.0, -1.0
 def test_rviz_gets_no_nan() -> None:
     """Of a sample of which nothing is known; one with contacts has markers for them, shear and depth."""
     fed = {1: NOTHING, 3: state(3, 0)}
-    scene = Scene("nan", sent=lambda number, k: replace(fed[number], sample=k))
-    scene.peer.subscribe("7/**")
-    wrench = scene.message("/finger_1/wrench").wrench
-    assert [getattr(part, axis) for part in (wrench.force, wrench.torque) for axis in "xyz"] == [0.0] * 6
-    assert scene.message("/finger_1/sample").wrench_known == 0
-    cloud = scene.message("/finger_1/contacts")
-    assert np.frombuffer(bytes(cloud.data), "<f4").tolist() == pytest.approx([2e-3, -1e-3, 0.0, 0.0])
-    first, *shown = scene.message("/finger_1/markers").markers
-    assert (first.action, len(shown)) == (3, 1), "the ball of the contact whose place is known"
-    _, *shown = scene.message("/finger_3/markers").markers
-    assert [marker.type for marker in shown] == [2, 2, 0, 0], "two balls, shear, depth"
-    assert len({marker.id for marker in shown}) == 4
-    assert shown[0].pose.position.x == pytest.approx(1.5e-3)
-    ends = [(p.x, p.y, p.z) for marker in shown[2:] for p in marker.points[1:]]
-    assert ends == [pytest.approx((0.3e-3, -0.4e-3, 0.0)), pytest.approx((0.0, 0.0, -0.75e-3))]
-    scene.close()
+    with closing(Scene("nan", sent=lambda number, k: replace(fed[number], sample=k))) as scene:
+        scene.peer.subscribe("7/**")
+        wrench = scene.message("/finger_1/wrench").wrench
+        assert [getattr(part, axis) for part in (wrench.force, wrench.torque) for axis in "xyz"] == [0.0] * 6
+        assert scene.message("/finger_1/sample").wrench_known == 0
+        cloud = scene.message("/finger_1/contacts")
+        assert np.frombuffer(bytes(cloud.data), "<f4").tolist() == pytest.approx([2e-3, -1e-3, 0.0, 0.0])
+        first, *shown = scene.message("/finger_1/markers").markers
+        assert (first.action, len(shown)) == (3, 1), "the ball of the contact whose place is known"
+        _, *shown = scene.message("/finger_3/markers").markers
+        assert [marker.type for marker in shown] == [2, 2, 0, 0], "two balls, shear, depth"
+        assert len({marker.id for marker in shown}) == 4
+        assert shown[0].pose.position.x == pytest.approx(1.5e-3)
+        ends = [(p.x, p.y, p.z) for marker in shown[2:] for p in marker.points[1:]]
+        assert ends == [pytest.approx((0.3e-3, -0.4e-3, 0.0)), pytest.approx((0.0, 0.0, -0.75e-3))]
 
 
 THUMB = Mount("thumb", 3, (-0.04, 0.02, 0.0), (0.0, pi / 2, 0.0), calibration="wanted")
@@ -265,16 +264,15 @@ def test_pins_are_a_cloud_of_where_they_are_now(scene: Scene) -> None:
 
 def test_the_camera_is_a_compressed_image_while_somebody_looks() -> None:
     page = Page()
-    scene = Scene("camera", pages=[page.address])
-    scene.peer.subscribe("7/*/sample/**")
-    until(lambda: scene.peer.of("/finger_3/sample"), "a sample")
-    assert page.wants == []
-    scene.peer.subscribe("7/*/image/**")
-    image = scene.message("/finger_3/image/compressed")
-    assert (image.format, bytes(image.data)) == ("jpeg", ARRAYS["image"][1])
-    assert image.header.frame_id == "finger_3"
-    assert page.wants == [frozenset({"image"})]
-    scene.close()
+    with closing(Scene("camera", pages=[page.address])) as scene:
+        scene.peer.subscribe("7/*/sample/**")
+        until(lambda: scene.peer.of("/finger_3/sample"), "a sample")
+        assert page.wants == []
+        scene.peer.subscribe("7/*/image/**")
+        image = scene.message("/finger_3/image/compressed")
+        assert (image.format, bytes(image.data)) == ("jpeg", ARRAYS["image"][1])
+        assert image.header.frame_id == "finger_3"
+        assert page.wants == [frozenset({"image"})]
     until(lambda: page.wants[-1] is None, "nobody watches the page")
     page.server.close()
 
@@ -350,10 +348,9 @@ def test_it_waits_for_a_router(caplog: pytest.LogCaptureFixture) -> None:
     thread = threading.Thread(target=lambda: made.append(RosOutlet("jazzy", f"tcp/127.0.0.1:{port}")))
     thread.start()
     until(lambda: "waiting for it" in caplog.text, "it says so")
-    router = open_router(port)
-    until(lambda: made, "it is there")
-    made[0].close()
-    router.close()
+    with closing(open_router(port)):
+        until(lambda: made, "it is there")
+        made[0].close()
 
 
 def test_requests_without_end_take_no_threads(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -339,10 +339,8 @@ def test_a_log_without_times_is_decoded(
     command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    lines = [
-        f"can0 18{1 + k % 2} {pack_state(State(sample=k // 2, displacement_mm=1.0), k // 2).hex()}"
-        for k in range(20)
-    ]
+    data = [pack_state(State(sample=k, displacement_mm=1.0), k).hex() for k in range(10)]
+    lines = [f"can0 18{finger} {text}" for text in data for finger in (1, 2)]
     Path("bus.log").write_text(as_candump([0.0] * len(lines), lines, ""))
     done = run(*command.split(), "bus.log")
     assert done.code == 0

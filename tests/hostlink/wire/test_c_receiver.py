@@ -5,7 +5,7 @@ import select
 import shutil
 import subprocess
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import replace
 from math import nan
 from pathlib import Path
@@ -266,10 +266,9 @@ def tip(
             return None
         return None if message is None else f"can {message.arbitration_id:x} {message.data.hex()}"
 
-    controller = Controller(serial_program if kind == "serial" else program, forward)
-    yield application, lambda: answers(controller, receive)
-    assert not to_lose
-    controller.close()
+    with closing(Controller(serial_program if kind == "serial" else program, forward)) as controller:
+        yield application, lambda: answers(controller, receive)
+        assert not to_lose
     node.close()
     os.close(line)
     pty.close()

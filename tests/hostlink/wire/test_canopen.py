@@ -1,6 +1,7 @@
 """CANopen's own master reads a finger's values by name, with the data sheet alone."""
 
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -21,10 +22,9 @@ LIMITS = {d.name: (d.low, d.high) for d in SAMPLE_DATA}
 
 @pytest.fixture
 def master(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Bench]:
-    made = Bench(request.node.name, tmp_path, getattr(request, "param", "&fd=0"))
-    made.remote.tpdo.read()
-    yield made
-    made.close()
+    with closing(Bench(request.node.name, tmp_path, getattr(request, "param", "&fd=0"))) as made:
+        made.remote.tpdo.read()
+        yield made
 
 
 def by_name(tpdo: Any) -> dict[str, Any]:

@@ -14,10 +14,8 @@ from tests.support.states import mismatches, same
 from tests.vectors.__main__ import FILE
 
 GOLDEN = json.loads(FILE.read_text(encoding="utf-8"))
-OLD = json.loads(FILE.with_name("frames_v2.json").read_text(encoding="utf-8"))
-"""What senders of version 2 sent, which receivers still decode."""
-BEFORE = json.loads(FILE.with_name("frames_v1.json").read_text(encoding="utf-8"))
-"""What senders of version 1 sent, which they refuse."""
+#: What senders of version 2 sent, which receivers still decode, and of version 1, which they refuse.
+OLD, BEFORE = (json.loads(FILE.with_name(f"frames_v{n}.json").read_text(encoding="utf-8")) for n in (2, 1))
 SAMPLES = [
     pytest.param(row, id=f"{row['name']}-v{golden['version']}")
     for golden in (GOLDEN, OLD)
