@@ -90,8 +90,9 @@ def _of_views(
     if len(found) == 1:
         return found[0]
     small, large = np.array([rest.pattern.radius_range_px for rest in found]).T
+    counts = [len(rest) for rest in found]
     means = {
-        name: float(np.average([getattr(rest.pattern, name) for rest in found], weights=list(map(len, found))))
+        name: float(np.average([getattr(rest.pattern, name) for rest in found], weights=counts))
         for name in ("pin_radius_px", "edge_px", "background", "brightness")
     }
     pattern = replace(
@@ -101,7 +102,7 @@ def _of_views(
         noise=float(np.median([noise_of(grey) for grey in greys])),
         glints_img=tuple(glint for rest in found for glint in rest.pattern.glints_img),
     )
-    part = np.repeat(np.arange(len(found), dtype=np.int32), [len(rest) for rest in found])
+    part = np.repeat(np.arange(len(found), dtype=np.int32), counts)
     whole = one_part(Rest(join([rest.pins for rest in found]), pattern), np.ones(len(part), np.bool_))
     return replace(whole, part=part)
 

@@ -28,7 +28,6 @@ COMMANDS = {
     "soak": "The program under a random schedule of all faults, and its promises.",
     "speed": "Time per frame, against the reference (default).",
     "stability": "Hard cases of the geometry against exact arithmetic.",
-    "start": "Instructions of a start, to its first values.",
     "step": "Instructions, misses and calls of one step, from the image to the CAN FD frame.",
     "videos": "Identities held and contacts found in the published videos.",
 }

@@ -1,4 +1,4 @@
-"""What `tests.bench.start` counts: `python -m tests.bench.start_child FRAMES CALIBRATION [MAPS]`.
+"""What `tests.bench.step --start` counts: `python -m tests.bench.start_child FRAMES CALIBRATION [MAPS]`.
 
 FRAMES and CALIBRATION as of `tests.bench.step_child`, MAPS as of `Marks`. All is counted from the first
 import to the frame with the first values. The tables of contacts and lost pins are made beside later frames.

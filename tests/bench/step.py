@@ -143,17 +143,24 @@ def measure(name: str, board: Board | None, pins: int, size_px: Size) -> dict[st
 @click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout, nothing else.")
 @click.option("--top", type=click.IntRange(min=0), default=0, help="Show so many functions, parts and calls.")
 @click.option("--arch", type=click.Choice(["arm64"]), help="Count on an emulated board, too.")
+@click.option("--start", is_flag=True, help="Count a start instead, to the first values.")
 @click.option("--rings", default=10, show_default=True, type=click.IntRange(2, 31), help="Of pins.")
 @click.option(
     "--size", "size_px", default=(640, 480), show_default=True, type=(int, int), help="Of the image."
 )
 @writes_results
-def command(as_json: bool, top: int, arch: str | None, rings: int, size_px: Size, out: Path) -> None:
+def command(
+    as_json: bool, top: int, arch: str | None, start: bool, rings: int, size_px: Size, out: Path
+) -> None:
     """Instructions, cache misses and calls of one step of the loop, from the image to the CAN FD frame."""
     pins = 1 + 3 * rings * (rings + 1)
     workers = ThreadPoolExecutor(len(os.sched_getaffinity(0)))  # they wait for valgrind alone
     with tempfile.TemporaryDirectory() as folder, workers as pool:
         board = Board(Path(folder)) if arch else None
+        if start:
+            write_json(out / "start.json", found_start := start_of(Path(folder), board))
+            click.echo(json.dumps(found_start))
+            return
         found = dict(
             zip(VARIANTS, pool.map(lambda name: measure(name, board, pins, size_px), VARIANTS), strict=True)
         )
@@ -168,6 +175,16 @@ def command(as_json: bool, top: int, arch: str | None, rings: int, size_px: Size
             show_boards(found["contact"])
         for name in found if top else ():
             show_top(name, details[name], top)
+
+
+def start_of(folder: Path, board: Board | None) -> dict[str, int]:
+    """Instructions of `tests.bench.start_child`, which runs once before, so that bytecode is there."""
+    child = ["tests.bench.start_child", *Step(VARIANTS["contact"], folder).inputs]
+    for _ in range(2):
+        found = {platform.machine(): counted(child, 1, folder / "own", environment=PLAIN_START).instructions}
+        if board is not None:
+            found["aarch64"] = board.counted(child, 1, folder).instructions
+    return found
 
 
 def show_steps(found: dict[str, dict[str, Any]], title: str) -> None:
