@@ -222,6 +222,8 @@ def _known(kind: inspect.Type) -> list[str]:
             return [member.value for member in cls if member.value]
         case inspect.LiteralType(values=values):
             return list(map(str, values))
+        case inspect.UnionType(types=types):  # a value, or none is given
+            return [known for one in types for known in _known(one)]
     return []
 
 
