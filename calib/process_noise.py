@@ -42,7 +42,7 @@ class NoiseParams:
 PARAMS = NoiseParams()
 #: Shares of Gaussian errors within one and within two sigma.
 WITHIN = ((1.0, 0.6827), (2.0, 0.9545))
-#: So many errors do not show how many are beyond two sigma.
+#: Errors up to this number do not show how many are beyond two sigma.
 TOO_FEW = int(1.0 / (1.0 - WITHIN[-1][1]))
 
 

@@ -62,7 +62,7 @@ class Smoother:
     """Smooths the values of one finger; `step_s` is the time in which a step is followed, > 0."""
 
     def __init__(self, step_s: float) -> None:
-        # What follows within a sample's unit of time is not smoothed.
+        # A step in less than a sample's unit of time would mean no smoothing.
         self._rate = min(math.pi / (2.0 * math.sqrt(2.0) * step_s), limits.RATE_MAX_HZ)
         self._before_ns = 0
         self._tracks: dict[str, _Smoothed] = {}

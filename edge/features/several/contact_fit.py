@@ -64,7 +64,7 @@ def _nodes_n(error: float) -> int:
 
 
 _NODES = cython.declare(cython.Py_ssize_t, _nodes_n(_ENOUGH))
-#: Of normal noise: the density in the middle, and the scale of the error function.
+#: Normal noise has this density in the middle, and its error function this scale.
 _NORMAL = cython.declare(cython.double, 1.0 / sqrt(2.0 * np.pi))
 _ROOT_HALF = cython.declare(cython.double, sqrt(0.5))
 _POINT = cython.declare(cython.double, 1e-6)  # half of a line over the core's width: below it is a point

@@ -28,7 +28,7 @@ from edge.features.surface import Surface
 from edge.geometry.layout import affine_terms
 from edge.types import Array, ContactRegion, FittedContact, Mask
 
-#: What the model errs by, as a share of the motion: no more than is left out of the weakest contact beside
+#: The model errs by this share of the motion: no more than is left out of the weakest contact beside
 #: another.
 _MODEL_REL = PARAMS.shallow_rel * PARAMS.shallow_rel
 

@@ -35,7 +35,7 @@ from edge.types import Array, FittedContact, Mask, Tracks
 _HALF = 0.5
 #: Pins that a fit needs: as many as two contacts with the affine motion have parameters, two numbers each.
 PINS_MIN = 22
-#: Of all pins, that overrules the regions, or makes a contact: a pin and its ring count as one.
+#: This evidence of all pins overrules the regions, or makes a contact: a pin and its ring count as one.
 EVIDENCE = (N_RING + 1) * math.log(Tracks.LOW_CONFIDENCE / (1.0 - Tracks.LOW_CONFIDENCE))
 
 
