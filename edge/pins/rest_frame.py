@@ -91,13 +91,15 @@ def _of_views(
         return found[0]
     small, large = np.array([rest.pattern.radius_range_px for rest in found]).T
     counts = [len(rest) for rest in found]
-    means = {
-        name: float(np.average([getattr(rest.pattern, name) for rest in found], weights=counts))
-        for name in ("pin_radius_px", "edge_px", "background", "brightness")
-    }
+    patterns = [rest.pattern for rest in found]
+    own = [(p.pin_radius_px, p.edge_px, p.background, p.brightness) for p in patterns]
+    radius_px, edge_px, background, brightness = np.average(own, axis=0, weights=counts).tolist()
     pattern = replace(
         pattern,
-        **means,  # type: ignore[arg-type]  # all of them are floats
+        pin_radius_px=radius_px,
+        edge_px=edge_px,
+        background=background,
+        brightness=brightness,
         radius_range_px=(float(small.min()), float(large.max())),
         noise=float(np.median([noise_of(grey) for grey in greys])),
         glints_img=tuple(glint for rest in found for glint in rest.pattern.glints_img),

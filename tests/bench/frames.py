@@ -11,7 +11,7 @@ from edge.calibration import Calibration
 from edge.pins import take_rest
 from edge.types import Feature, Frame
 
-#: What a grasp controller asks for.
+#: A grasp controller asks for these.
 GRASP = frozenset({Feature.DISPLACEMENT, Feature.SHEAR})
 
 

@@ -9,7 +9,7 @@ from tests.bench.arm64 import Board, made
 from tests.bench.counter import NoCounter, counted, of_callgrind
 from tests.bench.step import VARIANTS, Step
 
-#: Of the step in contact then.
+#: The step in contact took so many then.
 INSTRUCTIONS, LL_MISSES = {"x86_64": 1_150_000, "aarch64": 1_260_000}, 12_500
 MARGIN = 1.05
 

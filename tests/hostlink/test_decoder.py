@@ -460,7 +460,7 @@ def test_events_beside_an_error_are_not_lost() -> None:
     assert [e.state.sample for e in decoder.receive(good[2]) if isinstance(e, Sample)] == [0, 1, 2]
 
 
-#: Of a node whose parts are noise: a CRC of 8 bits is right by chance, which no decoder can notice (WIRE.md).
+#: A node sent parts of noise: a CRC of 8 bits is right by chance, which no decoder can notice (WIRE.md).
 NOISY = 3
 spots_and_masks = st.lists(st.tuples(st.integers(0, STATE_SIZE - 1), st.integers(0, 255)), max_size=2)
 arrivals = st.one_of(

@@ -14,7 +14,7 @@ from tests.support.states import mismatches, same
 from tests.vectors.__main__ import FILE
 
 GOLDEN = json.loads(FILE.read_text(encoding="utf-8"))
-#: What senders of version 2 sent, which receivers still decode, and of version 1, which they refuse.
+#: Receivers still decode what senders of version 2 sent, and refuse what those of version 1 did.
 OLD, BEFORE = (json.loads(FILE.with_name(f"frames_v{n}.json").read_text(encoding="utf-8")) for n in (2, 1))
 SAMPLES = [
     pytest.param(row, id=f"{row['name']}-v{golden['version']}")
