@@ -217,6 +217,8 @@ class Calibration:
                     sigmas["pressure_kpa"] = math.hypot(*parts)
         if features.slip_px is not None and features.slip_probability is not None:
             values["slip_probability"] = features.slip_probability
+            if features.twist_slip_probability is not None:
+                values["twist_slip_probability"] = features.twist_slip_probability
             if not features.in_contact:
                 values["slip_speed_mm_s"] = 0.0
             elif scale is not None and interval_s is not None and interval_s > 0.0:

@@ -48,11 +48,11 @@ else:
 
 NAN = cython.declare(cython.double, float("nan"))
 #: Fields of `Features` that follow from areas: volume, surface, grid, contacts; and from the pins in the
-#: contact: torsion, slip and its probability, vibration and the end of its band.
+#: contact: torsion, slip and its probabilities, vibration and the end of its band.
 _OfAreas = tuple[float | None, Array | None, tuple[Array, Array] | None, tuple[ContactRegion, ...] | None]
-_OfPins = tuple[float | None, float | None, float | None, float | None, float | None]
+_OfPins = tuple[float | None, float | None, float | None, float | None, float | None, float | None]
 _NO_AREAS: _OfAreas = (None, None, None, None)
-_NO_PINS: _OfPins = (None, None, None, None, None)
+_NO_PINS: _OfPins = (None, None, None, None, None, None)
 
 
 @cython.final
@@ -220,7 +220,7 @@ class FeatureExtractor:
             if cells is not None:
                 of_areas = 0.0 if plan.volume else None, None, None, () if plan.contacts else None
             slip, vibration = 0.0 if plan.slip else None, 0.0 if plan.vibration else None
-            of_pins = 0.0 if plan.torsion else None, slip, slip, vibration, None
+            of_pins = 0.0 if plan.torsion else None, slip, slip, slip, vibration, None
         # The fields are given by place: names cost 3,000 instructions.
         return Features(
             self._change_array.copy(),
@@ -307,7 +307,7 @@ class FeatureExtractor:
         capture_ns: cython.longlong,
     ) -> _OfPins:
         """The fields of a frame in contact."""
-        torsion = slip = probability = rms = to_hz = None
+        torsion = slip = probability = of_twist = rms = to_hz = None
         motion: PinMotion = self._motion
         least = max(self._contact_sigma * noise, self._min_area_change)
         motion.find_contact(self._change, least)
@@ -315,7 +315,7 @@ class FeatureExtractor:
             torsion = motion.torsion()
         if self._plan.slip:
             self._slip.update(self._change, sigma_px)
-            slip, probability = self._slip.slip_px, self._slip.probability
+            slip, probability, of_twist = self._slip.slip_px, self._slip.probability, self._slip.of_twist
         if self._plan.vibration:
             rms, to_hz = self._vibration.update(motion.motion, motion.pins, motion.n_pins, now_px, capture_ns)
-        return torsion, slip, probability, rms, to_hz
+        return torsion, slip, probability, of_twist, rms, to_hz

@@ -4,7 +4,7 @@ from edge.features.pin_motion cimport PinMotion
 
 @cython.final
 cdef class Slip:
-    cdef readonly double slip_px, probability
+    cdef readonly double slip_px, probability, of_twist
     cdef Py_ssize_t _n, _span, _n_core, _n_around, _n_begin
     cdef PinMotion _motion
     cdef const double[:, ::1] _rest

@@ -22,7 +22,7 @@ of all x. It begins at the mean of the frames in which nothing moved. The factor
 fitted, and is not negative: a drag takes its surroundings along. With the noise of the pins, and an error of
 the model of half a step of x, this gives each x its likelihood. The model's error is one of the whole path,
 so that a fast drag, of few points, is judged as a slow one. Before looking, x above one half is improbable.
-Drag and twist each have their probability; the larger one counts.
+Drag and twist each have their probability; the larger one is that of slip.
 
 The speed is the residual of the motion over the last few frames, less what a load explains (a common
 translation, rotation and linear strain): the expected one, its noise subtracted, times the probability.
@@ -81,6 +81,7 @@ class Slip:
 
     slip_px      expected rms over the contact's pins of the motion that no load explains, per frame
     probability  0..1 that more than half of the contact's area slides
+    of_twist     the same of a twist alone
     """
 
     def __init__(self, rest: Rest, motion: PinMotion) -> None:
@@ -154,7 +155,7 @@ class Slip:
             self._n_path[k] = 0
             self._spacing[k] = 0.0
             self._probable[k] = 0.0
-        self.probability = 0.0
+        self.probability = self.of_twist = 0.0
 
     def _begin_path(self) -> None:
         """Weigh the pins of the contact, and those around it."""
@@ -244,7 +245,8 @@ class Slip:
             self._forget_path()
             self._begin_path()
             return
-        self.probability = max(self._probable[0], self._probable[1])
+        self.of_twist = self._probable[1]
+        self.probability = max(self._probable[0], self.of_twist)
 
     def _measure(self, rows: Index, n: cython.Py_ssize_t, out: Array) -> None:
         """Write the weighted mean step, x and y, of the first n of these pins since the path began, and its

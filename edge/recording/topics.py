@@ -60,6 +60,7 @@ TOPICS: dict[str, Topic] = {
         ("torsion_rad", "number", "rotation about the contact, rad"),
         ("slip_px", "number", "motion that the load does not explain, px"),
         ("slip_probability", "number", "0..1"),
+        ("twist_slip_probability", "number", "0..1"),
         ("contacts", "array", "x_px, y_px, peak, area_px2, orientation_rad, elongation; strongest first"),
     ),
     "reading": _json(

@@ -676,9 +676,9 @@ int vt_classic_part3_pack(
         torsion_deg = (uint16_t)src_p->torsion_deg;
         dst_p[3] |= pack_left_shift_u16(torsion_deg, 0u, 0xffu);
         dst_p[4] |= pack_right_shift_u16(torsion_deg, 8u, 0xffu);
-        dst_p[5] |= pack_left_shift_u16(src_p->slip_speed_mm_s, 0u, 0xffu);
-        dst_p[6] |= pack_right_shift_u16(src_p->slip_speed_mm_s, 8u, 0xffu);
-        dst_p[7] |= pack_left_shift_u8(src_p->slip_probability, 0u, 0xffu);
+        dst_p[5] |= pack_left_shift_u8(src_p->slip_speed_mm_s, 0u, 0xffu);
+        dst_p[6] |= pack_left_shift_u8(src_p->slip_probability, 0u, 0xffu);
+        dst_p[7] |= pack_left_shift_u8(src_p->twist_slip_probability, 0u, 0xffu);
         break;
 
     case 6:
@@ -782,9 +782,9 @@ int vt_classic_part3_unpack(
         torsion_deg = unpack_right_shift_u16(src_p[3], 0u, 0xffu);
         torsion_deg |= unpack_left_shift_u16(src_p[4], 8u, 0xffu);
         dst_p->torsion_deg = (int16_t)torsion_deg;
-        dst_p->slip_speed_mm_s = unpack_right_shift_u16(src_p[5], 0u, 0xffu);
-        dst_p->slip_speed_mm_s |= unpack_left_shift_u16(src_p[6], 8u, 0xffu);
-        dst_p->slip_probability = unpack_right_shift_u8(src_p[7], 0u, 0xffu);
+        dst_p->slip_speed_mm_s = unpack_right_shift_u8(src_p[5], 0u, 0xffu);
+        dst_p->slip_probability = unpack_right_shift_u8(src_p[6], 0u, 0xffu);
+        dst_p->twist_slip_probability = unpack_right_shift_u8(src_p[7], 0u, 0xffu);
         break;
 
     case 6:
@@ -1186,24 +1186,24 @@ bool vt_classic_part3_tilt_y_deg_is_in_phys_range(float value)
     return ((value >= -180.0f) && (value <= 180.0f));
 }
 
-uint16_t vt_classic_part3_slip_speed_mm_s_encode(float value)
+uint8_t vt_classic_part3_slip_speed_mm_s_encode(float value)
 {
-    return (uint16_t)(cantools_unsigned_from_double(roundf(value / 0.01f)));
+    return (uint8_t)(cantools_unsigned_from_double(roundf(value / 0.25f)));
 }
 
-float vt_classic_part3_slip_speed_mm_s_decode(uint16_t value)
+float vt_classic_part3_slip_speed_mm_s_decode(uint8_t value)
 {
-    return ((float)value * 0.01f);
+    return ((float)value * 0.25f);
 }
 
-bool vt_classic_part3_slip_speed_mm_s_is_in_range(uint16_t value)
+bool vt_classic_part3_slip_speed_mm_s_is_in_range(uint8_t value)
 {
-    return (value <= 65500u);
+    return (value <= 254u);
 }
 
 bool vt_classic_part3_slip_speed_mm_s_is_in_phys_range(float value)
 {
-    return ((value >= 0.0f) && (value <= 655.0f));
+    return ((value >= 0.0f) && (value <= 63.5f));
 }
 
 int16_t vt_classic_part3_force_y_n_encode(float value)
@@ -1264,6 +1264,26 @@ bool vt_classic_part3_vibration_mm_is_in_range(uint8_t value)
 bool vt_classic_part3_vibration_mm_is_in_phys_range(float value)
 {
     return ((value >= 0.0f) && (value <= 0.508f));
+}
+
+uint8_t vt_classic_part3_slip_probability_encode(float value)
+{
+    return (uint8_t)(cantools_unsigned_from_double(roundf(value / 0.004f)));
+}
+
+float vt_classic_part3_slip_probability_decode(uint8_t value)
+{
+    return ((float)value * 0.004f);
+}
+
+bool vt_classic_part3_slip_probability_is_in_range(uint8_t value)
+{
+    return (value <= 250u);
+}
+
+bool vt_classic_part3_slip_probability_is_in_phys_range(float value)
+{
+    return ((value >= 0.0f) && (value <= 1.0f));
 }
 
 uint8_t vt_classic_part3_friction_encode(float value)
@@ -1328,22 +1348,22 @@ bool vt_classic_part3_temperature_degc_is_in_phys_range(float value)
     return ((value >= -40.0f) && (value <= 125.0f));
 }
 
-uint8_t vt_classic_part3_slip_probability_encode(float value)
+uint8_t vt_classic_part3_twist_slip_probability_encode(float value)
 {
     return (uint8_t)(cantools_unsigned_from_double(roundf(value / 0.004f)));
 }
 
-float vt_classic_part3_slip_probability_decode(uint8_t value)
+float vt_classic_part3_twist_slip_probability_decode(uint8_t value)
 {
     return ((float)value * 0.004f);
 }
 
-bool vt_classic_part3_slip_probability_is_in_range(uint8_t value)
+bool vt_classic_part3_twist_slip_probability_is_in_range(uint8_t value)
 {
     return (value <= 250u);
 }
 
-bool vt_classic_part3_slip_probability_is_in_phys_range(float value)
+bool vt_classic_part3_twist_slip_probability_is_in_phys_range(float value)
 {
     return ((value >= 0.0f) && (value <= 1.0f));
 }

@@ -103,7 +103,7 @@ extern "C" {
 
 #define VT_CLASSIC_PART3_TILT_Y_DEG_INVALID_CHOICE (-32768)
 
-#define VT_CLASSIC_PART3_SLIP_SPEED_MM_S_INVALID_CHOICE (65535u)
+#define VT_CLASSIC_PART3_SLIP_SPEED_MM_S_INVALID_CHOICE (255u)
 
 #define VT_CLASSIC_PART3_FORCE_Y_N_INVALID_CHOICE (-32768)
 
@@ -111,11 +111,13 @@ extern "C" {
 
 #define VT_CLASSIC_PART3_VIBRATION_MM_INVALID_CHOICE (255u)
 
+#define VT_CLASSIC_PART3_SLIP_PROBABILITY_INVALID_CHOICE (255u)
+
 #define VT_CLASSIC_PART3_FRICTION_INVALID_CHOICE (255u)
 
 #define VT_CLASSIC_PART3_TEMPERATURE_DEGC_INVALID_CHOICE (-128)
 
-#define VT_CLASSIC_PART3_SLIP_PROBABILITY_INVALID_CHOICE (255u)
+#define VT_CLASSIC_PART3_TWIST_SLIP_PROBABILITY_INVALID_CHOICE (255u)
 
 #define VT_CLASSIC_PART3_FORCE_XY_SIGMA_N_INVALID_CHOICE (255u)
 
@@ -223,10 +225,11 @@ extern "C" {
 #define VT_CLASSIC_PART3_FORCE_Y_N_NAME "force_y_n"
 #define VT_CLASSIC_PART3_TORQUE_Z_SIGMA_NMM_NAME "torque_z_sigma_nmm"
 #define VT_CLASSIC_PART3_VIBRATION_MM_NAME "vibration_mm"
+#define VT_CLASSIC_PART3_SLIP_PROBABILITY_NAME "slip_probability"
 #define VT_CLASSIC_PART3_FRICTION_NAME "friction"
 #define VT_CLASSIC_PART3_CHECK_NAME "check"
 #define VT_CLASSIC_PART3_TEMPERATURE_DEGC_NAME "temperature_degc"
-#define VT_CLASSIC_PART3_SLIP_PROBABILITY_NAME "slip_probability"
+#define VT_CLASSIC_PART3_TWIST_SLIP_PROBABILITY_NAME "twist_slip_probability"
 #define VT_CLASSIC_PART3_FORCE_XY_SIGMA_N_NAME "force_xy_sigma_n"
 #define VT_CLASSIC_PART3_SLIP_MARGIN_NAME "slip_margin"
 #define VT_CLASSIC_PART4_CRC_NAME "crc"
@@ -581,11 +584,11 @@ struct vt_classic_part3_t {
     /**
      * speed of the skin beyond what the load explains
      *
-     * Range: 0..65500 (0..655 mm/s)
-     * Scale: 0.01
+     * Range: 0..254 (0..63.5 mm/s)
+     * Scale: 0.25
      * Offset: 0
      */
-    uint16_t slip_speed_mm_s;
+    uint8_t slip_speed_mm_s;
 
     /**
      * friction force on the tip along y (tip frame)
@@ -615,6 +618,15 @@ struct vt_classic_part3_t {
     uint8_t vibration_mm;
 
     /**
+     * probability that more than half of the contact's area slides, 0..1; it slides from the rim inwards
+     *
+     * Range: 0..250 (0..1 -)
+     * Scale: 0.004
+     * Offset: 0
+     */
+    uint8_t slip_probability;
+
+    /**
      * largest tangential over normal load that this contact has held, its torque included
      *
      * Range: 0..254 (0..5.08 -)
@@ -642,13 +654,13 @@ struct vt_classic_part3_t {
     int8_t temperature_degc;
 
     /**
-     * probability that more than half of the contact's area slides, 0..1; it slides from the rim inwards
+     * the same of a twist alone, 0..1; slip_probability is the larger one of twist and drag
      *
      * Range: 0..250 (0..1 -)
      * Scale: 0.004
      * Offset: 0
      */
-    uint8_t slip_probability;
+    uint8_t twist_slip_probability;
 
     /**
      * standard deviation of force_x_n and of force_y_n
@@ -2318,7 +2330,7 @@ bool vt_classic_part3_tilt_y_deg_is_in_phys_range(float value);
  *
  * @return Encoded signal.
  */
-uint16_t vt_classic_part3_slip_speed_mm_s_encode(float value);
+uint8_t vt_classic_part3_slip_speed_mm_s_encode(float value);
 
 /**
  * Decode given signal by applying scaling and offset.
@@ -2327,7 +2339,7 @@ uint16_t vt_classic_part3_slip_speed_mm_s_encode(float value);
  *
  * @return Decoded signal.
  */
-float vt_classic_part3_slip_speed_mm_s_decode(uint16_t value);
+float vt_classic_part3_slip_speed_mm_s_decode(uint8_t value);
 
 /**
  * Check that given signal is in allowed range.
@@ -2336,7 +2348,7 @@ float vt_classic_part3_slip_speed_mm_s_decode(uint16_t value);
  *
  * @return true if in range, false otherwise.
  */
-bool vt_classic_part3_slip_speed_mm_s_is_in_range(uint16_t value);
+bool vt_classic_part3_slip_speed_mm_s_is_in_range(uint8_t value);
 
 /**
  * Check that given physical value is in allowed range before encoding.
@@ -2478,6 +2490,46 @@ bool vt_classic_part3_vibration_mm_is_in_phys_range(float value);
  *
  * @return Encoded signal.
  */
+uint8_t vt_classic_part3_slip_probability_encode(float value);
+
+/**
+ * Decode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to decode.
+ *
+ * @return Decoded signal.
+ */
+float vt_classic_part3_slip_probability_decode(uint8_t value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_classic_part3_slip_probability_is_in_range(uint8_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_classic_part3_slip_probability_is_in_phys_range(float value);
+
+/**
+ * Encode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to encode.
+ *
+ * @return Encoded signal.
+ */
 uint8_t vt_classic_part3_friction_encode(float value);
 
 /**
@@ -2598,7 +2650,7 @@ bool vt_classic_part3_temperature_degc_is_in_phys_range(float value);
  *
  * @return Encoded signal.
  */
-uint8_t vt_classic_part3_slip_probability_encode(float value);
+uint8_t vt_classic_part3_twist_slip_probability_encode(float value);
 
 /**
  * Decode given signal by applying scaling and offset.
@@ -2607,7 +2659,7 @@ uint8_t vt_classic_part3_slip_probability_encode(float value);
  *
  * @return Decoded signal.
  */
-float vt_classic_part3_slip_probability_decode(uint8_t value);
+float vt_classic_part3_twist_slip_probability_decode(uint8_t value);
 
 /**
  * Check that given signal is in allowed range.
@@ -2616,7 +2668,7 @@ float vt_classic_part3_slip_probability_decode(uint8_t value);
  *
  * @return true if in range, false otherwise.
  */
-bool vt_classic_part3_slip_probability_is_in_range(uint8_t value);
+bool vt_classic_part3_twist_slip_probability_is_in_range(uint8_t value);
 
 /**
  * Check that given physical value is in allowed range before encoding.
@@ -2629,7 +2681,7 @@ bool vt_classic_part3_slip_probability_is_in_range(uint8_t value);
  *
  * @return true if in range, false otherwise.
  */
-bool vt_classic_part3_slip_probability_is_in_phys_range(float value);
+bool vt_classic_part3_twist_slip_probability_is_in_phys_range(float value);
 
 /**
  * Encode given signal by applying scaling and offset.

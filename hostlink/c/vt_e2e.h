@@ -32,120 +32,121 @@
 extern "C" {
 #endif
 
-#define VT_VERSION                       3u             /* layout version; byte 3 of the state frame */
-#define VT_SCHEMA_HASH                   0x915188D4u    /* object 0x2000:2 must have this value */
-#define VT_STATE_SIZE                    64u            /* bytes */
-#define VT_DATA_ID_STATE                 0x88D4u        /* profile 5 */
-#define VT_DATA_ID_DETAIL                0x88D5u        /* profile 5 */
-#define VT_DATA_ID_PART                  0x350u         /* profile 11C; or'ed with the part's index */
-#define VT_PARTS                         12u            /* classic parts, at most */
-#define VT_BASE_STATE                    0x180u         /* CAN FD; + node id; classic: TPDO1 */
-#define VT_BASE_DETAIL                   0x480u         /* CAN FD; + node id; classic: TPDO4 */
-#define VT_BASE_EMERGENCY                0x080u         /* + node id */
-#define VT_BASE_HEARTBEAT                0x700u         /* + node id */
-#define VT_BASE_SDO_REQUEST              0x600u         /* host to node; + node id */
-#define VT_BASE_SDO_RESPONSE             0x580u         /* node to host; + node id */
-#define VT_STATUS_TOUCHED                0x0001u        /* something touches the tip */
-#define VT_STATUS_UNCALIBRATED           0x0002u        /* no calibration of this tip is applied */
-#define VT_STATUS_SATURATED              0x0004u        /* a value lies outside of its calibrated range */
-#define VT_STATUS_OVERLOAD               0x0008u        /* the tip is pressed or sheared beyond its limit */
-#define VT_STATUS_CAMERA_FAULT           0x0010u        /* no new images */
-#define VT_STATUS_IMAGE_FAULT            0x0020u        /* image too dark, too bright or out of focus */
-#define VT_STATUS_PINS_LOST              0x0040u        /* too few pins are seen */
-#define VT_STATUS_TRACKER_LOST           0x0080u        /* which pin is which is not known */
-#define VT_STATUS_TARE_FAULT             0x0100u        /* the last rest frame was refused, or forced although implausible */
-#define VT_STATUS_CAMERA_MOVED           0x0200u        /* the camera sits differently than at the last tare */
-#define VT_STATUS_FRAMES_DROPPED         0x0400u        /* images were skipped since the last sample */
-#define VT_STATUS_LINK_FAULT             0x0800u        /* samples were lost in sending since the last one sent */
-#define VT_STATUS_STORAGE_FAULT          0x1000u        /* recordings or settings cannot be written */
-#define VT_STATUS_CLOCK_STEP             0x2000u        /* the capture clock jumped since the last sample */
-#define VT_STATUS_OVER_TEMPERATURE       0x4000u        /* board or camera is too warm */
-#define VT_STATUS_NOT_LIVE               0x8000u        /* from a recording or the simulator, not from a camera */
-#define VT_STATUS_NO_CONTROL             0x8390u        /* one of them: the sample must not move a hand */
-#define VT_FAULT_CAMERA_LOST             1u             /* camera unplugged or its driver failed */
-#define VT_FAULT_CAMERA_STALLED          2u             /* camera is there but sends no images */
-#define VT_FAULT_IMAGE_DARK              3u             /* image too dark: light failed or exposure too short */
-#define VT_FAULT_IMAGE_BRIGHT            4u             /* image overexposed: stray light or exposure too long */
-#define VT_FAULT_IMAGE_BLURRED           5u             /* image out of focus, or the lens is dirty */
-#define VT_FAULT_CAMERA_MOVED            6u             /* pins at rest are not where the rest frame has them, or all took the same step */
-#define VT_FAULT_PINS_LOST               7u             /* too few pins are seen: skin torn, covered or flooded with light */
-#define VT_FAULT_TRACKER_LOST            8u             /* pins are seen but which is which is not known */
-#define VT_FAULT_CALIBRATION_MISSING     9u             /* no calibration file */
-#define VT_FAULT_CALIBRATION_FOREIGN     10u            /* the calibration belongs to another tip */
-#define VT_FAULT_TARE_IMPLAUSIBLE        11u            /* the last rest frame shows a touched tip or too few pins */
-#define VT_FAULT_OVERLOAD                12u            /* pressed or sheared beyond the tip's limit */
-#define VT_FAULT_LINK_DOWN               13u            /* bus or serial line refused frames */
-#define VT_FAULT_BUS_OFF                 14u            /* CAN controller went bus-off and recovered */
-#define VT_FAULT_DISK_FULL               15u            /* no room for recordings or settings */
-#define VT_FAULT_CLOCK_STEP              16u            /* the clock that stamps images jumped */
-#define VT_FAULT_OVER_TEMPERATURE        17u            /* board or camera too warm */
-#define VT_INVALID_LATENCY_US            65535u         /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_PINS_TRACKED          255u           /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_DISPLACEMENT_MM       (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_DISPLACEMENT_SIGMA_MM 255u           /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_FORCE_N               (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_FORCE_X_N             (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_FORCE_Y_N             (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_FORCE_XY_SIGMA_N      255u           /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_TORQUE_Z_NMM          (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_TORQUE_Z_SIGMA_NMM    255u           /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_FRICTION              255u           /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_SLIP_MARGIN           255u           /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_PRESSURE_KPA          (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_CONTACT_AREA_MM2      65535u         /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_SHEAR_X_MM            (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_SHEAR_Y_MM            (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_SHEAR_SIGMA_MM        255u           /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_TORSION_DEG           (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_TILT_X_DEG            (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_TILT_Y_DEG            (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_SLIP_SPEED_MM_S       65535u         /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_SLIP_PROBABILITY      255u           /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_CONTACT0_X_MM         (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_CONTACT0_Y_MM         (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_CONTACT0_DEPTH_MM     255u           /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_CONTACT1_X_MM         (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_CONTACT1_Y_MM         (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_CONTACT1_DEPTH_MM     255u           /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_ORIENTATION_DEG       (-128)         /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_VIBRATION_MM          255u           /* raw value of an invalid field, 64-byte frame */
-#define VT_INVALID_TEMPERATURE_DEGC      (-128)         /* raw value of an invalid field, 64-byte frame */
-#define VT_OBJECT_PIN_N                  0x200005u      /* unsigned16, ro */
-#define VT_OBJECT_CAMERA_RATE_HZ         0x200007u      /* real32, ro */
-#define VT_OBJECT_TARE                   0x201000u      /* unsigned8, wo */
-#define VT_OBJECT_REBOOT                 0x201100u      /* unsigned32, wo */
-#define VT_OBJECT_RESTORE_DEFAULTS       0x201200u      /* unsigned32, wo */
-#define VT_OBJECT_RATE_HZ                0x202001u      /* real32, rw */
-#define VT_OBJECT_DIVIDER                0x202002u      /* unsigned16, rw */
-#define VT_OBJECT_FEATURES               0x202003u      /* unsigned32, rw */
-#define VT_OBJECT_DETAIL_DIVIDER         0x202004u      /* unsigned16, rw */
-#define VT_OBJECT_SETTINGS_STORED        0x202005u      /* boolean, ro */
-#define VT_OBJECT_REST_FRAME_REQUEST_N   0x203201u      /* unsigned16, ro */
-#define VT_OBJECT_REST_FRAME_STATE       0x203202u      /* unsigned8, ro */
-#define VT_OBJECT_REST_FRAME_REASON      0x203203u      /* unsigned8, ro */
-#define VT_OBJECT_UPTIME_S               0x204001u      /* unsigned32, ro */
-#define VT_OBJECT_SAMPLES_N              0x204002u      /* unsigned32, ro */
-#define VT_OBJECT_SENT_N                 0x204003u      /* unsigned32, ro */
-#define VT_OBJECT_UNSENT_N               0x204004u      /* unsigned32, ro */
-#define VT_OBJECT_DROPPED_N              0x204005u      /* unsigned32, ro */
-#define VT_OBJECT_LINK_LOST_N            0x204006u      /* unsigned32, ro */
-#define VT_OBJECT_LATENCY_P50_US         0x204007u      /* unsigned32, ro */
-#define VT_OBJECT_LATENCY_P99_US         0x204008u      /* unsigned32, ro */
-#define VT_OBJECT_DETAIL_DROPPED_N       0x204009u      /* unsigned32, ro */
-#define VT_REST_FRAME_UNKNOWN            0u             /* nothing was asked for yet, or the node cannot say */
-#define VT_REST_FRAME_BUSY               1u             /* images are being taken and judged; the rest frame before is in use */
-#define VT_REST_FRAME_ACCEPTED           2u             /* the new rest frame is in use */
-#define VT_REST_FRAME_REFUSED            3u             /* the rest frame (and the calibration) before stay in use; the reason says why */
-#define VT_REST_FRAME_FORCED             4u             /* in use because it was forced, although it is implausible for the given reason */
-#define VT_REASON_NONE                   0u             /* none */
-#define VT_REASON_TOUCHED                1u             /* something touches the tip */
-#define VT_REASON_UNSTEADY               2u             /* pins moved while the images were taken */
-#define VT_REASON_TOO_FEW_PINS           3u             /* too few pins are seen */
-#define VT_REASON_NO_PIN_PATTERN         4u             /* the image shows no pattern of pins */
-#define VT_REASON_OTHER_TIP              5u             /* the pins are not those of the calibration */
-#define VT_REASON_NO_IMAGES              6u             /* the camera gave no images */
-#define VT_REASON_NOT_STORED             7u             /* the calibration cannot be stored */
-#define VT_REASON_OTHER                  255u           /* another reason, see `rest_frame_message` */
+#define VT_VERSION                        4u             /* layout version; byte 3 of the state frame */
+#define VT_SCHEMA_HASH                    0x04B11907u    /* object 0x2000:2 must have this value */
+#define VT_STATE_SIZE                     64u            /* bytes */
+#define VT_DATA_ID_STATE                  0x1907u        /* profile 5 */
+#define VT_DATA_ID_DETAIL                 0x1908u        /* profile 5 */
+#define VT_DATA_ID_PART                   0x4B0u         /* profile 11C; or'ed with the part's index */
+#define VT_PARTS                          12u            /* classic parts, at most */
+#define VT_BASE_STATE                     0x180u         /* CAN FD; + node id; classic: TPDO1 */
+#define VT_BASE_DETAIL                    0x480u         /* CAN FD; + node id; classic: TPDO4 */
+#define VT_BASE_EMERGENCY                 0x080u         /* + node id */
+#define VT_BASE_HEARTBEAT                 0x700u         /* + node id */
+#define VT_BASE_SDO_REQUEST               0x600u         /* host to node; + node id */
+#define VT_BASE_SDO_RESPONSE              0x580u         /* node to host; + node id */
+#define VT_STATUS_TOUCHED                 0x0001u        /* something touches the tip */
+#define VT_STATUS_UNCALIBRATED            0x0002u        /* no calibration of this tip is applied */
+#define VT_STATUS_SATURATED               0x0004u        /* a value lies outside of its calibrated range */
+#define VT_STATUS_OVERLOAD                0x0008u        /* the tip is pressed or sheared beyond its limit */
+#define VT_STATUS_CAMERA_FAULT            0x0010u        /* no new images */
+#define VT_STATUS_IMAGE_FAULT             0x0020u        /* image too dark, too bright or out of focus */
+#define VT_STATUS_PINS_LOST               0x0040u        /* too few pins are seen */
+#define VT_STATUS_TRACKER_LOST            0x0080u        /* which pin is which is not known */
+#define VT_STATUS_TARE_FAULT              0x0100u        /* the last rest frame was refused, or forced although implausible */
+#define VT_STATUS_CAMERA_MOVED            0x0200u        /* the camera sits differently than at the last tare */
+#define VT_STATUS_FRAMES_DROPPED          0x0400u        /* images were skipped since the last sample */
+#define VT_STATUS_LINK_FAULT              0x0800u        /* samples were lost in sending since the last one sent */
+#define VT_STATUS_STORAGE_FAULT           0x1000u        /* recordings or settings cannot be written */
+#define VT_STATUS_CLOCK_STEP              0x2000u        /* the capture clock jumped since the last sample */
+#define VT_STATUS_OVER_TEMPERATURE        0x4000u        /* board or camera is too warm */
+#define VT_STATUS_NOT_LIVE                0x8000u        /* from a recording or the simulator, not from a camera */
+#define VT_STATUS_NO_CONTROL              0x8390u        /* one of them: the sample must not move a hand */
+#define VT_FAULT_CAMERA_LOST              1u             /* camera unplugged or its driver failed */
+#define VT_FAULT_CAMERA_STALLED           2u             /* camera is there but sends no images */
+#define VT_FAULT_IMAGE_DARK               3u             /* image too dark: light failed or exposure too short */
+#define VT_FAULT_IMAGE_BRIGHT             4u             /* image overexposed: stray light or exposure too long */
+#define VT_FAULT_IMAGE_BLURRED            5u             /* image out of focus, or the lens is dirty */
+#define VT_FAULT_CAMERA_MOVED             6u             /* pins at rest are not where the rest frame has them, or all took the same step */
+#define VT_FAULT_PINS_LOST                7u             /* too few pins are seen: skin torn, covered or flooded with light */
+#define VT_FAULT_TRACKER_LOST             8u             /* pins are seen but which is which is not known */
+#define VT_FAULT_CALIBRATION_MISSING      9u             /* no calibration file */
+#define VT_FAULT_CALIBRATION_FOREIGN      10u            /* the calibration belongs to another tip */
+#define VT_FAULT_TARE_IMPLAUSIBLE         11u            /* the last rest frame shows a touched tip or too few pins */
+#define VT_FAULT_OVERLOAD                 12u            /* pressed or sheared beyond the tip's limit */
+#define VT_FAULT_LINK_DOWN                13u            /* bus or serial line refused frames */
+#define VT_FAULT_BUS_OFF                  14u            /* CAN controller went bus-off and recovered */
+#define VT_FAULT_DISK_FULL                15u            /* no room for recordings or settings */
+#define VT_FAULT_CLOCK_STEP               16u            /* the clock that stamps images jumped */
+#define VT_FAULT_OVER_TEMPERATURE         17u            /* board or camera too warm */
+#define VT_INVALID_LATENCY_US             65535u         /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_PINS_TRACKED           255u           /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_DISPLACEMENT_MM        (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_DISPLACEMENT_SIGMA_MM  255u           /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_FORCE_N                (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_FORCE_X_N              (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_FORCE_Y_N              (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_FORCE_XY_SIGMA_N       255u           /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_TORQUE_Z_NMM           (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_TORQUE_Z_SIGMA_NMM     255u           /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_FRICTION               255u           /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_SLIP_MARGIN            255u           /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_PRESSURE_KPA           (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_CONTACT_AREA_MM2       65535u         /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_SHEAR_X_MM             (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_SHEAR_Y_MM             (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_SHEAR_SIGMA_MM         255u           /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_TORSION_DEG            (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_TILT_X_DEG             (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_TILT_Y_DEG             (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_SLIP_SPEED_MM_S        255u           /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_SLIP_PROBABILITY       255u           /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_TWIST_SLIP_PROBABILITY 255u           /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_CONTACT0_X_MM          (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_CONTACT0_Y_MM          (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_CONTACT0_DEPTH_MM      255u           /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_CONTACT1_X_MM          (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_CONTACT1_Y_MM          (-32767 - 1)   /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_CONTACT1_DEPTH_MM      255u           /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_ORIENTATION_DEG        (-128)         /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_VIBRATION_MM           255u           /* raw value of an invalid field, 64-byte frame */
+#define VT_INVALID_TEMPERATURE_DEGC       (-128)         /* raw value of an invalid field, 64-byte frame */
+#define VT_OBJECT_PIN_N                   0x200005u      /* unsigned16, ro */
+#define VT_OBJECT_CAMERA_RATE_HZ          0x200007u      /* real32, ro */
+#define VT_OBJECT_TARE                    0x201000u      /* unsigned8, wo */
+#define VT_OBJECT_REBOOT                  0x201100u      /* unsigned32, wo */
+#define VT_OBJECT_RESTORE_DEFAULTS        0x201200u      /* unsigned32, wo */
+#define VT_OBJECT_RATE_HZ                 0x202001u      /* real32, rw */
+#define VT_OBJECT_DIVIDER                 0x202002u      /* unsigned16, rw */
+#define VT_OBJECT_FEATURES                0x202003u      /* unsigned32, rw */
+#define VT_OBJECT_DETAIL_DIVIDER          0x202004u      /* unsigned16, rw */
+#define VT_OBJECT_SETTINGS_STORED         0x202005u      /* boolean, ro */
+#define VT_OBJECT_REST_FRAME_REQUEST_N    0x203201u      /* unsigned16, ro */
+#define VT_OBJECT_REST_FRAME_STATE        0x203202u      /* unsigned8, ro */
+#define VT_OBJECT_REST_FRAME_REASON       0x203203u      /* unsigned8, ro */
+#define VT_OBJECT_UPTIME_S                0x204001u      /* unsigned32, ro */
+#define VT_OBJECT_SAMPLES_N               0x204002u      /* unsigned32, ro */
+#define VT_OBJECT_SENT_N                  0x204003u      /* unsigned32, ro */
+#define VT_OBJECT_UNSENT_N                0x204004u      /* unsigned32, ro */
+#define VT_OBJECT_DROPPED_N               0x204005u      /* unsigned32, ro */
+#define VT_OBJECT_LINK_LOST_N             0x204006u      /* unsigned32, ro */
+#define VT_OBJECT_LATENCY_P50_US          0x204007u      /* unsigned32, ro */
+#define VT_OBJECT_LATENCY_P99_US          0x204008u      /* unsigned32, ro */
+#define VT_OBJECT_DETAIL_DROPPED_N        0x204009u      /* unsigned32, ro */
+#define VT_REST_FRAME_UNKNOWN             0u             /* nothing was asked for yet, or the node cannot say */
+#define VT_REST_FRAME_BUSY                1u             /* images are being taken and judged; the rest frame before is in use */
+#define VT_REST_FRAME_ACCEPTED            2u             /* the new rest frame is in use */
+#define VT_REST_FRAME_REFUSED             3u             /* the rest frame (and the calibration) before stay in use; the reason says why */
+#define VT_REST_FRAME_FORCED              4u             /* in use because it was forced, although it is implausible for the given reason */
+#define VT_REASON_NONE                    0u             /* none */
+#define VT_REASON_TOUCHED                 1u             /* something touches the tip */
+#define VT_REASON_UNSTEADY                2u             /* pins moved while the images were taken */
+#define VT_REASON_TOO_FEW_PINS            3u             /* too few pins are seen */
+#define VT_REASON_NO_PIN_PATTERN          4u             /* the image shows no pattern of pins */
+#define VT_REASON_OTHER_TIP               5u             /* the pins are not those of the calibration */
+#define VT_REASON_NO_IMAGES               6u             /* the camera gave no images */
+#define VT_REASON_NOT_STORED              7u             /* the calibration cannot be stored */
+#define VT_REASON_OTHER                   255u           /* another reason, see `rest_frame_message` */
 
 /* CRC-16/CCITT-FALSE and CRC-8 (polynomial 0x1D) registers; start: 0xFFFF and 0. */
 uint16_t vt_crc16(const uint8_t *data, size_t size, uint16_t start);

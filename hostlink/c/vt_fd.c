@@ -224,9 +224,9 @@ int vt_fd_state_pack(
     tilt_y_deg = (uint16_t)src_p->tilt_y_deg;
     dst_p[44] |= pack_left_shift_u16(tilt_y_deg, 0u, 0xffu);
     dst_p[45] |= pack_right_shift_u16(tilt_y_deg, 8u, 0xffu);
-    dst_p[46] |= pack_left_shift_u16(src_p->slip_speed_mm_s, 0u, 0xffu);
-    dst_p[47] |= pack_right_shift_u16(src_p->slip_speed_mm_s, 8u, 0xffu);
-    dst_p[48] |= pack_left_shift_u8(src_p->slip_probability, 0u, 0xffu);
+    dst_p[46] |= pack_left_shift_u8(src_p->slip_speed_mm_s, 0u, 0xffu);
+    dst_p[47] |= pack_left_shift_u8(src_p->slip_probability, 0u, 0xffu);
+    dst_p[48] |= pack_left_shift_u8(src_p->twist_slip_probability, 0u, 0xffu);
     contact0_x_mm = (uint16_t)src_p->contact0_x_mm;
     dst_p[49] |= pack_left_shift_u16(contact0_x_mm, 0u, 0xffu);
     dst_p[50] |= pack_right_shift_u16(contact0_x_mm, 8u, 0xffu);
@@ -336,9 +336,9 @@ int vt_fd_state_unpack(
     tilt_y_deg = unpack_right_shift_u16(src_p[44], 0u, 0xffu);
     tilt_y_deg |= unpack_left_shift_u16(src_p[45], 8u, 0xffu);
     dst_p->tilt_y_deg = (int16_t)tilt_y_deg;
-    dst_p->slip_speed_mm_s = unpack_right_shift_u16(src_p[46], 0u, 0xffu);
-    dst_p->slip_speed_mm_s |= unpack_left_shift_u16(src_p[47], 8u, 0xffu);
-    dst_p->slip_probability = unpack_right_shift_u8(src_p[48], 0u, 0xffu);
+    dst_p->slip_speed_mm_s = unpack_right_shift_u8(src_p[46], 0u, 0xffu);
+    dst_p->slip_probability = unpack_right_shift_u8(src_p[47], 0u, 0xffu);
+    dst_p->twist_slip_probability = unpack_right_shift_u8(src_p[48], 0u, 0xffu);
     contact0_x_mm = unpack_right_shift_u16(src_p[49], 0u, 0xffu);
     contact0_x_mm |= unpack_left_shift_u16(src_p[50], 8u, 0xffu);
     dst_p->contact0_x_mm = (int16_t)contact0_x_mm;
@@ -925,24 +925,24 @@ bool vt_fd_state_tilt_y_deg_is_in_phys_range(float value)
     return ((value >= -180.0f) && (value <= 180.0f));
 }
 
-uint16_t vt_fd_state_slip_speed_mm_s_encode(float value)
+uint8_t vt_fd_state_slip_speed_mm_s_encode(float value)
 {
-    return (uint16_t)(cantools_unsigned_from_double(roundf(value / 0.01f)));
+    return (uint8_t)(cantools_unsigned_from_double(roundf(value / 0.25f)));
 }
 
-float vt_fd_state_slip_speed_mm_s_decode(uint16_t value)
+float vt_fd_state_slip_speed_mm_s_decode(uint8_t value)
 {
-    return ((float)value * 0.01f);
+    return ((float)value * 0.25f);
 }
 
-bool vt_fd_state_slip_speed_mm_s_is_in_range(uint16_t value)
+bool vt_fd_state_slip_speed_mm_s_is_in_range(uint8_t value)
 {
-    return (value <= 65500u);
+    return (value <= 254u);
 }
 
 bool vt_fd_state_slip_speed_mm_s_is_in_phys_range(float value)
 {
-    return ((value >= 0.0f) && (value <= 655.0f));
+    return ((value >= 0.0f) && (value <= 63.5f));
 }
 
 uint8_t vt_fd_state_slip_probability_encode(float value)
@@ -961,6 +961,26 @@ bool vt_fd_state_slip_probability_is_in_range(uint8_t value)
 }
 
 bool vt_fd_state_slip_probability_is_in_phys_range(float value)
+{
+    return ((value >= 0.0f) && (value <= 1.0f));
+}
+
+uint8_t vt_fd_state_twist_slip_probability_encode(float value)
+{
+    return (uint8_t)(cantools_unsigned_from_double(roundf(value / 0.004f)));
+}
+
+float vt_fd_state_twist_slip_probability_decode(uint8_t value)
+{
+    return ((float)value * 0.004f);
+}
+
+bool vt_fd_state_twist_slip_probability_is_in_range(uint8_t value)
+{
+    return (value <= 250u);
+}
+
+bool vt_fd_state_twist_slip_probability_is_in_phys_range(float value)
 {
     return ((value >= 0.0f) && (value <= 1.0f));
 }

@@ -105,9 +105,11 @@ extern "C" {
 
 #define VT_FD_STATE_TILT_Y_DEG_INVALID_CHOICE (-32768)
 
-#define VT_FD_STATE_SLIP_SPEED_MM_S_INVALID_CHOICE (65535u)
+#define VT_FD_STATE_SLIP_SPEED_MM_S_INVALID_CHOICE (255u)
 
 #define VT_FD_STATE_SLIP_PROBABILITY_INVALID_CHOICE (255u)
+
+#define VT_FD_STATE_TWIST_SLIP_PROBABILITY_INVALID_CHOICE (255u)
 
 #define VT_FD_STATE_CONTACT0_X_MM_INVALID_CHOICE (-32768)
 
@@ -278,6 +280,7 @@ extern "C" {
 #define VT_FD_STATE_TILT_Y_DEG_NAME "tilt_y_deg"
 #define VT_FD_STATE_SLIP_SPEED_MM_S_NAME "slip_speed_mm_s"
 #define VT_FD_STATE_SLIP_PROBABILITY_NAME "slip_probability"
+#define VT_FD_STATE_TWIST_SLIP_PROBABILITY_NAME "twist_slip_probability"
 #define VT_FD_STATE_CONTACT0_X_MM_NAME "contact0_x_mm"
 #define VT_FD_STATE_CONTACT0_Y_MM_NAME "contact0_y_mm"
 #define VT_FD_STATE_CONTACT0_DEPTH_MM_NAME "contact0_depth_mm"
@@ -364,7 +367,7 @@ struct vt_fd_state_t {
     uint8_t counter;
 
     /**
-     * layout version, 3 here; check before use
+     * layout version, 4 here; check before use
      *
      * Range: 0..255 (0..255 -)
      * Scale: 1
@@ -591,11 +594,11 @@ struct vt_fd_state_t {
     /**
      * speed of the skin beyond what the load explains
      *
-     * Range: 0..65500 (0..655 mm/s)
-     * Scale: 0.01
+     * Range: 0..254 (0..63.5 mm/s)
+     * Scale: 0.25
      * Offset: 0
      */
-    uint16_t slip_speed_mm_s;
+    uint8_t slip_speed_mm_s;
 
     /**
      * probability that more than half of the contact's area slides, 0..1; it slides from the rim inwards
@@ -605,6 +608,15 @@ struct vt_fd_state_t {
      * Offset: 0
      */
     uint8_t slip_probability;
+
+    /**
+     * the same of a twist alone, 0..1; slip_probability is the larger one of twist and drag
+     *
+     * Range: 0..250 (0..1 -)
+     * Scale: 0.004
+     * Offset: 0
+     */
+    uint8_t twist_slip_probability;
 
     /**
      * place of contact 0, x (tip frame)
@@ -724,7 +736,7 @@ struct vt_fd_detail_t {
     uint8_t counter;
 
     /**
-     * layout version, 3 here; check before use
+     * layout version, 4 here; check before use
      *
      * Range: 0..255 (0..255 -)
      * Scale: 1
@@ -2280,7 +2292,7 @@ bool vt_fd_state_tilt_y_deg_is_in_phys_range(float value);
  *
  * @return Encoded signal.
  */
-uint16_t vt_fd_state_slip_speed_mm_s_encode(float value);
+uint8_t vt_fd_state_slip_speed_mm_s_encode(float value);
 
 /**
  * Decode given signal by applying scaling and offset.
@@ -2289,7 +2301,7 @@ uint16_t vt_fd_state_slip_speed_mm_s_encode(float value);
  *
  * @return Decoded signal.
  */
-float vt_fd_state_slip_speed_mm_s_decode(uint16_t value);
+float vt_fd_state_slip_speed_mm_s_decode(uint8_t value);
 
 /**
  * Check that given signal is in allowed range.
@@ -2298,7 +2310,7 @@ float vt_fd_state_slip_speed_mm_s_decode(uint16_t value);
  *
  * @return true if in range, false otherwise.
  */
-bool vt_fd_state_slip_speed_mm_s_is_in_range(uint16_t value);
+bool vt_fd_state_slip_speed_mm_s_is_in_range(uint8_t value);
 
 /**
  * Check that given physical value is in allowed range before encoding.
@@ -2352,6 +2364,46 @@ bool vt_fd_state_slip_probability_is_in_range(uint8_t value);
  * @return true if in range, false otherwise.
  */
 bool vt_fd_state_slip_probability_is_in_phys_range(float value);
+
+/**
+ * Encode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to encode.
+ *
+ * @return Encoded signal.
+ */
+uint8_t vt_fd_state_twist_slip_probability_encode(float value);
+
+/**
+ * Decode given signal by applying scaling and offset.
+ *
+ * @param[in] value Signal to decode.
+ *
+ * @return Decoded signal.
+ */
+float vt_fd_state_twist_slip_probability_decode(uint8_t value);
+
+/**
+ * Check that given signal is in allowed range.
+ *
+ * @param[in] value Signal to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_fd_state_twist_slip_probability_is_in_range(uint8_t value);
+
+/**
+ * Check that given physical value is in allowed range before encoding.
+ *
+ * Use this BEFORE calling _encode() to avoid silent integer overflow:
+ *   encode(-1.0) on a [0,100] signal wraps to 255 and passes is_in_range().
+ *   is_in_phys_range(-1.0) correctly returns false.
+ *
+ * @param[in] value Physical signal value to check.
+ *
+ * @return true if in range, false otherwise.
+ */
+bool vt_fd_state_twist_slip_probability_is_in_phys_range(float value);
 
 /**
  * Encode given signal by applying scaling and offset.

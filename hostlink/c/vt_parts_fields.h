@@ -6,7 +6,7 @@
 
 #include <stdint.h>
 
-#define VT_FIELD_N         37u
+#define VT_FIELD_N         38u
 #define VT_PARTS_ALWAYS    0x000Fu /* bit i: part i comes with every sample */
 #define VT_SAMPLE_LOW_BITS 5u
 #define VT_AT_SAMPLE       4u /* in the frame */
@@ -51,8 +51,9 @@ static const vt_part_field_t vt_part_fields[VT_FIELD_N] = {
     {6u, 8u, 16u, 42u, 2u, VT_SIGNED}, /* tilt_x_deg */
     {6u, 24u, 16u, 44u, 2u, VT_SIGNED}, /* tilt_y_deg */
     {7u, 8u, 16u, 40u, 2u, VT_SIGNED}, /* torsion_deg */
-    {7u, 24u, 16u, 46u, 2u, VT_UNSIGNED}, /* slip_speed_mm_s */
-    {7u, 40u, 8u, 48u, 1u, VT_UNSIGNED}, /* slip_probability */
+    {7u, 24u, 8u, 46u, 1u, VT_UNSIGNED}, /* slip_speed_mm_s */
+    {7u, 32u, 8u, 47u, 1u, VT_UNSIGNED}, /* slip_probability */
+    {7u, 40u, 8u, 48u, 1u, VT_UNSIGNED}, /* twist_slip_probability */
     {8u, 8u, 16u, 21u, 2u, VT_SIGNED}, /* force_x_n */
     {8u, 24u, 16u, 23u, 2u, VT_SIGNED}, /* force_y_n */
     {8u, 40u, 8u, 25u, 1u, VT_UNSIGNED}, /* force_xy_sigma_n */

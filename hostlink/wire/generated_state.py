@@ -70,6 +70,8 @@ class StateFields:
     slip_speed_mm_s: float = nan
     # probability that more than half of the contact's area slides, 0..1; it slides from the rim inwards
     slip_probability: float = nan
+    # the same of a twist alone, 0..1; slip_probability is the larger one of twist and drag
+    twist_slip_probability: float = nan
     # direction of the long axis of the contact (edge), from x towards y, in (-90, 90] [deg]
     orientation_deg: float = nan
     # rms motion of the contact's pins above 10 Hz, up to half the rate of images; 0: no contact [mm]

@@ -17,8 +17,8 @@ FULL = State(
     force_x_n=-0.75, force_y_n=1.25, force_xy_sigma_n=0.12, torque_z_nmm=-14.5, torque_z_sigma_nmm=1.5,
     friction=0.84, slip_margin=0.304, pressure_kpa=31.25, contact_area_mm2=80.02, shear_x_mm=-0.5,
     shear_y_mm=0.75, shear_sigma_mm=0.104, torsion_deg=-3.21, tilt_x_deg=12.5, tilt_y_deg=-7.25,
-    slip_speed_mm_s=4.56, slip_probability=0.252, orientation_deg=-45.0, vibration_mm=0.034,
-    temperature_degc=41.0, contacts=(Contact(1.5, -2.5, 1.2), Contact(0.0, 0.0)),
+    slip_speed_mm_s=4.5, slip_probability=0.252, twist_slip_probability=0.128, orientation_deg=-45.0,
+    vibration_mm=0.034, temperature_degc=41.0, contacts=(Contact(1.5, -2.5, 1.2), Contact(0.0, 0.0)),
 )  # fmt: skip
 LIMITS = State(
     sample=0xFFFF, status=Status(0xFFFF), capture_time_us=0xFFFF_FFFF, latency_us=inf, pins_tracked=2.0,

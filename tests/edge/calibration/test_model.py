@@ -16,6 +16,7 @@ from tests.support.calibrations import PATTERN, calibration_content, damaged, pa
 from tests.support.fields import contact_region
 
 R = PATTERN.tip_radius_px / 200.0
+BARE = Features(np.zeros(4), np.zeros((4, 2)), in_contact=True)
 UNSCALED = parsed(damaged("mm_per_px", value=None))
 
 
@@ -36,9 +37,8 @@ def test_values_follow_the_models() -> None:
 
 
 def test_a_missing_feature_is_invalid_and_untouched_reads_zero() -> None:
-    bare = Features(area_change=np.zeros(4), displacement_px=np.zeros((4, 2)), in_contact=True)
     for touched, value in ((True, math.nan), (False, 0.0)):
-        reading = parsed(calibration_content()).apply(replace(bare, in_contact=touched), PATTERN)
+        reading = parsed(calibration_content()).apply(replace(BARE, in_contact=touched), PATTERN)
         found = [reading.values[name] for name in ("displacement_mm", "shear_x_mm", "shear_y_mm")]
         np.testing.assert_array_equal(found, [value] * 3)
         assert reading.saturated == frozenset()
@@ -102,12 +102,11 @@ def test_pressure_is_force_over_the_contacts_area() -> None:
 
 
 def test_slip_speed_needs_a_scale_and_the_time_between_two_frames() -> None:
-    changes, motion = np.zeros(4), np.zeros((4, 2))
-    slipping = Features(changes, motion, in_contact=True, slip_px=0.5, slip_probability=0.9)
+    slipping = replace(BARE, slip_px=0.5, slip_probability=0.9, twist_slip_probability=0.2)
     calibrated = parsed(calibration_content())
     reading = calibrated.apply(slipping, PATTERN, interval_s=0.01)
     assert reading.values["slip_speed_mm_s"] == pytest.approx(0.5 * 0.1 / 0.01)
-    assert reading.values["slip_probability"] == 0.9
+    assert [reading.values[f"{of}slip_probability"] for of in ("", "twist_")] == [0.9, 0.2]
     for interval in (None, 0.0, -0.01):
         assert "slip_speed_mm_s" not in calibrated.apply(slipping, PATTERN, interval).values
     assert "slip_speed_mm_s" not in UNSCALED.apply(slipping, PATTERN, 0.01).values
@@ -115,8 +114,7 @@ def test_slip_speed_needs_a_scale_and_the_time_between_two_frames() -> None:
 
 @pytest.mark.parametrize("vibration_px", [None, 0.0, 0.25, math.nan])
 def test_a_length_that_a_feature_names_is_scaled_to_mm(vibration_px: float | None) -> None:
-    changes, motion = np.zeros(4), np.zeros((4, 2))
-    shaking = Features(changes, motion, in_contact=True, vibration_px=vibration_px)
+    shaking = replace(BARE, vibration_px=vibration_px)
     values = parsed(calibration_content()).apply(shaking, PATTERN).values
     expected = None if vibration_px is None else pytest.approx(0.1 * vibration_px, nan_ok=True)
     assert values.get("vibration_mm") == expected

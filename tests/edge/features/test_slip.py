@@ -20,6 +20,7 @@ pytestmark = [pytest.mark.kernels, pytest.mark.compiled]
 class State(NamedTuple):
     slip_px: float
     probability: float
+    of_twist: float
 
 
 class Touch:
@@ -34,7 +35,7 @@ class Touch:
     def update(self, motion_px: Array, area_change: Array, sigma_px: float) -> State:
         self.motion.since_rest(self.rest.xy_img + motion_px, np.full(len(self.rest), sigma_px))
         self.slip.update(area_change, sigma_px)
-        return State(self.slip.slip_px, self.slip.probability)
+        return State(self.slip.slip_px, self.slip.probability, self.slip.of_twist)
 
 
 class TestSlip:
@@ -68,7 +69,7 @@ class TestSlip:
         shares = np.linspace(0.0, 0.95, 60)
         core, around = -0.05 * np.log(1.0 - shares), 0.02 * (1.0 - (1.0 - shares) ** 1.7)
         slips = self.run([self.twisted(sense * s, sense * q) for s, q in zip(core, around, strict=True)])
-        probability = np.array([state.probability for state in slips])
+        probability = np.array([state.of_twist for state in slips])
         assert probability[shares < 0.25].max() < 0.5
         assert probability[shares > 0.9].min() > 0.9
         sticks = self.run([self.twisted(sense * s, sense * 0.4 * s) for s in core])
@@ -107,7 +108,7 @@ class TestSlip:
         there = [self.dragged(10.0 * x, x) for x in self.shares]
         held, back = [there[-1]] * 20, [0.7 * there[-1]] * 5
         states = self.run(there + held + back)
-        assert min(s.probability for s in states[40:60]) > 0.9
+        assert min(s.probability for s in states[40:60]) > 0.9 > 0.1 > max(s.of_twist for s in states)
         assert max(s.probability for s in states[60:]) < 0.5
 
     def test_pressing_begins_the_path_anew(self) -> None:
@@ -129,7 +130,7 @@ class TestSlip:
         touch, change = Touch(self.rest, self.pins[:2]), np.zeros(len(self.xy))
         assert touch.update(np.zeros_like(self.xy), change, 0.05).probability == 0.0
         for k in range(20):
-            assert touch.update(float(k) * np.ones_like(self.xy), change, 0.05) == State(0.0, 0.0)
+            assert touch.update(float(k) * np.ones_like(self.xy), change, 0.05) == State(0.0, 0.0, 0.0)
         touch.slip.forget()
         assert touch.update(9.0 * np.ones_like(self.xy), change, 0.05).slip_px == 0.0
 

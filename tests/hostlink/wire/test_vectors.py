@@ -14,11 +14,12 @@ from tests.support.states import mismatches, same
 from tests.vectors.__main__ import FILE
 
 GOLDEN = json.loads(FILE.read_text(encoding="utf-8"))
-#: Receivers still decode what senders of version 2 sent, and refuse what those of version 1 did.
-OLD, BEFORE = (json.loads(FILE.with_name(f"frames_v{n}.json").read_text(encoding="utf-8")) for n in (2, 1))
+#: Receivers still decode what senders of versions 2 and 3 sent, and refuse what those of version 1 did.
+FILES = [FILE.with_name(f"frames_v{n}.json") for n in (3, 2, 1)]
+*OLD, BEFORE = (json.loads(file.read_text(encoding="utf-8")) for file in FILES)
 SAMPLES = [
     pytest.param(row, id=f"{row['name']}-v{golden['version']}")
-    for golden in (GOLDEN, OLD)
+    for golden in (GOLDEN, *OLD)
     for row in golden["samples"]
 ]
 
@@ -58,11 +59,10 @@ def test_decode(row: dict[str, Any]) -> None:
     classic, serial = CanDecoder(), SerialDecoder()
     events = [e for t, p in row["parts"] for e in classic.receive(CanIds().tpdo(t, 1), bytes.fromhex(p))]
     events += serial.receive(bytes.fromhex(row["serial"]))
-    assert len(events) == 2
-    assert all(isinstance(e, Sample) and same(e.state, once) for e in events)
+    assert [isinstance(e, Sample) and same(e.state, once) for e in events] == [True, True]
 
 
-@pytest.mark.parametrize("golden", [GOLDEN, OLD], ids=lambda golden: f"v{golden['version']}")
+@pytest.mark.parametrize("golden", [GOLDEN, *OLD], ids=lambda golden: f"v{golden['version']}")
 def test_a_full_sample_reads_as_it_was_written(golden: dict[str, Any]) -> None:
     """Its values are multiples of the steps: nothing may be lost but a float's last bit."""
     row = next(r for r in golden["samples"] if r["name"] == "full")
@@ -77,17 +77,18 @@ def test_a_full_sample_reads_as_it_was_written(golden: dict[str, Any]) -> None:
         assert b.depth_mm == pytest.approx(a.depth_mm, nan_ok=True)
 
 
-def test_every_message_of_the_version_before_is_decoded_and_a_damaged_one_is_noise() -> None:
-    older = OLDER[OLD["version"]]
-    assert f"0x{older.hash:08X}" == OLD["schema"]
+@pytest.mark.parametrize("old", OLD, ids=lambda old: f"v{old['version']}")
+def test_every_message_of_a_version_before_is_decoded_and_a_damaged_one_is_noise(old: dict[str, Any]) -> None:
+    older = OLDER[old["version"]]
+    assert f"0x{older.hash:08X}" == old["schema"]
     assemblers = wire.DetailAssembler()
-    assert [assemblers.add(wire.unpack_segment(bytes.fromhex(s))) for s in OLD["detail"]["segments"]][-1]
+    assert [assemblers.add(wire.unpack_segment(bytes.fromhex(s))) for s in old["detail"]["segments"]][-1]
     heartbeat = protected_p5(bytes((older.version, 5)), 1, older.data_id + Message.HEARTBEAT & 0xFFFF)
     (event,) = SerialDecoder().receive(wire.encode_frame(Message.HEARTBEAT, heartbeat))
     assert isinstance(event, Heartbeat)
     decoder = CanDecoder()
     for counter in range(50):  # the CRC is right, `check` is not: no version, however often
-        frame = bytearray(bytes.fromhex(OLD["samples"][1]["frame"]))
+        frame = bytearray(bytes.fromhex(old["samples"][1]["frame"]))
         frame[20] ^= 1 + counter
         sent = protected_p5(bytes(frame[3:]), counter, older.data_id)
         assert decoder.receive(CanIds().state(1), sent) == []
