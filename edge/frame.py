@@ -8,6 +8,7 @@ when the demand changes. A frame whose identities are not trusted yields no valu
 """
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -145,13 +146,13 @@ class Pipeline:
         return Result(frame, tracks, cells, features, reading, searched)
 
     def _locate(self, image: Image) -> tuple[Tracks, bool]:
-        """Where each pin is, and whether the whole image was searched for them."""
+        """Where each pin is, and whether the whole image was searched for them (`Result.searched`)."""
         if self.tracker.held:
             self._refiner.read(image)
             tracks = self.tracker.follow()
             if tracks.confidence >= Tracks.LOW_CONFIDENCE:
                 return tracks, False
-        return self.tracker.identify(detect(image, self.rest.pattern)), True
+        return self.tracker.search(partial(detect, image))
 
     def _calibrate(self, calibration: Calibration, frame: Frame, features: Features) -> Reading:
         """Values of the features; friction and slip margin of the forces among them."""

@@ -5,6 +5,8 @@ Rules
   two mirrors show is two contacts.
 - Volume is the sum. Mean motion and modes are those of all pins together.
 - Torsion, slip and vibration are of the part in contact whose pins have moved the most.
+- A part whose pins are lost has no features. Contacts, volume and mean motion are those of the others; modes
+  are not known then.
 """
 
 from dataclasses import replace
@@ -46,25 +48,36 @@ class RegionExtractor:
         self, tracks: Tracks, cells: Cells | None, plan: FeaturePlan, holds: bool = False, capture_ns: int = 0
     ) -> Features:
         """The features of one frame; arguments as of `FeatureExtractor`."""
-        of_parts: list[Features] = []
-        for rows, extractor in self._parts:
-            own = None if cells is None else _areas_of(cells, rows)
-            of_parts.append(extractor.extract(tracks_of(tracks, rows), own, plan, holds, capture_ns))
-        of_rows = [rows for rows, _ in self._parts]
-        most = max(of_parts, key=lambda f: (f.in_contact, np.nansum(f.displacement_px**2)))
-        shear = [len(f.area_change) * f.shear_px for f in of_parts if f.shear_px is not None]
-        contacts = sorted((c for f in of_parts for c in f.contacts or ()), key=lambda c: -c.peak)
         moved, seen = tracks.xy_img, tracks.seen
         if cells is not None:  # lost pins are where they are predicted
-            moved, seen = cells.xy_img, np.ones_like(seen)
+            moved, seen = cells.xy_img, np.isfinite(cells.xy_img[:, 0])
+        of_parts: list[Features] = []
+        for rows, extractor in self._parts:
+            if seen[rows].any():
+                own = None if cells is None else _areas_of(cells, rows)
+                of_parts.append(extractor.extract(tracks_of(tracks, rows), own, plan, holds, capture_ns))
+            else:
+                extractor.forget_contacts()
+                nowhere = np.full((len(rows), 2), np.nan)
+                of_parts.append(Features(nowhere[:, 0], nowhere, in_contact=False, gap=np.inf))
+        of_rows = [rows for rows, _ in self._parts]
+        known = [f for f, rows in zip(of_parts, of_rows, strict=True) if seen[rows].any()]
+        most = max(known, key=lambda f: (f.in_contact, np.nansum(f.displacement_px**2)))
+        shear = [len(f.area_change) * f.shear_px for f in known if f.shear_px is not None]
+        contacts = sorted((c for f in known for c in f.contacts or ()), key=lambda c: -c.peak)
+        modes_px = most.modes_px
+        if modes_px is not None:
+            modes_px = self._modes.fit(moved - self._rest.xy_img, seen)
+            if len(known) < len(of_parts):
+                modes_px[:] = complex(np.nan, np.nan)
         surface, grid = self._surface(of_parts)
         return replace(
             most,
             area_change=joined(of_rows, [f.area_change for f in of_parts]),
             displacement_px=joined(of_rows, [f.displacement_px for f in of_parts]),
-            shear_px=np.sum(shear, axis=0) / len(seen) if shear else None,
-            modes_px=None if most.modes_px is None else self._modes.fit(moved - self._rest.xy_img, seen),
-            volume_px2=None if most.volume_px2 is None else sum(f.volume_px2 or 0.0 for f in of_parts),
+            shear_px=np.sum(shear, axis=0) / sum(len(f.area_change) for f in known) if shear else None,
+            modes_px=modes_px,
+            volume_px2=None if most.volume_px2 is None else sum(f.volume_px2 or 0.0 for f in known),
             surface=surface,
             grid_img=grid,
             contacts=None if most.contacts is None else tuple(contacts[:CONTACTS_MAX]),

@@ -25,7 +25,7 @@ def parts_of(rest: Rest) -> list[tuple[Index, Rest]]:
     if part is None:
         return [(np.arange(len(rest), dtype=np.int32), rest)]
     rows = [np.flatnonzero(part == k).astype(np.int32) for k in np.unique(part)]
-    return [(own, one_part(rest, own)) for own in rows]
+    return [(own, one_part(replace(rest, pattern=rest.views[part[own[0]]]), own)) for own in rows]
 
 
 def one_part(rest: Rest, rows: Index | Mask) -> Rest:

@@ -91,7 +91,7 @@ def _of_views(
         return found[0]
     small, large = np.array([rest.pattern.radius_range_px for rest in found]).T
     counts = [len(rest) for rest in found]
-    patterns = [rest.pattern for rest in found]
+    patterns = tuple(rest.pattern for rest in found)
     own = [(p.pin_radius_px, p.edge_px, p.background, p.brightness) for p in patterns]
     radius_px, edge_px, background, brightness = np.average(own, axis=0, weights=counts).tolist()
     pattern = replace(
@@ -106,7 +106,7 @@ def _of_views(
     )
     part = np.repeat(np.arange(len(found), dtype=np.int32), counts)
     whole = one_part(Rest(join([rest.pins for rest in found]), pattern), np.ones(len(part), np.bool_))
-    return replace(whole, part=part)
+    return replace(whole, part=part, views=patterns)
 
 
 def _at_rest(

@@ -8,6 +8,7 @@ same cells to within the noise, the image is chosen among those that most others
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import islice
 
 import numpy as np
@@ -134,7 +135,7 @@ def _cells(images: Sequence[Image], rest: Rest) -> tuple[Array, Array, Array]:
     sigma = np.full(len(images), np.nan)
     seen = np.zeros(len(images))
     for k, image in enumerate(images):
-        tracks = tracker.identify(detect(image, rest.pattern))
+        tracks, _ = tracker.search(partial(detect, image))
         if tracks.confidence < Tracks.LOW_CONFIDENCE:
             continue
         try:

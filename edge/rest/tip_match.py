@@ -4,6 +4,8 @@ A camera that was taken out and put back shifts and rotates all pins alike, a li
 best common shift, rotation and zoom is deformation: a touch, or another tip.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from edge.calibration import Calibration
@@ -50,7 +52,7 @@ def match_rest(made_with: Rest, rest: Rest) -> tuple[Rest, Tracks]:
     nearest = nearest_of(rest.xy_img, xy)[1][:, 0]
     brightness[seen] = rest.pins.brightness[nearest[seen]]
     part = None if rest.part is None else rest.part[nearest]
-    return Rest(Pins(xy, sigma, made_with.pins.radius_px, brightness), rest.pattern, part), tracks
+    return replace(rest, pins=Pins(xy, sigma, made_with.pins.radius_px, brightness), part=part), tracks
 
 
 def _check_lens(made_with: Lens | None, now: Lens | None) -> None:
