@@ -23,7 +23,7 @@ SHARED_WITH_EDGE = (
     "hostlink.command_group", "hostlink.input_file", "hostlink.interrupt", "hostlink.link_guard",
     "hostlink.mcap_chunk", "hostlink.output_file", "hostlink.topics",
 )  # fmt: skip
-#: Which of the project's own packages a package may import.
+#: A package may import only these of the project's own packages.
 MAY_IMPORT = {
     "hostlink/wire": ("hostlink.wire",),
     "hostlink/web": ("hostlink.web", "hostlink.input_file"),

@@ -19,7 +19,7 @@ RENAMED = {
     "news", "relief", "rise", "room", "said", "stretch", "sure", "tell", "told", "touched", "unsure",
     "watchers", "words",
 }  # fmt: skip
-#: Of these the names of tests are free: there they are plain English.
+#: These words are free in the names of tests, where they are plain English.
 IN_SOURCES_ONLY = {"feed", "light", "look", "stretch", "touched", "words"}
 #: Parts of names, as in `_tell_of_link`: no name may contain one, in any package or test.
 PARTS = {
@@ -30,7 +30,7 @@ PARTS = {
 NOT_IN_TEST_NAMES = (
     r"(^test_what_|_told\b|_told_|_says?_so|_said\b|_said_|_felt|_hears?_|_besides|_for_granted)"
 )
-#: Where a word is the field's own in another sense, or part of a format.
+#: In these files a word is the field's own in another sense, or part of a format.
 ALLOWED = {
     "calib/rig/simulated.py": {"look"},  # a table of the rig's file
     "calib/sim/render.py": {"light"},  # of the lamp
@@ -43,7 +43,7 @@ ALLOWED = {
     "tests/bench/videos.py": {"sure", "unsure"},  # a column of its table
     "tests/hostlink/wire/test_c_receiver.py": {"tell"},  # names of the C program
 }
-#: Of these words and phrases not even a sentence may be left.
+#: These words and phrases may not stand even in a sentence.
 NOT_IN_SENTENCES = (
     "aside", "mends?", "mended", "doubt", "doubtful", "mourns?", "vitals", "starved?", "told apart",
     "(is|are|was|were) told", "no news", "nobody (will|can) (hear|know)", "bears? witness",
