@@ -231,12 +231,14 @@ class Rest:
     part     (n,) number of the part of the region that shows each pin, where it has several (mirrors): each
              has a lattice, cells and contacts of its own (`edge.geometry.parts`); None: there is one
     views    how the pins of each part appear, by its number
+    beside_img (k, 2) px, pins of the other parts, where this is one of several; None: it is the whole
     """
 
     pins: Pins
     pattern: PinPattern
     part: Index | None = None
     views: tuple[PinPattern, ...] = ()
+    beside_img: Array | None = None
 
     @property
     def xy_img(self) -> Array:

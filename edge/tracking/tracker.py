@@ -8,7 +8,6 @@ counts as lost, not as moved: it moves with its neighbours until it is found aga
 None until `identify` finds the identities again with high confidence.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +15,7 @@ import numpy as np
 from edge.tracking.follow import Follower
 from edge.tracking.search import Identifier, Identity
 from edge.tracking.tip import TrackedTip
-from edge.types import Array, PinPattern, Pins, Rest, Tracks
+from edge.types import Array, Pins, Rest, Tracks
 
 
 class Tracker:
@@ -69,10 +68,6 @@ class Tracker:
             return tracks
         self._fallback = tracks if goes_on else None
         return replace(tracks, confidence=0.0)
-
-    def search(self, find: Callable[[PinPattern], Pins]) -> tuple[Tracks, bool]:
-        """Identify what is found of the tip's pattern; whether identities come of that search: they do."""
-        return self.identify(find(self._tip.rest.pattern)), True
 
     def identify(self, pins: Pins) -> Tracks:
         """Find the identities of unordered pins, from rest or from where they were last seen.

@@ -10,7 +10,6 @@ import pytest
 
 from calib.fit import tip_of
 from calib.sim import Camera, Simulator, Tip, Tool, ToolPose
-from edge.cells import tessellator_of
 from edge.errors import NoPins
 from edge.faults.pin_visibility import PinVisibility
 from edge.frame import Pipeline
@@ -139,19 +138,16 @@ def test_a_view_that_is_lost_has_no_values_and_the_other_goes_on(folder: Path) -
 
 
 def test_lost_pins_of_one_view_change_no_cell_of_the_other(folder: Path) -> None:
-    rest, _ = _taken(folder, *SEAM)
+    rest, frames = _taken(folder, *SEAM)
     left = rest.xy_img[:, 0] < SIDE_PX
-    seen = np.ones(len(rest), bool)
-    seen[np.flatnonzero(left)[[20, 21, 45]]] = False
-    rng = np.random.default_rng(2)
-    xy = rest.xy_img + rng.normal(0.0, 0.5, rest.xy_img.shape)
-    whole = tessellator_of(rest).cells(Tracks.of(xy, rest.pins.sigma_px, np.ones_like(seen)))
-    found = np.where(seen[:, None], xy, np.nan)
-    cells = tessellator_of(rest).cells(Tracks.of(found, rest.pins.sigma_px, seen))
-    assert np.isnan(cells.area_px2[~seen]).all()
+    whole: Any = Pipeline(rest).process(frames[2]).cells
+    lost = np.flatnonzero(left)[[20, 21, 45]]
+    for x, y in np.rint(rest.xy_img[lost]).astype(int).tolist():
+        cv2.circle(frames[2].image, (x, y), 7, 20, -1)
+    cells: Any = Pipeline(rest).process(frames[2]).cells
+    seen = ~np.isin(np.arange(len(rest)), lost)
+    assert (np.isfinite(cells.area_px2) == seen).all()
     assert (cells.area_px2[~left] == whole.area_px2[~left]).all()
-    assert cells.whole_px2 is not None
-    assert cells.gap_img is not None
     assert 0.0 < cells.gap < 0.1
     assert np.hypot(*(cells.gap_img - rest.xy_img[~seen].mean(axis=0))) < rest.pattern.pitch_px
     visibility: Any = PinVisibility(rest)
@@ -159,14 +155,20 @@ def test_lost_pins_of_one_view_change_no_cell_of_the_other(folder: Path) -> None
 
 
 def test_parts_follow_the_pins_into_a_calibration_s_order_and_a_chosen_rest(folder: Path) -> None:
-    rest, _ = _taken(folder, *SEAM)
-    order = np.random.default_rng(1).permutation(len(rest))
-    matched = in_order_of(tip_of(only(replace(rest, part=None), order)), rest)
-    assert matched.part is not None
+    rest, frames = _taken(folder, *SEAM)
     assert rest.part is not None
-    assert (matched.part == rest.part[order]).all()
-    areas = [tessellator_of(tip).rest_area_px2 for tip in (matched, rest)]
+    order = np.random.default_rng(1).permutation(len(rest))
+    order = order[np.argsort(-rest.part[order], kind="stable")]  # the other view is the calibration's first
+    tip = replace(only(rest, order), part=1 - rest.part[order], views=rest.views[::-1])
+    matched = in_order_of(tip_of(tip), rest)
+    assert matched.part is not None
+    assert (matched.part == 1 - rest.part[order]).all()
+    results: list[Any] = [Pipeline(one).process(frames[7]) for one in (matched, rest)]
+    areas = [result.cells.rest_area_px2 for result in results]
     assert areas[0] == pytest.approx(areas[1][order], rel=1e-9)
+    moved = [result.features.displacement_px for result in results]
+    assert moved[0] == pytest.approx(moved[1][order], abs=0.01)
+    assert in_order_of(tip_of(replace(rest, part=None)), rest).part is None  # it was fitted to one view
     assert rest_of_source(_source(folder, *SEAM), "auto").rest.part is not None
     assert rest_of_source(_source(folder, SEAM[0]), "0").rest.part is None
 
