@@ -200,11 +200,13 @@ class FocusWindows:
 
     corners  (m, 2) int32, px: the first column and row of each
     side     px, of each
-    tail     one in so many of the lowest levels, and of the highest, is not part of the span
+    sample_n  of its rows and columns about so many are read, evenly spread; one in so many of the lowest
+             levels, and of the highest, is not part of the span
     Raises   ValueError: no such windows
     """
 
     side: cython.Py_ssize_t
+    every: cython.Py_ssize_t  # of the rows and columns one is read
     tail: cython.Py_ssize_t
     corners: cython.int[:, ::1]
     image8: cython.const[cython.uchar][:, :]  # in hand, or
@@ -212,13 +214,13 @@ class FocusWindows:
     levels: cython.double[::1]
     counts: cython.Py_ssize_t[::1]
 
-    def __init__(self, corners: Index, side: int, tail: int) -> None:
-        if corners.ndim != 2 or corners.shape[1] != 2 or not 1 < side <= IMAGE_SIDE_PX or tail < 2:
+    def __init__(self, corners: Index, side: int, sample_n: int) -> None:
+        if corners.ndim != 2 or corners.shape[1] != 2 or not 1 < side <= IMAGE_SIDE_PX or sample_n < 2:
             raise ValueError(
-                f"corners (m, 2) and a side of 2 to {IMAGE_SIDE_PX}, tail of 2 or more, are wanted"
+                f"corners (m, 2) and a side of 2 to {IMAGE_SIDE_PX}, sample_n of 2 or more, are wanted"
             )
         self.corners = np.array(corners, np.int32, order="C")
-        self.side, self.tail = side, tail
+        self.side, self.every, self.tail = side, max(1, side // sample_n), sample_n
         self.levels = np.empty(side * side)
         self.counts = np.empty(256, np.intp)
 
@@ -249,24 +251,31 @@ class FocusWindows:
         return self._measure(out, wide)
 
     @cython.cfunc
+    @cython.inline
+    def _level(self, row: cython.Py_ssize_t, column: cython.Py_ssize_t, wide: cython.bint) -> cython.double:
+        return self.image16[row, column] if wide else self.image8[row, column]
+
+    @cython.cfunc
     def _measure(self, out: cython.double[:, ::1], wide: cython.bint) -> cython.double:
-        n: cython.Py_ssize_t = self.side * self.side
+        m: cython.Py_ssize_t = 1 + (self.side - 1) // self.every
+        n: cython.Py_ssize_t = m * m
         k: cython.Py_ssize_t
         total = 0.0
         for w in range(self.corners.shape[0]):
             sum_ = 0.0
             energy = 0.0
             k = 0
-            for y in range(self.side):
-                for x in range(self.side):
+            for y in range(0, self.side, self.every):
+                for x in range(0, self.side, self.every):
                     column, row = self.corners[w, 0] + x, self.corners[w, 1] + y
-                    self.levels[k] = self.image16[row, column] if wide else self.image8[row, column]
-                    dx = self.levels[k] - self.levels[k - 1] if x else 0.0
-                    dy = self.levels[k] - self.levels[k - self.side] if y else 0.0
+                    level = self._level(row, column, wide)
+                    dx = level - self._level(row, column - 1, wide) if x else 0.0
+                    dy = level - self._level(row - 1, column, wide) if y else 0.0
                     energy += dx * dx + dy * dy
-                    sum_ += self.levels[k]
+                    sum_ += level
+                    self.levels[k] = level
                     k += 1
-            out[w, 0] = energy / (self.side * (self.side - 1))
+            out[w, 0] = energy / (m * (m - 1))
             out[w, 1] = self._span_wide(n) if wide else self._span(n)
             total += sum_ / n
         return total / self.corners.shape[0]
