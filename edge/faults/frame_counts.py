@@ -228,8 +228,8 @@ class FocusWindows:
         """Mean level of the windows; 0 where there is none.
 
         image   (h, w) uint8 or uint16
-        out     (m, 2): of each window the mean square of its neighbours' differences, along x and y together,
-                and the span of its levels without the tails; written
+        out     (m, 2): of each window the mean square of the differences of pixels that are read next to
+                each other, along x and y together, and the span of its levels without the tails; written
         Raises  ValueError: no such image, a window that is not within it
         """
         _check_image(image)
@@ -251,11 +251,6 @@ class FocusWindows:
         return self._measure(out, wide)
 
     @cython.cfunc
-    @cython.inline
-    def _level(self, row: cython.Py_ssize_t, column: cython.Py_ssize_t, wide: cython.bint) -> cython.double:
-        return self.image16[row, column] if wide else self.image8[row, column]
-
-    @cython.cfunc
     def _measure(self, out: cython.double[:, ::1], wide: cython.bint) -> cython.double:
         m: cython.Py_ssize_t = 1 + (self.side - 1) // self.every
         n: cython.Py_ssize_t = m * m
@@ -265,15 +260,14 @@ class FocusWindows:
             sum_ = 0.0
             energy = 0.0
             k = 0
-            for y in range(0, self.side, self.every):
-                for x in range(0, self.side, self.every):
-                    column, row = self.corners[w, 0] + x, self.corners[w, 1] + y
-                    level = self._level(row, column, wide)
-                    dx = level - self._level(row, column - 1, wide) if x else 0.0
-                    dy = level - self._level(row - 1, column, wide) if y else 0.0
+            for y in range(m):
+                for x in range(m):
+                    column, row = self.corners[w, 0] + self.every * x, self.corners[w, 1] + self.every * y
+                    self.levels[k] = self.image16[row, column] if wide else self.image8[row, column]
+                    dx = self.levels[k] - self.levels[k - 1] if x else 0.0
+                    dy = self.levels[k] - self.levels[k - m] if y else 0.0
                     energy += dx * dx + dy * dy
-                    sum_ += level
-                    self.levels[k] = level
+                    sum_ += self.levels[k]
                     k += 1
             out[w, 0] = energy / (m * (m - 1))
             out[w, 1] = self._span_wide(n) if wide else self._span(n)
