@@ -220,7 +220,7 @@ class FocusWindows:
                 f"corners (m, 2) and a side of 2 to {IMAGE_SIDE_PX}, sample_n of 2 or more, are wanted"
             )
         self.corners = np.array(corners, np.int32, order="C")
-        self.side, self.every, self.tail = side, max(1, side // sample_n), sample_n
+        self.side, self.every, self.tail = side, max(1, round(side / sample_n)), sample_n
         self.levels = np.empty(side * side)
         self.counts = np.empty(256, np.intp)
 
