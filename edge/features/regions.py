@@ -70,6 +70,10 @@ class RegionExtractor:
             contacts=None if most.contacts is None else tuple(contacts[:CONTACTS_MAX]),
             gap=sum(f.gap for f in of_parts) if cells is None else cells.gap,
             gap_img=None if cells is None else cells.gap_img,
+            longest_px=max(f.longest_px for f in of_parts),
+            step_px=max(f.step_px for f in of_parts),
+            sigma_px=float(np.nanmean(tracks.sigma_px)),
+            sigma_max_px=max(f.sigma_max_px for f in of_parts),
         )
 
     def _surface(self, of_parts: list[Features]) -> tuple[Array | None, tuple[Array, Array] | None]:
