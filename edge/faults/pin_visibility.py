@@ -9,6 +9,7 @@
   explanations are compared by their likelihoods.
 - Pins that a contact hides are its own evidence: those around them have moved apart. Values come from the
   others, with the variance that the lost ones leave; the fault says that they are partly seen.
+- A view of which no pin is seen, as of a mirror that is covered, is none of the others': theirs go on.
 - Each image is judged by itself: values are back as soon as the pins are.
 """
 
@@ -30,6 +31,7 @@ SEEN_REL = 0.8  # smallest share of the rest frame's pins
 HOLE_REL = 0.01  # largest share of them that are lost with all their neighbours
 BASELINE_N = FEATURES.noise_frames_n  # frames over which the baseline is learnt
 DROP_REL = RUNTIME.most_rel  # of the baseline share; with fewer, too many vanished at once
+BY_CONTACT = "a contact hides them"
 
 
 class PinVisibility:
@@ -37,7 +39,7 @@ class PinVisibility:
 
     counts      what is counted of each frame
     impossible  the pins moved further than skin can: the pattern was matched to itself rotated
-    explained   a contact hides the pins that were the last frame's problem: it has values all the same
+    explained   by what the last frame's problem is, so that it has values all the same; empty: by nothing
     """
 
     def __init__(self, rest: Rest) -> None:
@@ -46,7 +48,8 @@ class PinVisibility:
         self._rest_img = rest.xy_img
         parts = parts_of(rest)
         near = [rows[nearest_of(own.xy_img, own.xy_img, N_RING + 1)[1]] for rows, own in parts]
-        self._near = joined([rows for rows, _ in parts], near)
+        self._views = [rows for rows, _ in parts]
+        self._near = joined(self._views, near)
         self.counts = PinCounts(rest.xy_img, self._near)
         self._before = rest.xy_img
         self._pitch_px = rest.pattern.pitch_px
@@ -56,7 +59,7 @@ class PinVisibility:
         self._seen_n = 0
         self._noise_px = 0.0
         self.impossible = False
-        self.explained = False
+        self.explained = ""
 
     def problem(self, tracks: Tracks, features: Features | None = None) -> str:
         """Count a frame's pins, which gave these features, if any; what is wrong with them, or empty."""
@@ -65,23 +68,27 @@ class PinVisibility:
             tracks.xy_img, tracks.sigma_px, FEATURES.noise_ratio_max * self._baseline_px, self._far_px
         )
         self.impossible = far_n > ASTRAY_REL * n
-        self.explained = False
+        self.explained = ""
         why = self._judge(tracks, features, hole_n) if new_n or self._seen_n < n else ""
         self._before = tracks.xy_img
-        known = ASTRAY_REL**2 if why and not self.explained else 1.0
+        known = ASTRAY_REL**2 if why and self.explained != BY_CONTACT else 1.0
         self._baseline_share += known * (self._seen_n / n - self._baseline_share) / BASELINE_N
-        return why + "; a contact hides them" if self.explained else why
+        return f"{why}; {self.explained}" if self.explained else why
 
     def _judge(self, tracks: Tracks, features: Features | None, hole_n: int) -> str:
-        """The fault of a frame that lacks pins, and whether a contact explains it."""
+        """The fault of a frame that lacks pins, and whether a contact or a lost view explains it."""
         bad, new = (np.asarray(pins).view(np.bool_) for pins in (self.counts.bad, self.counts.new))
         why = self._why(tracks, self._seen_n, hole_n, bad, new)
-        if why and features is not None and features.contacts:
-            hidden = self._within(features.contacts)
+        if why and features is not None:
+            hidden = self._within(features.contacts or ())
+            lost = [rows for rows in self._views if not tracks.seen[rows].any()]
+            for rows in lost:
+                hidden[rows] = True
             seen_n = int(np.count_nonzero(tracks.seen | hidden))
             bad, new = bad & ~hidden, new & ~hidden
             hole_n = int(np.count_nonzero(bad[self._near].all(axis=1)))
-            self.explained = not self._why(tracks, seen_n, hole_n, bad, new)
+            if not self._why(tracks, seen_n, hole_n, bad, new):
+                self.explained = f"{len(lost)} of {len(self._views)} views lost" if lost else BY_CONTACT
         return why
 
     def _why(self, tracks: Tracks, seen_n: int, hole_n: int, bad: Mask, new: Mask) -> str:
