@@ -40,7 +40,7 @@ from scipy.linalg import cholesky, solve_triangular
 
 from calib.carry_over import KnownModel, changed
 from calib.process_likelihood import Repeats, Settings, Symmetry, fit_settings
-from calib.process_noise import TOO_FEW, NoiseModel, fit_lost, fit_noise, scale_of
+from calib.process_noise import TOO_FEW, NoiseModel, fit_lost, fit_noise, scales_of
 from calib.ridge import blocks, share_of_pose
 from calib.terms import evaluate_terms, term_columns
 from edge.calibration.file import TERMS_MAX, Lost
@@ -180,9 +180,11 @@ def fit_process(
     learnt *= posterior.share_held(inputs, factor)
     if features.turning:  # the variance of a complex weight is that of its two parts together
         factor, learnt = factor / math.sqrt(2.0), learnt / 2.0
-    errors = _Errors(inputs, names, unseen, target, learnt, symmetry, all_round=all_round, known=known)
+    share = share_of_pose(pose)
+    errors = _Errors(inputs, names, unseen, target, learnt, share, symmetry, all_round=all_round, known=known)
     along, across, level = errors.noise()
-    scale = scale_of(errors.standardised(group))
+    scales = scales_of(errors.standardised(group))
+    scale = scales.mean(axis=1) if known is None else scales.max(axis=1)
     if known is not None and poses <= TOO_FEW:
         scale = np.maximum(scale, 1.0)
     over = max(math.sqrt(level * float((scale**2).mean())), SIGMA_MIN / unit)
@@ -331,6 +333,7 @@ class _Errors:
 
     predicted, target  (n,) complex128
     learnt             (n,) variance of the prediction that the weights leave open
+    share              (n,) what each counts
     symmetry           turning: two outputs, whose errors are looked at along the prediction and across it
     all_round          False: the data went one way only, and say nothing of errors across it
     known              another tip's model, whose noise is where that of this one is looked for; None: none
@@ -343,13 +346,14 @@ class _Errors:
         predicted: Complex,
         target: Complex,
         learnt: Array,
+        share: Array,
         symmetry: Symmetry,
         *,
         all_round: bool,
         known: KnownModel | None,
     ) -> None:
         self._before = (None, None) if known is None else (known.noise, known.across or known.noise)
-        self._inputs, self._names, self._learnt = inputs, names, learnt
+        self._inputs, self._names, self._learnt, self._share = inputs, names, learnt, share
         self._turning, self._all_round = symmetry is Symmetry.TURNING, all_round
         self._error = predicted - target
         length = np.abs(predicted)
@@ -357,7 +361,8 @@ class _Errors:
 
     def noise(self, rows: Mask | slice = EVERY) -> tuple[NoiseModel, NoiseModel | None, float]:
         """Noise of one output, or of two along the value, and across it; and their typical variance."""
-        fitted = partial(fit_noise, self._inputs[rows], self._names, learnt=self._learnt[rows])
+        inputs, learnt, share = self._inputs[rows], self._learnt[rows], self._share[rows]
+        fitted = partial(fit_noise, inputs, self._names, learnt=learnt, share=share)
         if not self._turning or not self._all_round:
             one = fitted(squares=np.abs(self._error[rows]) ** 2, before=self._before[0])
             return one.over(one.level), None, one.level
