@@ -28,7 +28,8 @@ def parts_of(rest: Rest) -> list[tuple[Index, Rest]]:
     parts: list[tuple[Index, Rest]] = []
     for k in np.unique(part):
         rows = np.flatnonzero(part == k).astype(np.int32)
-        own = one_part(replace(rest, pattern=rest.views[k]), rows)
+        pattern = replace(rest.views[k], on_surface=rest.pattern.on_surface)
+        own = one_part(replace(rest, pattern=pattern), rows)
         parts.append((rows, replace(own, beside_img=rest.xy_img[part != k])))
     return parts
 

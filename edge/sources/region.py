@@ -18,17 +18,31 @@ from numpy.typing import NDArray
 from edge.errors import SourceError
 from edge.limits import PINS_MIN
 from edge.sources.files import read_image
-from edge.sources.options import PARTS
-from edge.types import FrameSource, Mask, Region
+from edge.sources.options import PARTS, Options, parse_spec
+from edge.types import Mask, Region
 
 _FORMS = {"roi": "x,y,w,h", "circle": "x,y,r"}
 
 
-def region_of(source: FrameSource, roi: str, circle: str, mask: str) -> Region | None:
-    """The region of a source's images; None: all of them. Raises SourceError."""
+def region_named(name: str, size_px: tuple[int, int], text: str) -> Region | None:
+    """The region that a text names as an address does: "roi=0,0,99,99&mask=a.png"; "": all of the images.
+
+    name, size_px  of the images
+    Raises         SourceError
+    """
+    keys = parse_spec(f"?{text}", Options()).options
+    if text and keys != Options(roi=keys.roi, circle=keys.circle, mask=keys.mask):
+        raise SourceError(
+            f"{name}: region {text}: give roi=x,y,w,h, circle=x,y,r or mask=FILE, with & between"
+        )
+    return region_of(name, size_px, keys.roi, keys.circle, keys.mask)
+
+
+def region_of(name: str, size_px: tuple[int, int], roi: str, circle: str, mask: str) -> Region | None:
+    """The same of its parts; None: all of the images."""
     if not (roi or circle or mask):
         return None
-    name, (width, height) = source.name, source.size_px
+    width, height = size_px
     y, x = np.mgrid[:height, :width]
     skin = np.ones((height, width), bool)
     if roi:
