@@ -18,14 +18,13 @@ from calib.commands.evaluate import print_report
 from calib.commands.options import PATH, Frames, frames_options, overwrite_option, progress_bar
 from calib.dataset import Dataset
 from calib.extract import Extract, executor
-from calib.fit import Choice, Prefer, Search, fit, groups_of
+from calib.fit import Choice, Prefer, Search, fit, groups_of, of_views
 from calib.fit_warnings import fit_warnings
 from calib.hold_out import evaluate_held_out
 from calib.skin import extract_of_dots
 from calib.targets import Targets
 from edge.calibration import Calibration
 from edge.calibration.checks import is_of_contact, outputs_of
-from edge.calibration.file import file_of
 from edge.cli.options import sensor_option
 from edge.errors import CalibrationError, ConfigError
 from edge.rest.sensor_match import mm_per_px as scale_by_pitch
@@ -110,9 +109,7 @@ def fit_command(
         scale = mm_per_px or scale_of(sensor_name, data.rest)
         held_out = None if hold_out is None else (hold_out, seed)
         fitted.append(_fitted(given, data, targets, extract, search, serial, scale, held_out))
-    calibration = Calibration.of(
-        file_of([one.calibration.content for one in fitted]), "the calibration fitted"
-    )
+    calibration = of_views([one.calibration for one in fitted])
     with writing(output, overwrite) as unfinished:
         unfinished.write_bytes(calibration.encoded)
     if as_json:

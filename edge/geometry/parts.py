@@ -84,6 +84,11 @@ def tracks_joined(rows: Sequence[Index], of_parts: Sequence[Tracks]) -> Tracks:
     return Tracks.of(xy_img, sigma_px, joined(rows, [t.seen for t in of_parts]), confidence)
 
 
+def pins_joined(rows: Sequence[Index], of_parts: Sequence[Pins]) -> Pins:
+    """The pins of all parts."""
+    return Pins(*(joined(rows, column) for column in zip(*map(_columns, of_parts), strict=True)))
+
+
 def joined(rows: Sequence[Index], of_parts: Sequence[NDArray[T]]) -> NDArray[T]:
     """What each part has of its pins, in the rows of the whole."""
     whole = np.concatenate(of_parts)

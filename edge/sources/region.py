@@ -25,11 +25,7 @@ _FORMS = {"roi": "x,y,w,h", "circle": "x,y,r"}
 
 
 def region_named(name: str, size_px: tuple[int, int], text: str) -> Region | None:
-    """The region that a text names as an address does: "roi=0,0,99,99&mask=a.png"; "": all of the images.
-
-    name, size_px  of the images
-    Raises         SourceError
-    """
+    """The region that a text names as an address does: "roi=0,0,99,99&mask=a.png"; "": all of the images."""
     keys = parse_spec(f"?{text}", Options()).options
     if text and keys != Options(roi=keys.roi, circle=keys.circle, mask=keys.mask):
         raise SourceError(
@@ -39,7 +35,7 @@ def region_named(name: str, size_px: tuple[int, int], text: str) -> Region | Non
 
 
 def region_of(name: str, size_px: tuple[int, int], roi: str, circle: str, mask: str) -> Region | None:
-    """The same of its parts; None: all of the images."""
+    """The region of a source's images; None: all of them. Raises SourceError."""
     if not (roi or circle or mask):
         return None
     width, height = size_px
@@ -54,7 +50,8 @@ def region_of(name: str, size_px: tuple[int, int], roi: str, circle: str, mask: 
     if mask:
         skin &= _white(name, (width, height), mask)
     if np.count_nonzero(skin) < PINS_MIN:
-        raise SourceError(f"{name}: the region holds no skin in images of {width}x{height}; give another")
+        where = f"{name}: the region holds no skin in images of {width}x{height}"
+        raise SourceError(f"{where}; give roi or circle within them, or white in the mask")
     _, part, table, _ = cv2.connectedComponentsWithStats(skin.astype(np.uint8))
     # A speck of a mask has no room for pins of a dozen pixels.
     views = [k for k in range(1, len(table)) if table[k, cv2.CC_STAT_AREA] >= PINS_MIN**2]
