@@ -160,7 +160,7 @@ def settings_tried(source: FrameSource, frame: Frame, rest: Rest) -> dict[str, i
 
 def _rest_within(source: FrameSource, frame: Frame, polarity: Polarity, roi: str) -> Rest | None:
     """The pins within these rectangles; "": within the source's region; None: there are none."""
-    region = region_of(source, roi, "", "") or source.region
+    region = region_of(source.name, source.size_px, roi, "", "") or source.region
     try:
         return take_rest([frame.within(region).image], polarity, source.lens, region)
     except NoPins:
