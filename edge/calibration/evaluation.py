@@ -178,7 +178,7 @@ class InputRow:
         peak: cython.Py_ssize_t,
         size: cython.Py_ssize_t,
     ) -> cython.void:
-        self._set_place(place, contact.xy_img)
+        self._set_place(place, contact.weighted_img)
         self._set(peak, contact.peak, 0.0)
         area_px2: cython.double = contact.area_px2
         self._set(size, sqrt(area_px2) / self._radius, 0.0)
