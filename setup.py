@@ -22,7 +22,7 @@ from setuptools.command.build_ext import build_ext
 LIMITED_API = [("Py_LIMITED_API", "0x030B0000"), ("CYTHON_LIMITED_API", "1")]
 
 FAST = ["-O3", "-fno-math-errno", "-fno-wrapv"]
-#: Of few loops, or short ones: less code.
+#: Modules with few or short loops get less code.
 SMALL = ["-O2", *FAST[1:]]
 #: Exact arithmetic: a multiplication and an addition must not become one operation with one rounding.
 EXACT = ["-O3", "-ffp-contract=off"]

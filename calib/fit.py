@@ -68,8 +68,10 @@ from edge.calibration.file import (
     Process,
     Sensor,
     encode,
+    file_of,
 )
 from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS
+from edge.geometry.parts import parts_of
 from edge.types import Array, Complex, Index, Mask, Rest
 
 __all__ = [
@@ -285,8 +287,9 @@ def sensor_of(rest: Rest, serial: str) -> Sensor:
 
 def tip_of(rest: Rest) -> Calibration:
     """A calibration without models: to compare another rest frame with its tip."""
-    sensor = sensor_of(rest, "unnamed")
-    return Calibration(CalibrationFile(FORMAT, VERSION, sensor, None, [], Data("", "", 0, "")))
+    sensors = [sensor_of(own, "unnamed") for _, own in parts_of(rest)]
+    files = [CalibrationFile(FORMAT, VERSION, one, None, [], Data("", "", 0, "")) for one in sensors]
+    return Calibration(file_of(files))
 
 
 def _checked(

@@ -231,11 +231,15 @@ class Rest:
     pattern  their appearance
     part     (n,) number of the part of the region that shows each pin, where it has several (mirrors): each
              has a lattice, cells and contacts of its own (`edge.geometry.parts`); None: there is one
+    views    how the pins of each part appear, by its number
+    beside_img (k, 2) px, pins of the other parts, where this is one of several; None: it is the whole
     """
 
     pins: Pins
     pattern: PinPattern
     part: Index | None = None
+    views: tuple[PinPattern, ...] = ()
+    beside_img: Array | None = None
 
     @property
     def xy_img(self) -> Array:
@@ -467,7 +471,8 @@ class Result:
 
     cells, features  None if identities are not trusted, or nothing in demand depends on them
     reading          empty if nothing is calibrated or trusted
-    searched         True: the whole frame was searched, not only the windows
+    searched         True: the whole frame was searched, not only the windows; of several views, one that is
+                     searched for without success while others are followed does not count
     """
 
     frame: Frame

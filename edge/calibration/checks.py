@@ -19,10 +19,11 @@ from edge.calibration.file import (
     Polynomial,
     Process,
     Sensor,
+    views_of,
 )
 from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, OF_PLACE
 from edge.geometry.neighbours import nearest_of
-from edge.limits import IMAGE_PIXELS, BadContent, quote
+from edge.limits import IMAGE_PIXELS, PINS_MAX, BadContent, quote
 from edge.types import Array
 
 
@@ -42,6 +43,22 @@ _POSITIVE = {"displacement_mm", "force_n", "contact_area_mm2", "contact_depth_mm
 
 def check(content: CalibrationFile) -> None:
     """Raises  BadContent: place in the file, what is wrong, what would be right"""
+    first, *others = views_of(content)
+    _check_view(first)
+    pins_n = len(first.sensor.rest_xy_px)
+    for i, view in enumerate(others):
+        try:
+            _check_view(view)
+        except BadContent as error:
+            raise BadContent(f"views[{i}].{error}") from None
+        if (view.sensor.size_px, view.sensor.lens) != (first.sensor.size_px, first.sensor.lens):
+            raise BadContent(f"views[{i}].sensor: give the size_px and the lens of the first view")
+        pins_n += len(view.sensor.rest_xy_px)
+    if pins_n > PINS_MAX:
+        raise BadContent(f"views: {pins_n} pins in all; {PINS_MAX} at most are wanted")
+
+
+def _check_view(content: CalibrationFile) -> None:
     _check_sensor(content.sensor)
     _check_models(content.models, "models")
     known = [outputs_of(model) for model in content.models]

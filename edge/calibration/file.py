@@ -15,6 +15,7 @@ anything is built from it: a frame takes at most `TERMS_MAX` products of `FACTOR
 """
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -179,12 +180,22 @@ class Data(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     created: Name
 
 
+class OtherView(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """Another view of the same skin, as a mirror gives it: what the top level says of the first one."""
+
+    sensor: Sensor
+    mm_per_px: Scale | None
+    models: Annotated[list[Model], msgspec.Meta(max_length=MODELS_MAX)]
+    without_contact: Annotated[list[Model], msgspec.Meta(max_length=MODELS_MAX)] | None = None
+
+
 class CalibrationFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """The file's top level.
 
     without_contact  models of touched frames in which no contact was found, instead of those of the same
                      outputs that depend on a contact's place, which give nothing there; None: such frames
                      were fitted with a place of 0, and the same models hold for them
+    views            of the same skin, where the image shows several: all but the first
     """
 
     format: Name
@@ -194,6 +205,19 @@ class CalibrationFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, o
     models: Annotated[list[Model], msgspec.Meta(max_length=MODELS_MAX)]
     data: Data
     without_contact: Annotated[list[Model], msgspec.Meta(max_length=MODELS_MAX)] | None = None
+    views: Annotated[list[OtherView], msgspec.Meta(max_length=limits.PINS_MAX // limits.PINS_MIN)] = []
+
+
+def views_of(content: CalibrationFile) -> list[CalibrationFile]:
+    """A file for each view, the first one first."""
+    first = msgspec.structs.replace(content, views=[])
+    return [first, *(msgspec.structs.replace(first, **msgspec.structs.asdict(v)) for v in content.views)]
+
+
+def file_of(views: Sequence[CalibrationFile]) -> CalibrationFile:
+    """One file of those of all views."""
+    others = [OtherView(v.sensor, v.mm_per_px, v.models, v.without_contact) for v in views[1:]]
+    return msgspec.structs.replace(views[0], views=others)
 
 
 class _Header(msgspec.Struct, frozen=True):

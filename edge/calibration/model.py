@@ -43,9 +43,11 @@ from edge.calibration.file import (
     encode,
     read_file,
     rest_of,
+    views_of,
 )
 from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, MOMENTS
 from edge.errors import CalibrationError
+from edge.geometry.parts import of_parts
 from edge.limits import BadContent
 from edge.types import Array, ContactRegion, Feature, Features, PinPattern, Reading
 from hostlink.output_file import writing
@@ -65,7 +67,7 @@ Contacts = tuple[ContactRegion, ...]
 class Calibration:
     """A calibration file, ready to be applied. What a file holds is checked by `load` and `parse`, not here.
 
-    rest       the tip it belongs to, in the file's order of pins
+    rest       the tip it belongs to, in the file's order of pins; its parts are the views
     mm_per_px  scale at the tip's centre; None: not known, places of contact are NaN
     content_id 32 bits of the content's hash; goes over the wire as the calibration's identity
     frame_models, contact_models  of a frame, and of one contact
@@ -105,11 +107,24 @@ class Calibration:
         self._unknown = dict.fromkeys(self.frame_models.names, math.nan)
         self._untouched = {name: UNTOUCHED[name] for name in self.frame_models.names}
         self._untouched_sigmas = dict(zip(self.frame_models.names, self.frame_models.sigmas, strict=True))
+        self._views = tuple(map(Calibration, views_of(content))) if content.views else ()
+        if self._views:
+            self.rest = of_parts([view.rest for view in self._views], self.rest.pattern)
+            self.outputs = frozenset().union(*(view.outputs for view in self._views))
+            self.of_fits = any(view.of_fits for view in self._views)
+            self.of_moments = any(view.of_moments for view in self._views)
+            self.of_volume = any(view.of_volume for view in self._views)
+            self._processes = [process for view in self._views for process in view._processes]
         self._demand: frozenset[Feature] | None = None
         self._gives_contacts = True  # the demand includes them
 
     def __reduce__(self) -> tuple[type[Calibration], tuple[CalibrationFile]]:
         return Calibration, (self.content,)
+
+    @property
+    def views(self) -> tuple[Calibration, ...]:
+        """That of each view of the skin, in the order of `rest.views`; it alone, where there is one."""
+        return self._views or (self,)
 
     @classmethod
     def load(cls, path: str | Path) -> Calibration:

@@ -75,11 +75,13 @@ class FocusWindows:
 
     corners  (m, 2) int32, px: the first column and row of each
     side     px, of each
-    tail     one in so many of the lowest levels, and of the highest, is not part of the span
+    sample_n  of its rows and columns about so many are read, evenly spread; one in so many of the lowest
+             levels, and of the highest, is not part of the span
     Raises   ValueError: no such windows
     """
 
     side: cython.Py_ssize_t
+    every: cython.Py_ssize_t  # of the rows and columns one is read
     tail: cython.Py_ssize_t
     corners: cython.int[:, ::1]
     image8: cython.const[cython.uchar][:, :]  # in hand, or
@@ -87,13 +89,13 @@ class FocusWindows:
     levels: cython.double[::1]
     counts: cython.Py_ssize_t[::1]
 
-    def __init__(self, corners: Index, side: int, tail: int) -> None:
-        if corners.ndim != 2 or corners.shape[1] != 2 or not 1 < side <= IMAGE_SIDE_PX or tail < 2:
+    def __init__(self, corners: Index, side: int, sample_n: int) -> None:
+        if corners.ndim != 2 or corners.shape[1] != 2 or not 1 < side <= IMAGE_SIDE_PX or sample_n < 2:
             raise ValueError(
-                f"corners (m, 2) and a side of 2 to {IMAGE_SIDE_PX}, tail of 2 or more, are wanted"
+                f"corners (m, 2) and a side of 2 to {IMAGE_SIDE_PX}, sample_n of 2 or more, are wanted"
             )
         self.corners = np.array(corners, np.int32, order="C")
-        self.side, self.tail = side, tail
+        self.side, self.every, self.tail = side, max(1, round(side / sample_n)), sample_n
         self.levels = np.empty(side * side)
         self.counts = np.empty(256, np.intp)
 
@@ -101,8 +103,8 @@ class FocusWindows:
         """Mean level of the windows; 0 where there is none.
 
         image   (h, w) uint8 or uint16
-        out     (m, 2): of each window the mean square of its neighbours' differences, along x and y together,
-                and the span of its levels without the tails; written
+        out     (m, 2): of each window the mean square of the differences of pixels that are read next to
+                each other, along x and y together, and the span of its levels without the tails; written
         Raises  ValueError: no such image, a window that is not within it
         """
         _check_image(image)
@@ -125,26 +127,24 @@ class FocusWindows:
 
     @cython.cfunc
     def _measure(self, out: cython.double[:, ::1], wide: cython.bint) -> cython.double:
-        side: cython.Py_ssize_t = self.side
-        n: cython.Py_ssize_t = side * side
+        m: cython.Py_ssize_t = 1 + (self.side - 1) // self.every
+        n: cython.Py_ssize_t = m * m
         k: cython.Py_ssize_t
-        levels: cython.double[::1] = self.levels
         total = 0.0
         for w in range(self.corners.shape[0]):
             sum_ = 0.0
             energy = 0.0
             k = 0
-            for y in range(side):
-                for x in range(side):
-                    column, row = self.corners[w, 0] + x, self.corners[w, 1] + y
-                    level: cython.double = self.image16[row, column] if wide else self.image8[row, column]
-                    dx = level - levels[k - 1] if x else 0.0
-                    dy = level - levels[k - side] if y else 0.0
+            for y in range(m):
+                for x in range(m):
+                    column, row = self.corners[w, 0] + self.every * x, self.corners[w, 1] + self.every * y
+                    self.levels[k] = self.image16[row, column] if wide else self.image8[row, column]
+                    dx = self.levels[k] - self.levels[k - 1] if x else 0.0
+                    dy = self.levels[k] - self.levels[k - m] if y else 0.0
                     energy += dx * dx + dy * dy
-                    sum_ += level
-                    levels[k] = level
+                    sum_ += self.levels[k]
                     k += 1
-            out[w, 0] = energy / (side * (side - 1))
+            out[w, 0] = energy / (m * (m - 1))
             out[w, 1] = self._span_wide(n) if wide else self._span(n)
             total += sum_ / n
         return total / self.corners.shape[0]

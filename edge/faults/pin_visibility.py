@@ -9,6 +9,7 @@
   explanations are compared by their likelihoods.
 - Pins that a contact hides are its own evidence: those around them have moved apart. Values come from the
   others, with the variance that the lost ones leave; the fault says that they are partly seen.
+- A view of which no pin is seen, as of a mirror that is covered, is none of the others': theirs go on.
 - Each image is judged by itself: values are back as soon as the pins are.
 """
 
@@ -29,13 +30,14 @@ SEEN_REL = 0.8  # smallest share of the rest frame's pins
 HOLE_REL = 0.01  # largest share of them that are lost with all their neighbours
 BASELINE_N = FEATURES.noise_frames_n  # frames over which the baseline is learnt
 DROP_REL = RUNTIME.most_rel  # of the baseline share; with fewer, too many vanished at once
+BY_CONTACT = "a contact hides them"
 
 
 class PinVisibility:
     """Checks the pins of each frame against the rest frame.
 
     impossible  the pins moved further than skin can: the pattern was matched to itself rotated
-    explained   a contact hides the pins that were the last frame's problem: it has values all the same
+    explained   by what the last frame's problem is, so that it has values all the same; empty: by nothing
     """
 
     def __init__(self, rest: Rest) -> None:
@@ -44,7 +46,8 @@ class PinVisibility:
         self._rest_img = rest.xy_img
         parts = parts_of(rest)
         near = [rows[nearest_of(own.xy_img, own.xy_img, N_RING + 1)[1]] for rows, own in parts]
-        self._near = joined([rows for rows, _ in parts], near)
+        self._views = [rows for rows, _ in parts]
+        self._near = joined(self._views, near)
         self._bad = np.zeros(len(rest), np.bool_)  # in the last frame
         self._before = rest.xy_img
         self._pitch_px = rest.pattern.pitch_px
@@ -53,13 +56,13 @@ class PinVisibility:
         self._n = len(rest)
         self._seen_n = 0
         self.impossible = False
-        self.explained = False
+        self.explained = ""
 
     def problem(self, tracks: Tracks, features: Features | None = None) -> str:
         """Count a frame's pins, which gave these features, if any; what is wrong with them, or empty."""
         n = self._n
         self._seen_n = tracks.n_seen
-        self.impossible = self.explained = False
+        self.impossible, self.explained = False, ""
         # Drift moves no pin by half as much.
         if features is None or features.longest_px > 0.5 * self._far_px:
             far = np.hypot(*(tracks.xy_img - self._rest_img).T) > self._far_px
@@ -71,20 +74,26 @@ class PinVisibility:
         else:
             self._bad[:] = False
         self._before = tracks.xy_img
-        known = ASTRAY_REL**2 if why and not self.explained else 1.0
+        known = ASTRAY_REL**2 if why and self.explained != BY_CONTACT else 1.0
         self._baseline_share += known * (self._seen_n / n - self._baseline_share) / BASELINE_N
-        return why + "; a contact hides them" if self.explained else why
+        return f"{why}; {self.explained}" if self.explained else why
 
     def _judge(self, tracks: Tracks, features: Features | None, new: Mask) -> str:
-        """The fault of a frame whose pins are bad, these newly, and whether a contact explains it."""
+        """The fault of a frame whose pins are bad, these newly, and whether a contact or a lost view explains
+        it.
+        """
         if self._seen_n == self._n and not new.any():
             return ""
         bad, why = self._bad, self._why(tracks, self._seen_n, self._bad, new)
-        if why and features is not None and features.contacts:
-            hidden = self._within(features.contacts)
+        if why and features is not None:
+            hidden = self._within(features.contacts or ())
+            lost = [rows for rows in self._views if not tracks.seen[rows].any()]
+            for rows in lost:
+                hidden[rows] = True
             seen_n = int(np.count_nonzero(tracks.seen | hidden))
             bad, new = bad & ~hidden, new & ~hidden
-            self.explained = not self._why(tracks, seen_n, bad, new)
+            if not self._why(tracks, seen_n, bad, new):
+                self.explained = f"{len(lost)} of {len(self._views)} views lost" if lost else BY_CONTACT
         return why
 
     def _why(self, tracks: Tracks, seen_n: int, bad: Mask, new: Mask) -> str:

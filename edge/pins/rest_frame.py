@@ -12,7 +12,7 @@ from edge.errors import NoPins
 from edge.geometry.lattice import pitch_of
 from edge.geometry.layout import circle_of
 from edge.geometry.neighbours import nearest_of
-from edge.geometry.parts import one_part
+from edge.geometry.parts import of_parts
 from edge.pins.blobs import join, rows_of
 from edge.pins.detect import as_bright, detect, in_view, learn, noise_of, spots_of, to_grey
 from edge.pins.lens import corrected_rest, pattern_as_seen
@@ -104,9 +104,7 @@ def _of_views(
         noise=float(np.median([noise_of(grey) for grey in greys])),
         glints_img=tuple(glint for rest in found for glint in rest.pattern.glints_img),
     )
-    part = np.repeat(np.arange(len(found), dtype=np.int32), counts)
-    whole = one_part(Rest(join([rest.pins for rest in found]), pattern), np.ones(len(part), np.bool_))
-    return replace(whole, part=part)
+    return of_parts(found, pattern)
 
 
 def _at_rest(

@@ -64,7 +64,7 @@ class KnownSensor(_Closed, frozen=True, kw_only=True):
     pins: SensorPins = SensorPins()
     tip: SensorTip = SensorTip()
     camera: SensorCamera = SensorCamera()
-    #: Where each figure is from, by its key: "pins.pitch_mm".
+    #: The source of each figure by the figure's key, such as "pins.pitch_mm".
     sources: dict[limits.Name, Annotated[str, msgspec.Meta(min_length=1, max_length=400)]] = {}
     name: str = ""  # of the file, without its suffix
 

@@ -22,7 +22,7 @@ SPLITS = 5
 HELD_OUT = 120
 SIZES = (50, 100, 200, 480)
 
-#: What is reported: column, and its place in the object that `calib evaluate` prints.
+#: The table reports these columns; beside each is its place in the object that `calib evaluate` prints.
 COLUMNS: dict[str, tuple[str, int | None]] = {
     "depth mm": ("displacement_mae_mm", None),
     "tilt x deg": ("tilt_mae_deg", 0),

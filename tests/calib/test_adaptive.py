@@ -48,7 +48,7 @@ def test_resumed_within_a_batch_it_takes_the_same_frames(
         np.testing.assert_array_equal(a.image, b.image)
     poses = poses_of(through)
     assert len(set(poses)) == POSES
-    # What follows the evenly spread poses is not their continuation.
+    # The poses after the evenly spread ones do not go on with them.
     spread = AdaptivePlan(POSES)._spread
     assert poses[: PARAMS.poses_first] == [steps[-1].pose for steps in spread[: PARAMS.poses_first]]
     assert poses[PARAMS.poses_first :] != [steps[-1].pose for steps in spread[PARAMS.poses_first : POSES]]

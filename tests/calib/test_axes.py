@@ -146,7 +146,7 @@ def pressed() -> Pressed:
     return Pressed(rest_image, images, rest, extract, depth, np.maximum(depth, 0.0) ** 1.5)
 
 
-#: What a rig writes for a depth (sign, reading at the first touch), and the relation that is found.
+#: A rig writes a depth with a sign and a reading at the first touch; beside them is the relation found.
 RIGS = [
     (1, 0.0, "displacement_mm = pose_z ("),
     (-1, 0.0, "displacement_mm = -pose_z ("),

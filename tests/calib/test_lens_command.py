@@ -70,7 +70,7 @@ def test_the_lens_of_the_pictures_is_found(tmp_path: Path, pictures: list[Path])
     assert "8 pictures" in done.out
     found = load_lens(path)
     assert found.focal_px == pytest.approx(TRUE.focal_px, rel=0.01)
-    # What counts: distances of corrected points, which neither a shift nor a zoom of all changes.
+    # Distances of corrected points count, which neither a shift nor a zoom of all changes.
     seen = np.stack(np.meshgrid([75, 180, 300, 405], [60, 180, 300]), axis=-1).reshape(-1, 2).astype(float)
     is_at, should = (corrected(lens, seen) @ (1, 1j) for lens in (found, TRUE))
     design = np.column_stack([should, np.ones(len(seen))])

@@ -299,7 +299,7 @@ def main(arguments: list[str] | None = None) -> int:
     warnings.simplefilter("ignore")
     unraisable: list[str] = []
     sys.unraisablehook = lambda event: unraisable.append(f"{event.object}: {event.exc_value!r}")
-    # Those of hostlink take bytes and numbers alone, which tests/hostlink/test_decoder.py makes wrong.
+    # The kernels of hostlink take bytes and numbers alone, which tests/hostlink/test_decoder.py makes wrong.
     names = [name for name in kernels.table().KERNELS if name.startswith("edge.")]
     modules = [importlib.import_module(name) for name in names]
     with recorded(modules) as records:

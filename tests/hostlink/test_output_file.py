@@ -119,7 +119,7 @@ def test_mode_of_the_file_replaced_is_kept_and_a_link_stays_a_link(tmp_path: Pat
     assert target.stat().st_mode & 0o777 == 0o640
 
 
-#: What a link leads to. Socket and pipe stand in for devices, which would be lost for all if a test fails.
+#: A link leads to one of these. Socket and pipe stand in for devices, which a failing test would destroy.
 AIMS: dict[str, Callable[[Path], object]] = {
     "a file": lambda path: path.write_text("kept"),
     "nothing": lambda path: None,

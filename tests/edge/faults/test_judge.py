@@ -36,7 +36,7 @@ def test_any_row_of_a_fault_holds_it_and_the_first_gives_the_reason() -> None:
     assert held_after({"level": 0.9, "black": True}) == [{DARK: "black"}]
     assert held_after({"level": 0.1, "black": True}) == [{DARK: "level 10%"}]
     assert held_after({"level": math.nan, "saturated": math.nan}) == [{}]
-    # What is not measured anew stays as it was.
+    # A reading that is not measured anew stays as it was.
     full = {BRIGHT: "full 90%"}
     assert held_after({"saturated": 0.9}, {"level": 0.9}, {"saturated": 0.1}) == [full, full, {}]
 

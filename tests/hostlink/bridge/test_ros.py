@@ -386,7 +386,7 @@ def test_it_waits_for_a_router_as_long_as_it_runs() -> None:
     assert f"error: --router {router}: no router was there for 0.2 s" in done.err
 
 
-#: As ROS's own type descriptions have them.
+#: The hashes are those of ROS's own type descriptions.
 HASHES = {
     "std_msgs/msg/String": STRING_HASH,
     TRIGGER: "RIHS01_eeff2cd6fa5ad9d27cdf4dec64818317839b62f212a91e6b5304b634b2062c5f",
