@@ -373,7 +373,9 @@ class FittedContact:
 class ContactRegion:
     """One contact: a regional maximum of the compression surface, and the region that belongs to it.
 
-    xy_img           (2,) px, refined below the grid's step
+    xy_img           (2,) px, where it is in the image: `weighted_img` less what a shear adds, if the moments
+                     are known
+    weighted_img     (2,) px, mean of its pins' present places, weighted by area change: a shear moves it
     peak             relative area change at the maximum
     area_px2         area over the contact threshold that belongs to this maximum
     orientation_rad  direction of the long axis, in (-pi/2, pi/2], from x towards y; NaN when round
@@ -388,6 +390,7 @@ class ContactRegion:
     """
 
     xy_img: Array
+    weighted_img: Array
     peak: float
     area_px2: float
     orientation_rad: float

@@ -130,6 +130,7 @@ class FocusWindows:
         m: cython.Py_ssize_t = 1 + (self.side - 1) // self.every
         n: cython.Py_ssize_t = m * m
         k: cython.Py_ssize_t
+        levels: cython.double[::1] = self.levels
         total = 0.0
         for w in range(self.corners.shape[0]):
             sum_ = 0.0
@@ -138,11 +139,12 @@ class FocusWindows:
             for y in range(m):
                 for x in range(m):
                     column, row = self.corners[w, 0] + self.every * x, self.corners[w, 1] + self.every * y
-                    self.levels[k] = self.image16[row, column] if wide else self.image8[row, column]
-                    dx = self.levels[k] - self.levels[k - 1] if x else 0.0
-                    dy = self.levels[k] - self.levels[k - m] if y else 0.0
+                    level: cython.double = self.image16[row, column] if wide else self.image8[row, column]
+                    dx = level - levels[k - 1] if x else 0.0
+                    dy = level - levels[k - m] if y else 0.0
                     energy += dx * dx + dy * dy
-                    sum_ += self.levels[k]
+                    sum_ += level
+                    levels[k] = level
                     k += 1
             out[w, 0] = energy / (m * (m - 1))
             out[w, 1] = self._span_wide(n) if wide else self._span(n)

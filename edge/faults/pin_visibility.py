@@ -79,9 +79,7 @@ class PinVisibility:
         return f"{why}; {self.explained}" if self.explained else why
 
     def _judge(self, tracks: Tracks, features: Features | None, new: Mask) -> str:
-        """The fault of a frame whose pins are bad, these newly, and whether a contact or a lost view explains
-        it.
-        """
+        """The fault of a frame with bad pins, these newly so; and what explains it."""
         if self._seen_n == self._n and not new.any():
             return ""
         bad, why = self._bad, self._why(tracks, self._seen_n, self._bad, new)
@@ -91,8 +89,7 @@ class PinVisibility:
             for rows in lost:
                 hidden[rows] = True
             seen_n = int(np.count_nonzero(tracks.seen | hidden))
-            bad, new = bad & ~hidden, new & ~hidden
-            if not self._why(tracks, seen_n, bad, new):
+            if not self._why(tracks, seen_n, bad & ~hidden, new & ~hidden):
                 self.explained = f"{len(lost)} of {len(self._views)} views lost" if lost else BY_CONTACT
         return why
 
