@@ -121,6 +121,26 @@ rollback() {
     say "back at $(basename "$before"); again to return to $(basename "$now")"
 }
 
+# Cuts off what lies behind the last part of a library that is loaded: debug information, symbols of no use to
+# others, and the table of sections. A board has no `strip` that would.
+cut='
+import struct, sys
+for path in sys.argv[1:]:
+    with open(path, "r+b") as file:
+        elf = bytearray(file.read())
+        if elf[:6] != b"\x7fELF\2\1":  # 64 bits, little-endian
+            continue
+        table_at, = struct.unpack_from("<Q", elf, 32)
+        size, parts_n = struct.unpack_from("<HH", elf, 54)
+        table_end = table_at + size * parts_n
+        parts = [struct.unpack_from("<8xQ16xQ", elf, at) for at in range(table_at, table_end, size)]
+        struct.pack_into("<Q", elf, 40, 0)
+        struct.pack_into("<HH", elf, 60, 0, 0)
+        file.seek(0)
+        file.write(elf[:64])
+        file.truncate(max(table_end, *(begin + length for begin, length in parts)))
+'
+
 make_release() {
     command -v python3 >/dev/null || fail "python3 is missing: apt-get install python3 python3-venv"
     python3 -c 'import sys; sys.exit(sys.version_info < (3, 11))' || fail "Python 3.11 or later is needed"
@@ -151,11 +171,9 @@ make_release() {
     # No finger runs NumPy's tests or zstandard's build for other interpreters, nor reads debug information.
     find "$root$fresh/lib" -type d -path '*/site-packages/numpy/*' -name tests -prune -exec rm -r {} +
     find "$root$fresh/lib" -path '*/site-packages/zstandard/_cffi.*.so' -exec rm {} +
-    if command -v strip >/dev/null; then
-        for each in lz4 msgpack zstandard; do
-            find "$root$fresh/lib" -path "*/site-packages/$each/*.so" -exec strip --strip-debug {} +
-        done
-    fi
+    for each in lz4 msgpack zstandard; do
+        find "$root$fresh/lib" -path "*/site-packages/$each/*.so" -exec "$root$fresh/bin/python" -c "$cut" {} +
+    done
     (cd / && "$root$fresh/bin/python" -m edge --version) || fail "the new release does not run"
     rm -rf "$work"
     trap - EXIT

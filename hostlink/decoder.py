@@ -86,6 +86,8 @@ _SAMPLE, _STATUS, _TIME, _LATENCY = (
     vars(State)[name] for name in ("sample", "status", "capture_time_us", "latency_us")
 )
 _NO_TIME: Final = (nan, inf)  # of a sample whose arrival is not known
+_State, _Sample, _Corrupt = State, Sample, CorruptFrame  # a name of another module is looked up each time
+_OURS, _SIZE, _PART_SIZE, _AT = VERSION, STATE_SIZE, PART_SIZE, HEADER_SIZE - 1
 _new: Final = tuple.__new__  # a named tuple's own constructor takes three times as long
 
 
@@ -107,12 +109,13 @@ class _Node:
         self.second_sender_given = False
         self._late_s = late_s
 
-    def can_frame(self, kind: Kind, tpdo: int, data: bytes, arrival_s: float) -> list[Event]:
+    def can_frame(self, kind: Kind, tpdo: int, data: Any, arrival_s: float) -> list[Event]:
         """The events that this frame completes. Raises CorruptFrame.
 
         tpdo  number of the TPDO; 0: none
+        data  bytes; of a state frame also a bytearray
         """
-        is_part = len(data) == PART_SIZE
+        is_part = len(data) == _PART_SIZE
         if tpdo and is_part:
             return self.part_frame(tpdo, data, arrival_s)
         if tpdo == 1:
@@ -143,10 +146,11 @@ class _Node:
     def state_frame(self, frame: bytes, arrival_s: float) -> list[Event]:
         body = body_in(frame)
         self.evidence_p5.clear()
-        if body[0] != VERSION:
-            return self._deliver(restore(body), None, frame[2], 256, arrival_s)
-        state = None if self._bare else received(State, body)
-        return self._deliver(state, body, frame[2], 256, arrival_s)
+        at = frame
+        if at[_AT] != _OURS:
+            return self._deliver(restore(body), None, at[2], 256, arrival_s)
+        state = None if self._bare else received(_State, body)
+        return self._deliver(state, body, at[2], 256, arrival_s)
 
     def part_frame(self, tpdo: int, frame: bytes, arrival_s: float) -> list[Event]:
         part = unpack_part(tpdo, frame)
@@ -234,7 +238,7 @@ class _Node:
         if state is None:
             events.append((self.node, body, taken[0], taken[1], arrival_s, lost_n))
         else:
-            events.append(_new(Sample, (self.node, state, taken[0], taken[1], arrival_s, lost_n)))
+            events.append(_new(_Sample, (self.node, state, taken[0], taken[1], arrival_s, lost_n)))
         return events
 
     def _host_time(
@@ -322,7 +326,8 @@ class CanDecoder(_Decoder):
         """
         ways = self._alone if channel is None else self._ways.setdefault(channel, {})
         way = ways.get(can_id)
-        if way is None or len(data) > STATE_SIZE:
+        size = len(data)
+        if way is None or size > _SIZE:
             if not 0 <= can_id < 1 << 29 or len(data) > STATE_SIZE:
                 raise ValueError(f"no CAN frame: id 0x{can_id:X} with {len(data)} bytes")
             found = self._table.get(can_id)
@@ -332,14 +337,16 @@ class CanDecoder(_Decoder):
             kind, number = found
             way = ways[can_id] = (self._node(number, channel), kind, _TPDO.get(kind, 0))
         node, kind, tpdo = way
-        if type(data) is not bytes:
+        if type(data) is not bytes and not (tpdo == 1 and size == _SIZE and type(data) is bytearray):
             data = bytes(data)
         error: VersionMismatch | None = None
         events: list[Event] = []
         try:
             events = node.can_frame(kind, tpdo, data, arrival_s)
-        except CorruptFrame:
-            error = node.corrupt_can(kind, tpdo, data)
+        except _Corrupt:
+            error = node.corrupt_can(kind, tpdo, bytes(data))
+        if error is None and not self._held:
+            return events
         return self._finish(events, error)
 
     def receive_run(

@@ -3,7 +3,7 @@ import cython
 
 cdef int WINDOW, SUSPECT_N, _KNOWN_N, _COUNTERS
 cdef unsigned long long _SEEN_ALL
-cdef long long SENDER_SPAN_US
+cdef long long SENDER_SPAN_US, _TIME_BITS
 
 cdef class Sequence:
     cdef object _statistics
@@ -19,7 +19,7 @@ cdef class Sequence:
     cdef int _old(self, int sample, int counter, int age) except? -1000
 
 cdef class _Track:
-    cdef list _known
+    cdef long long[128] _known
     cdef int _sample
     cdef long long _time_us
 
@@ -32,10 +32,10 @@ cdef class _Track:
     cdef int _steps_to(self, int sample) noexcept
 
 cdef class SenderWatch:
-    cdef list _tracks
+    cdef _Track _present, _other
     cdef int _suspect_n, _quiet_n
 
-    @cython.locals(track=_Track, i=cython.int, used=cython.bint)
+    @cython.locals(present=_Track, other=_Track, used=cython.bint)
     cpdef bint see(self, int sample, long long time_us) except -1
     cpdef restart(self)
     cdef bint _is_second(self, bint suspect) noexcept

@@ -65,6 +65,7 @@ _SEEN_ALL: Final = int("1" * WINDOW, 2)  # a shift would be one of 32 bits where
 SENDER_SPAN_US: Final = 10_000_000  # capture times of one sender's samples within WINDOW
 
 WRAP_US = 1 << 32
+_TIME_BITS = WRAP_US - 1
 LONG_US = 1e18  # of 64 bits; no two messages are further apart than 30,000 years
 BUCKET_S = 1.0
 BUCKETS = 32  # half a minute: long enough for a slope, short enough to follow temperature
@@ -181,18 +182,18 @@ class _Track:
     """Samples that may be one sender's: the newest, and the last ones' capture times by number."""
 
     def __init__(self, sample: int, time_us: int) -> None:
-        self._known = [-1] * _KNOWN_N  # by the number's remainder: number << 32 | capture time
+        self._known = [-1] * 128  # by the number's remainder by _KNOWN_N: number << 32 | capture time
         self.add(sample, time_us)
 
     def is_near(self, sample: int, time_us: int) -> bool:
-        passed_us = (time_us - self._time_us + 0x8000_0000 & 0xFFFF_FFFF) - 0x8000_0000
+        passed_us = _signed(time_us - self._time_us)
         steps = self._steps_to(sample)
         return -WINDOW <= steps <= WINDOW and -SENDER_SPAN_US <= passed_us <= SENDER_SPAN_US
 
     def is_used(self, sample: int, time_us: int) -> bool:
         """Whether this number, not a new one, was another image's."""
         known = self._known[sample % _KNOWN_N]
-        return self._steps_to(sample) <= 0 and known >> 32 == sample and known & 0xFFFF_FFFF != time_us
+        return self._steps_to(sample) <= 0 and known >> 32 == sample and known & _TIME_BITS != time_us
 
     def add(self, sample: int, time_us: int) -> None:
         """Make this the newest sample."""
@@ -212,25 +213,29 @@ class SenderWatch:
     """
 
     def __init__(self) -> None:
-        self._tracks: list[_Track] = []  # at most two, the present one first
+        self._present: _Track | None = None
+        self._other: _Track | None = None  # the one before
         self._suspect_n = 0
         self._quiet_n = 0  # samples since the last suspect one
 
     def see(self, sample: int, time_us: int) -> bool:
         """Whether this sample shows a second sender."""
-        for i, track in enumerate(self._tracks):
-            if track.is_near(sample, time_us):
-                used = track.is_used(sample, time_us)
-                track.add(sample, time_us)
-                if i:
-                    self._tracks.reverse()
-                return self._is_second(bool(i) or used)
-        self._tracks = [_Track(sample, time_us), *self._tracks[:1]]
+        present, other = self._present, self._other
+        if present is not None and present.is_near(sample, time_us):
+            used = present.is_used(sample, time_us)
+            present.add(sample, time_us)
+            return self._is_second(used)
+        self._present, self._other = other, present
+        if other is not None and other.is_near(sample, time_us):
+            other.add(sample, time_us)
+            return self._is_second(True)
+        self._present = _Track(sample, time_us)
         return False
 
     def restart(self) -> None:
         """The node reports a restart."""
-        self._tracks, self._suspect_n = [], 0
+        self._present = self._other = None
+        self._suspect_n = 0
 
     def _is_second(self, suspect: bool) -> bool:
         if suspect:

@@ -4,12 +4,14 @@ import cython
 cdef object nan, status_of, crc32
 cdef int _AT, _END, _OURS, _ID, _SIZE
 cdef bint _COMPILED
+cdef unsigned short[256] _STEPS
+ctypedef const unsigned char* Bytes
 
-@cython.locals(body=bytes, data_id=cython.int, is_ours=cython.bint, check=cython.uint)
-cpdef bytes body_in(bytes frame)
-cdef int _crc_of(bytes frame, int data_id) except -1
-@cython.locals(i=cython.int, byte=cython.int, x=cython.int, register=cython.int)
-cdef int _register_of(const unsigned char* frame, int data_id) noexcept
+@cython.locals(at=Bytes, body=bytes, data_id=cython.int, is_ours=cython.bint, check=cython.uint)
+cpdef bytes body_in(frame)
+cdef int _crc_of(frame, int data_id) except -1
+@cython.locals(i=cython.int, register=cython.int)
+cdef int _register_of(Bytes frame, int data_id) noexcept
 
 cdef class FromFrame:
     cdef readonly bytes body
@@ -27,5 +29,5 @@ cdef class Decoded:
     cdef object _of(self, FromFrame state)
     @cython.locals(raw=cython.longlong)
     cpdef object value(self, bytes body)
-    @cython.locals(at=Py_ssize_t, raw=cython.longlong, high=cython.longlong)
+    @cython.locals(at=Py_ssize_t, read=Bytes, raw=cython.longlong, high=cython.longlong)
     cpdef long long raw(self, bytes body) except? -1

@@ -28,19 +28,25 @@ _COMPILED: Final = not __file__.endswith(".py")  # a loop over bytes is slow whe
 
 
 def body_in(frame: bytes) -> bytes:
-    """Version and fields of a frame. Raises CorruptFrame: length, CRC, version or check is wrong."""
-    if len(frame) != STATE_SIZE:
-        raise CorruptFrame(f"state frame of {len(frame)} bytes instead of {STATE_SIZE}")
-    is_ours = frame[_AT] == _OURS
-    older = None if is_ours else OLDER.get(frame[_AT])
+    """Version and fields of a frame, which may be a bytearray, too.
+
+    Raises CorruptFrame: length, CRC, version or check is wrong
+    """
+    if len(frame) != _SIZE:
+        raise CorruptFrame(f"state frame of {len(frame)} bytes instead of {_SIZE}")
+    if not _COMPILED:
+        frame = bytes(frame)
+    at = frame
+    is_ours = at[_AT] == _OURS
+    older = None if is_ours else OLDER.get(at[_AT])
     data_id = _ID if older is None else older.data_id
-    if _crc_of(frame, data_id) != frame[0] | frame[1] << 8:
+    if _crc_of(frame, data_id) != at[0] | at[1] << 8:
         raise CorruptFrame("state frame with a wrong CRC")
     if not is_ours and older is None:
         raise CorruptFrame("state frame whose version does not fit its CRC")
-    body = frame[_AT:_END]
+    body = at[_AT:_END]
     check = crc32(body)
-    if check & 0xFFFF != frame[_END] | frame[_END + 1] << 8:
+    if check & 0xFFFF != at[_END] | at[_END + 1] << 8:
         raise CorruptFrame("state frame whose content does not fit its check")
     return body
 
@@ -54,14 +60,13 @@ def _crc_of(frame: bytes, data_id: int) -> int:
 
 def _register_of(frame: bytes, data_id: int) -> int:
     register = 0xFFFF
-    for i in range(2, _SIZE + 2):
-        byte = data_id & 0xFF if i == _SIZE else data_id >> 8
-        if i < _SIZE:
-            byte = frame[i]
-        x = register >> 8 ^ byte
-        x ^= x >> 4
-        register = (register << 8 ^ x << 12 ^ x << 5 ^ x) & 0xFFFF
-    return register
+    for i in range(2, _SIZE):
+        register = (register << 8 & 0xFFFF) ^ _STEPS[register >> 8 ^ frame[i]]
+    register = (register << 8 & 0xFFFF) ^ _STEPS[register >> 8 ^ data_id & 0xFF]
+    return (register << 8 & 0xFFFF) ^ _STEPS[register >> 8 ^ data_id >> 8]
+
+
+_STEPS = [crc_hqx(bytes([byte]), 0) for byte in range(256)]  # by what a byte changes the register
 
 
 class FromFrame:
@@ -121,10 +126,11 @@ class Decoded:
 
     def raw(self, body: bytes) -> int:
         """The raw value."""
-        at, raw = self._at, body[self._at]
+        at, read = self._at, body
+        raw = read[at]
         if self._size > 1:
-            raw |= body[at + 1] << 8
+            raw |= read[at + 1] << 8
         if self._size > 2:
-            high = body[at + 3]
-            raw |= body[at + 2] << 16 | high << 24
+            high = read[at + 3]
+            raw |= read[at + 2] << 16 | high << 24
         return raw - self._span if raw > self._top else raw

@@ -9,7 +9,9 @@ import sys
 import tomllib
 import zipfile
 from pathlib import Path
+from typing import Any
 
+import lz4.block
 import pytest
 
 from edge.cli.run import run as run_command
@@ -20,7 +22,6 @@ from tests.support.processes import program
 
 DEPLOY = ROOT / "deploy"
 UNIT = "voronoi-touch@.service"
-SIZE_MAX_MB = 450
 
 
 def tool(name: str, package: str) -> str:
@@ -75,19 +76,16 @@ def options_in(name: str) -> list[str]:
 def test_the_page_is_served_only_with_the_drop_in() -> None:
     assert options_in(UNIT) == []
     assert (DEPLOY / UNIT).read_text().count(" $EDGE_OPTIONS\n") == 1
-    command = run_command
-    assert command.make_context("run", options_in("view.conf")).params["view_here"] is True
+    assert run_command.make_context("run", options_in("view.conf")).params["view_here"] is True
     reported = re.findall(r"EDGE_OPTIONS=(--[^,\n\"]*)", (DEPLOY / "view.conf").read_text())
     assert len(reported) == 3
     for options in reported:
-        assert command.make_context("run", shlex.split(options))
+        assert run_command.make_context("run", shlex.split(options))
         assert "--view-token" not in options, "a command line is seen by all users of the board"
     assert f"{TOKEN_VARIABLE}=" in (DEPLOY / "view.conf").read_text()
 
 
-@pytest.mark.parametrize(
-    "path", sorted([*DEPLOY.glob("*.sh"), *DEPLOY.glob("sbc/*.sh")]), ids=lambda p: p.name
-)
+@pytest.mark.parametrize("path", sorted([*DEPLOY.glob("*.sh"), *DEPLOY.glob("sbc/*.sh")]), ids=str)
 def test_shellcheck(path: Path) -> None:
     done = run(tool("shellcheck", "shellcheck"), "--severity=warning", path)
     assert done.returncode == 0, done.stdout
@@ -96,9 +94,8 @@ def test_shellcheck(path: Path) -> None:
 def test_the_example_has_every_key_and_no_other() -> None:
     """Each with its default and a comment: the example is the reference."""
     text = (DEPLOY / "edge.toml").read_text()
-    table = tomllib.loads(text)
     config = Config()
-    assert {name: set(section) for name, section in table.items()} == {
+    assert {name: set(section) for name, section in tomllib.loads(text).items()} == {
         name: set(type(getattr(config, name)).__struct_fields__) for name in Config.__struct_fields__
     }
     assert load_config(DEPLOY / "edge.toml") == config
@@ -126,19 +123,22 @@ def test_the_oak_manifest_has_documented_keys_only() -> None:
     assert [mount["target"] for mount in manifest["additional_mounts"]] == ["/dev"]  # M8: UART, USB adapters
 
 
-def make_wheel(folder: Path, name: str, number: str, files: dict[str, str], more: str = "") -> None:
+def make_wheel(folder: Path, name: str, number: str, files: dict[str, Any], more: str = "") -> None:
     info = f"{name}-{number}.dist-info"
     with zipfile.ZipFile(folder / f"{name}-{number}-py3-none-any.whl", "w") as wheel:
-        for path, text in files.items():
-            wheel.writestr(path, text)
+        for path, content in files.items():
+            wheel.writestr(path, content)
         wheel.writestr(f"{info}/METADATA", f"Metadata-Version: 2.1\nName: {name}\nVersion: {number}\n{more}")
-        wheel.writestr(
-            f"{info}/WHEEL", "Wheel-Version: 1.0\nGenerator: t\nRoot-Is-Purelib: true\nTag: py3-none-any\n"
-        )
+        about = "Wheel-Version: 1.0\nGenerator: t\nRoot-Is-Purelib: true\nTag: py3-none-any\n"
+        wheel.writestr(f"{info}/WHEEL", about)
         wheel.writestr(f"{info}/RECORD", "")
 
 
-PROGRAM = {"edge/__init__.py": "", "edge/__main__.py": "print('9.9')\n"}
+(LIBRARY,) = Path(lz4.block.__file__).parent.glob("_block.*.so")
+PROGRAM = {
+    "edge/__main__.py": "from lz4._block import compress; print(compress(b'9.9'))\n",
+    f"lz4/{LIBRARY.name}": LIBRARY.read_bytes(),
+}
 EXTRA = "Provides-Extra: edge\n"
 
 
@@ -187,6 +187,8 @@ def test_install_upgrade_rollback_uninstall(tmp_path: Path, wheel_dir: Path) -> 
     board = Board(tmp_path / "root", wheel_dir)
     board.install("--finger", "index", "--node", "7", umask=0)
     board.check_modes()
+    (library,) = (board.root / "opt").rglob(LIBRARY.name)  # which runs without debug information
+    assert library.stat().st_size < LIBRARY.stat().st_size
     config = load_config(board.root / "etc/voronoi-touch/index.toml")
     assert (config.sensor.serial, config.sensor.node_id) == ("index", 7)
     assert config.link.sinks == ("can:can0",)
@@ -305,8 +307,6 @@ def test_help_is_the_head_of_the_script(script: str) -> None:
     assert "set -eu" not in done.stdout
     if script == "install.sh":  # no index has the package
         assert "pip wheel -w DIR -c constraints.txt '.[edge]'" in done.stdout
-        assert "pip download" not in done.stdout
-        assert (ROOT / "constraints.txt").is_file()
 
 
 @pytest.mark.slow
@@ -331,4 +331,4 @@ def test_the_wheels_resolve_for_arm64(tmp_path: Path) -> None:
     total_mb = sum(sizes.values())
     print(f"\non the board: {total_mb:.0f} MB, of them", {k: round(v) for k, v in sizes.items() if v > 5})
     assert "depthai" not in sizes
-    assert total_mb < SIZE_MAX_MB
+    assert total_mb < 250
