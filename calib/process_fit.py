@@ -16,7 +16,7 @@ cover as many of them as it should.
 
 Frames of one pose share how the tool was set down, so most of their noise is common to them. Their
 differences, with one and the same truth, show what the value does not depend on (a skin that creeps), and
-count the more, the less unseen poses differ in themselves (`_own`).
+count the more, the less unseen poses differ in themselves (`_with_own`).
 
 Fewer than two poses for each input do not decide its weight: which inputs count would depend on single poses.
 If they repeat, the modes share one weight that falls with their degree, and the others share another one.
@@ -169,24 +169,18 @@ def fit_process(
     if known is not None:
         known = known.scaled(unit, mean)
         find = partial(_changed, known, names=names, symmetry=symmetry)
-    data = _Data(inputs, moved, target, fold, pose)
-    data = replace(data, own=_own(find, data))
+    data = _with_own(find, _Data(inputs, moved, target, fold, pose))
     prior = data.prior(find, data.some_each(PARAMS.repeats))
-    features = prior.features
-    posterior = _Posterior(prior, data)
+    features, posterior = prior.features, _Posterior(prior, data)
     group = fold % _n_groups(fold, poses)
     unseen, learnt = _held_out(partial(find, start=prior.start), data, group)
     factor = posterior.factor()
     learnt *= posterior.share_held(inputs, factor)
     if features.turning:  # the variance of a complex weight is that of its two parts together
         factor, learnt = factor / math.sqrt(2.0), learnt / 2.0
-    share = share_of_pose(pose)
-    errors = _Errors(inputs, names, unseen, target, learnt, share, symmetry, all_round=all_round, known=known)
+    errors = _Errors(data, names, unseen, learnt, symmetry, all_round=all_round, known=known)
     along, across, level = errors.noise()
-    scales = scales_of(errors.standardised(group))
-    scale = scales.mean(axis=1) if known is None else scales.max(axis=1)
-    if known is not None and poses <= TOO_FEW:
-        scale = np.maximum(scale, 1.0)
+    scale = errors.scale(group)
     over = max(math.sqrt(level * float((scale**2).mean())), SIGMA_MIN / unit)
     weights = prior.mean + features.of_terms(posterior.weights[None])[0]
     return FittedProcess(
@@ -290,15 +284,15 @@ class _Data:
         return mean[pose] / np.sqrt(counts)[pose, None] + to_own * (values - mean[pose])
 
 
-def _own(find: Callable[..., _Prior], data: _Data) -> float:
-    """Variance of a frame about its pose, by predictions of unseen poses.
+def _with_own(find: Callable[..., _Prior], data: _Data) -> _Data:
+    """The data with the variance of a frame about its pose, by predictions of unseen poses.
 
     Their truth is the same in all frames; if they differ in themselves as much as from it, the press was not
     held, and what they differ by must not count as what the value does not depend on.
     """
     counts = np.bincount(data.pose)
     if counts.max() == 1:
-        return 0.0
+        return data
     prior = data.prior(find, data.some_each(1))
     posterior = _Posterior(prior, replace(data, own=prior.noise))
     error = prior.features.values(data.inputs, prior.mean) - data.target
@@ -308,7 +302,7 @@ def _own(find: Callable[..., _Prior], data: _Data) -> float:
     np.add.at(mean, data.pose, error)
     mean /= counts
     within = float((np.abs(error - mean[data.pose]) ** 2).sum()) / (len(error) - len(counts))
-    return max(within, PARAMS.own_min * float((np.abs(mean) ** 2).mean()))
+    return replace(data, own=max(within, PARAMS.own_min * float((np.abs(mean) ** 2).mean())))
 
 
 def _held_out(find: Callable[..., _Prior], data: _Data, group: Index) -> tuple[Complex, Array]:
@@ -331,31 +325,30 @@ def _held_out(find: Callable[..., _Prior], data: _Data, group: Index) -> tuple[C
 class _Errors:
     """Errors of predictions of unseen frames, and the noise that explains them.
 
-    predicted, target  (n,) complex128
-    learnt             (n,) variance of the prediction that the weights leave open
-    share              (n,) what each counts
-    symmetry           turning: two outputs, whose errors are looked at along the prediction and across it
-    all_round          False: the data went one way only, and say nothing of errors across it
-    known              another tip's model, whose noise is where that of this one is looked for; None: none
+    predicted  (n,) complex128
+    learnt     (n,) variance of the prediction that the weights leave open
+    symmetry   turning: two outputs, whose errors are looked at along the prediction and across it
+    all_round  False: the data went one way only, and say nothing of errors across it
+    known      another tip's model, whose noise is where that of this one is looked for; None: none
     """
 
     def __init__(
         self,
-        inputs: Complex,
+        data: _Data,
         names: Sequence[str],
         predicted: Complex,
-        target: Complex,
         learnt: Array,
-        share: Array,
         symmetry: Symmetry,
         *,
         all_round: bool,
         known: KnownModel | None,
     ) -> None:
+        self._known = known is not None
         self._before = (None, None) if known is None else (known.noise, known.across or known.noise)
-        self._inputs, self._names, self._learnt, self._share = inputs, names, learnt, share
+        self._inputs, self._names, self._learnt = data.inputs, names, learnt
+        self._share = share_of_pose(data.pose)
         self._turning, self._all_round = symmetry is Symmetry.TURNING, all_round
-        self._error = predicted - target
+        self._error = predicted - data.target
         length = np.abs(predicted)
         self._direction = np.where(length > 0, predicted / np.where(length > 0, length, 1.0), 1.0)
 
@@ -372,7 +365,16 @@ class _Errors:
         level = (along.level + across.level) / 2.0
         return along.over(level), across.over(level), level
 
-    def standardised(self, group: Index) -> list[Array]:
+    def scale(self, group: Index) -> Array:
+        """(outputs,) of sigma, that it covers as many errors as it should, with another tip's model no fewer.
+
+        So few errors that they hardly show how many are beyond two sigma make sigma no smaller with it.
+        """
+        scales = scales_of(self._standardised(group))
+        least = float(self._share.sum() <= TOO_FEW)
+        return np.asarray(scales.max(axis=1, initial=least) if self._known else scales.mean(axis=1))
+
+    def _standardised(self, group: Index) -> list[Array]:
         """Errors of each output over their deviation, by a noise that has not seen their group."""
         parts = [np.empty(len(group)) for _ in range(1 + self._turning)]
         for k in range(int(group.max()) + 1):
