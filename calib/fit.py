@@ -71,6 +71,7 @@ from edge.calibration.file import (
     encode,
 )
 from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS
+from edge.geometry.parts import parts_of
 from edge.types import Array, Complex, Index, Mask, Rest
 
 __all__ = [
@@ -83,6 +84,7 @@ __all__ = [
     "fit",
     "fit_processes",
     "groups_of",
+    "of_views",
     "sensor_of",
     "tip_of",
 ]
@@ -286,8 +288,15 @@ def sensor_of(rest: Rest, serial: str) -> Sensor:
 
 def tip_of(rest: Rest) -> Calibration:
     """A calibration without models: to compare another rest frame with its tip."""
-    sensor = sensor_of(rest, "unnamed")
-    return Calibration(CalibrationFile(FORMAT, VERSION, sensor, None, [], Data("", "", 0, "")))
+    sensors = [sensor_of(own, "unnamed") for _, own in parts_of(rest)]
+    files = [CalibrationFile(FORMAT, VERSION, one, None, [], Data("", "", 0, "")) for one in sensors]
+    return of_views([Calibration(file) for file in files])
+
+
+def of_views(views: Sequence[Calibration]) -> Calibration:
+    """One calibration of those of all views of a skin. Raises CalibrationError: they do not fit together."""
+    content = msgspec.structs.replace(views[0].content, views=[view.content for view in views[1:]])
+    return Calibration.of(content, "the calibration fitted")
 
 
 def _checked(

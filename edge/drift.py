@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from edge.params import PARAMS as RUNTIME
-from edge.types import Array, Rest, Tracks
+from edge.types import Array, Index, Rest, Tracks
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,10 +51,11 @@ class Drift:
         """Largest offset that is subtracted, px."""
         return float(np.abs(self._offset).max(initial=0.0))
 
-    def correct(self, tracks: Tracks) -> Tracks:
-        """The tracks without the drift."""
-        t = tracks
-        return Tracks(t.xy_img - self._offset, t.sigma_px, t.seen, t.n_seen, t.confidence, t.autocorrelation)
+    def correct(self, tracks: Tracks, rows: Index | None = None) -> Tracks:
+        """The tracks without the drift; rows: of these pins, which are all if there are as many."""
+        whole = rows is None or len(rows) == len(self._offset)
+        t, offset = tracks, self._offset if whole else self._offset[rows]
+        return Tracks(t.xy_img - offset, t.sigma_px, t.seen, t.n_seen, t.confidence, t.autocorrelation)
 
     def learn(self, tracks: Tracks, capture_ns: int, quiet: bool) -> None:
         """Learn from one frame, as seen, if it is quiet: untouched, without a gap before it or a fault."""

@@ -4,7 +4,8 @@
 
 While identities are held, only the windows round the predicted pins are read. On loss the whole frame is
 searched and the pins are identified again, in the same frame. `FramePlan` says what is computed; it is made
-when the demand changes. A frame whose identities are not trusted yields no values at all.
+when the demand changes. A frame whose identities are not trusted yields no values at all. Several views of
+one skin, as mirrors show it, go that way each by itself, and are joined (`edge.views`).
 """
 
 from dataclasses import dataclass
@@ -13,14 +14,16 @@ import numpy as np
 
 from edge.calibration import OF_GRIP, Calibration, Grip, uncalibrated
 from edge.calibration.smoothing import Smoother
-from edge.cells import tessellator_of
+from edge.cells import Tessellator
 from edge.drift import Drift
 from edge.errors import DegenerateLayout
 from edge.faults.detector import FaultDetector
-from edge.features import FeaturePlan, Fits, extractor_of
+from edge.features import FeatureExtractor, FeaturePlan, Fits
+from edge.geometry.parts import own_pins, parts_of, tracks_of
 from edge.pins import CentroidRefiner, detect
-from edge.tracking import tracker_of
-from edge.types import Feature, Features, Frame, Image, Reading, Rest, Result, Tracks
+from edge.tracking import Tracker
+from edge.types import Feature, Features, Frame, Image, Index, Reading, Rest, Result, Tracks
+from edge.views import JoinedViews
 
 #: Features that need cell areas; the others need only the pins' motion.
 OF_CELLS = frozenset(f for f in Feature if f.cells)
@@ -61,8 +64,76 @@ def plan_of(demand: frozenset[Feature], calibration: Calibration | None, several
     )
 
 
+class _View:
+    """The stages of one view of the skin, as a rule the only one, with their state; rows: its pins.
+
+    plan, demand  what is computed of each frame; to be set
+    """
+
+    def __init__(self, rest: Rest, rows: Index, calibration: Calibration | None) -> None:
+        self.rows, self._rest, self._calibration = rows, rest, calibration
+        self._capture_ns: int | None = None  # of the last frame that gave features
+        self._refiner = CentroidRefiner(rest)
+        self._tracker = Tracker(rest, self._refiner.found, self._refiner.predicted)
+        self.tessellator = Tessellator(rest)
+        still = Tracks.of(rest.xy_img, rest.pins.sigma_px, np.ones(len(rest), dtype=np.bool_))
+        known = rest if calibration is None else calibration.rest
+        self.rest_area_px2 = self.tessellator.cells(still).rest_area_px2
+        self._extractor = FeatureExtractor(rest, self.rest_area_px2, known.pattern.on_surface)
+        self.demand: frozenset[Feature] = frozenset()
+        self.plan = plan_of(self.demand, None)
+
+    def process(self, frame: Frame, drift: Drift | None, even_untrusted: bool) -> Result:
+        """As of the pipeline, whose drift this is."""
+        plan = self.plan
+        tracks, searched = self._locate(frame.image)
+        if searched:
+            self._extractor.forget_contacts()
+        if tracks.confidence < Tracks.LOW_CONFIDENCE and not (even_untrusted and tracks.n_seen >= 3):
+            return Result(frame, tracks, None, None, uncalibrated(), searched)
+        moved = drift.correct(tracks, self.rows) if drift and drift.learnt else tracks
+        holds = plan.cells and not plan.areas and self._extractor.contact_holds(moved)
+        if holds:
+            self.tessellator.keep(moved)
+        try:
+            cells = self.tessellator.cells(moved) if plan.cells and not holds else None
+        except DegenerateLayout:  # the pins that remain span no plane: treat them as lost
+            return Result(frame, tracks, None, None, uncalibrated(), searched)
+        features = self._extractor.extract(moved, cells, plan.features, holds, frame.capture_ns)
+        if self._calibration is None:
+            reading = uncalibrated(features)
+        else:
+            before_ns, self._capture_ns = self._capture_ns, frame.capture_ns
+            interval_s = None if before_ns is None else (frame.capture_ns - before_ns) * 1e-9
+            reading = self._calibration.apply(features, self._rest.pattern, interval_s, self.demand)
+        return Result(frame, tracks, cells, features, reading, searched)
+
+    def _locate(self, image: Image) -> tuple[Tracks, bool]:
+        """Where each pin is, and whether the whole image was searched for them."""
+        if self._tracker.held:
+            self._refiner.read(image)
+            tracks = self._tracker.follow()
+            if tracks.confidence >= Tracks.LOW_CONFIDENCE:
+                return tracks, False
+        return self._tracker.identify(own_pins(detect(image, self._rest.pattern), self._rest)), True
+
+    def prepare(self, plan: FramePlan) -> None:
+        self.tessellator.prepare()
+        self._extractor.prepare(plan.features)
+
+    def features(self, tracks: Tracks, plan: FramePlan) -> Features:
+        cells = self.tessellator.cells(tracks) if plan.cells else None
+        self._extractor.forget_contacts()
+        return self._extractor.extract(tracks, cells, plan.features)
+
+    def forget(self) -> None:
+        self._tracker.forget()
+        self.tessellator.forget()
+        self._extractor.forget_contacts()
+
+
 class Pipeline:
-    """The stages of one tip, with their state.
+    """The stages of one tip, with their state; of several views of one skin, each has its own.
 
     drift  what has been learnt of the rest frame's change, subtracted from the pins' places before anything
            is computed from them; a result's tracks are where the pins are seen. None: nothing is learnt
@@ -81,16 +152,12 @@ class Pipeline:
     ) -> None:
         self.rest, self.calibration = rest, calibration
         self.drift, self._several = drift, several
-        self._capture_ns: int | None = None  # of the last frame that gave features
         self._grip = Grip()
         self._smoother = Smoother(smooth_s) if smooth_s > 0.0 else None
-        self._refiner = CentroidRefiner(rest)
-        self.tracker = tracker_of(rest, self._refiner.found, self._refiner.predicted)
-        self._tessellator = tessellator_of(rest)
-        still = Tracks.of(rest.xy_img, rest.pins.sigma_px, np.ones(len(rest), dtype=np.bool_))
-        known = rest if calibration is None else calibration.rest
-        rest_area_px2 = self._tessellator.cells(still).rest_area_px2
-        self._extractor = extractor_of(rest, rest_area_px2, known.pattern.on_surface)
+        parts = parts_of(rest)
+        known = [None] * len(parts) if calibration is None else calibration.views
+        self._views = [_View(own, rows, one) for (rows, own), one in zip(parts, known, strict=True)]
+        self._joined = None if len(parts) == 1 else JoinedViews(rest, [v.rest_area_px2 for v in self._views])
         self.demand = demand
 
     @property
@@ -101,7 +168,9 @@ class Pipeline:
     @demand.setter
     def demand(self, demand: frozenset[Feature]) -> None:
         self._demand, self._plan = demand, plan_of(demand, self.calibration, self._several)
-        self._tessellator.forget()  # the last cells may be of long ago
+        for view in self._views:
+            view.plan, view.demand = self._plan, demand
+            view.tessellator.forget()  # the last cells may be of long ago
         if not self._plan.grip:
             self._grip.forget()
 
@@ -123,64 +192,39 @@ class Pipeline:
 
         even_untrusted  give values for identities that are not trusted too: for statistics
         """
-        plan = self._plan
-        tracks, searched = self._locate(frame.image)
-        if searched:
-            self._extractor.forget_contacts()
-        if tracks.confidence < Tracks.LOW_CONFIDENCE and not (even_untrusted and tracks.n_seen >= 3):
-            return Result(frame, tracks, None, None, uncalibrated(), searched)
-        moved = self.drift.correct(tracks) if self.drift and self.drift.learnt else tracks
-        holds = plan.cells and not plan.areas and self._extractor.contact_holds(moved)
-        if holds:
-            self._tessellator.keep(moved)
-        try:
-            cells = self._tessellator.cells(moved) if plan.cells and not holds else None
-        except DegenerateLayout:  # the pins that remain span no plane: treat them as lost
-            return Result(frame, tracks, None, None, uncalibrated(), searched)
-        features = self._extractor.extract(moved, cells, plan.features, holds, frame.capture_ns)
-        if self.calibration is None:
-            reading = uncalibrated(features)
+        if self._joined is None:
+            result = self._views[0].process(frame, self.drift, even_untrusted)
         else:
-            reading = self._calibrate(self.calibration, frame, features)
-        return Result(frame, tracks, cells, features, reading, searched)
+            of_views = [view.process(frame, self.drift, even_untrusted) for view in self._views]
+            result = self._joined.result(frame, of_views)
+        if result.features is not None and self._plan.grip:
+            self._update_grip(result.features, result.reading)
+        return result
 
-    def _locate(self, image: Image) -> tuple[Tracks, bool]:
-        """Where each pin is, and whether the whole image was searched for them."""
-        if self.tracker.held:
-            self._refiner.read(image)
-            tracks = self.tracker.follow()
-            if tracks.confidence >= Tracks.LOW_CONFIDENCE:
-                return tracks, False
-        return self.tracker.identify(detect(image, self.rest.pattern)), True
-
-    def _calibrate(self, calibration: Calibration, frame: Frame, features: Features) -> Reading:
-        """Values of the features; friction and slip margin of the forces among them."""
-        before_ns, self._capture_ns = self._capture_ns, frame.capture_ns
-        interval_s = None if before_ns is None else (frame.capture_ns - before_ns) * 1e-9
-        reading = calibration.apply(features, self.rest.pattern, interval_s, self._demand)
-        if self._plan.grip and not features.in_contact:
+    def _update_grip(self, features: Features, reading: Reading) -> None:
+        """Add friction and slip margin, which follow from the forces."""
+        if not features.in_contact:
             self._grip.forget()
-        elif self._plan.grip:
-            area_mm2 = calibration.area_mm2(features.contacts, reading.values)
+        elif self.calibration is not None:
+            area_mm2 = self.calibration.area_mm2(features.contacts, reading.values)
             reading.values.update(self._grip.update(reading.values, reading.sigmas, area_mm2))
-        return reading
 
     def prepare(self, demand: frozenset[Feature]) -> None:
         """Make the tables that the first contacts and lost pins would wait for (100 ms); from any thread."""
-        self._tessellator.prepare()
-        self._extractor.prepare(plan_of(demand, self.calibration, self._several).features)
+        plan = plan_of(demand, self.calibration, self._several)
+        for view in self._views:
+            view.prepare(plan)
 
     def features(self, tracks: Tracks) -> Features:
         """Features of pins at these places, on their own. Raises DegenerateLayout: they span no plane."""
         plan = plan_of(self._demand, None, self._several)
-        cells = self._tessellator.cells(tracks) if plan.cells else None
-        self._extractor.forget_contacts()
-        return self._extractor.extract(tracks, cells, plan.features)
+        if self._joined is None:
+            return self._views[0].features(tracks, plan)
+        return self._joined.features([v.features(tracks_of(tracks, v.rows), plan) for v in self._views])
 
     def forget(self) -> None:
         """Treat the next frame on its own, as after a jump: no pin positions are carried over."""
         if self._smoother is not None:
             self._smoother.forget()
-        self.tracker.forget()
-        self._tessellator.forget()
-        self._extractor.forget_contacts()
+        for view in self._views:
+            view.forget()

@@ -21,6 +21,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from math import inf
 from types import new_class
 from typing import Annotated, Any, Literal, Protocol, TypeVar, dataclass_transform
 
@@ -230,11 +231,15 @@ class Rest:
     pattern  their appearance
     part     (n,) number of the part of the region that shows each pin, where it has several (mirrors): each
              has a lattice, cells and contacts of its own (`edge.geometry.parts`); None: there is one
+    views    how the pins of each part appear, by its number
+    beside_img (k, 2) px, pins of the other parts, where this is one of several; None: it is the whole
     """
 
     pins: Pins
     pattern: PinPattern
     part: Index | None = None
+    views: tuple[PinPattern, ...] = ()
+    beside_img: Array | None = None
 
     @property
     def xy_img(self) -> Array:
@@ -368,7 +373,9 @@ class FittedContact:
 class ContactRegion:
     """One contact: a regional maximum of the compression surface, and the region that belongs to it.
 
-    xy_img           (2,) px, refined below the grid's step
+    xy_img           (2,) px, where it is in the image: `weighted_img` less what a shear adds, if the moments
+                     are known
+    weighted_img     (2,) px, mean of its pins' present places, weighted by area change: a shear moves it
     peak             relative area change at the maximum
     area_px2         area over the contact threshold that belongs to this maximum
     orientation_rad  direction of the long axis, in (-pi/2, pi/2], from x towards y; NaN when round
@@ -383,6 +390,7 @@ class ContactRegion:
     """
 
     xy_img: Array
+    weighted_img: Array
     peak: float
     area_px2: float
     orientation_rad: float
@@ -416,6 +424,8 @@ class Features:
     vibration_to_hz float, upper end of its band: half the frame rate
     gap             as `Cells.gap`; NaN: pins are lost, and there are no cells to estimate it from
     gap_img         as `Cells.gap_img`; None too if there are no cells
+    longest_px, step_px  longest motion of a pin since rest, and since the frame before; infinite: not known
+    sigma_px, sigma_max_px  mean and largest sigma of the seen pins
     """
 
     area_change: Array
@@ -434,6 +444,10 @@ class Features:
     vibration_to_hz: float | None = None
     gap: float = 0.0
     gap_img: Array | None = None
+    longest_px: float = inf
+    step_px: float = inf
+    sigma_px: float = inf
+    sigma_max_px: float = inf
 
 
 @per_frame
@@ -460,7 +474,8 @@ class Result:
 
     cells, features  None if identities are not trusted, or nothing in demand depends on them
     reading          empty if nothing is calibrated or trusted
-    searched         True: the whole frame was searched, not only the windows
+    searched         True: the whole frame was searched, not only the windows; of several views, one that is
+                     searched for without success while others are followed does not count
     """
 
     frame: Frame

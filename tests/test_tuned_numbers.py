@@ -10,7 +10,7 @@ AT_MOST = {
     "cells": 2,
     "edge": 5,
     "faults": 4,
-    "features": 19,
+    "features": 18,
     "geometry": 6,
     "link": 4,
     "pins": 26,

@@ -22,7 +22,7 @@ from edge.calibration.file import (
 )
 from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, OF_PLACE
 from edge.geometry.neighbours import nearest_of
-from edge.limits import IMAGE_PIXELS, BadContent, quote
+from edge.limits import IMAGE_PIXELS, PINS_MAX, BadContent, quote
 from edge.types import Array
 
 
@@ -42,6 +42,22 @@ _POSITIVE = {"displacement_mm", "force_n", "contact_area_mm2", "contact_depth_mm
 
 def check(content: CalibrationFile) -> None:
     """Raises  BadContent: place in the file, what is wrong, what would be right"""
+    _check_view(content)
+    for i, view in enumerate(content.views):
+        try:
+            _check_view(view)
+        except BadContent as error:
+            raise BadContent(f"views[{i}].{error}") from None
+        if (view.format, view.version, view.views) != (content.format, content.version, []):
+            raise BadContent(f"views[{i}]: give the calibration of one view, of the same format and version")
+        if (view.sensor.size_px, view.sensor.lens) != (content.sensor.size_px, content.sensor.lens):
+            raise BadContent(f"views[{i}].sensor: give the size_px and the lens of the first view")
+    pins_n = sum(len(view.sensor.rest_xy_px) for view in (content, *content.views))
+    if pins_n > PINS_MAX:
+        raise BadContent(f"views: {pins_n} pins in all; {PINS_MAX} at most are wanted")
+
+
+def _check_view(content: CalibrationFile) -> None:
     _check_sensor(content.sensor)
     _check_models(content.models, "models")
     known = [outputs_of(model) for model in content.models]

@@ -69,6 +69,7 @@ UNTOUCHED: dict[str, float] = {
 CONTACT_OUTPUTS = ("contact_x_mm", "contact_y_mm", "contact_depth_mm")
 #: The same, of several contacts that were fitted to the pins' motion together.
 JOINT_OUTPUTS = ("joint_x_mm", "joint_y_mm", "joint_depth_mm")
+VIEWS_MAX = limits.PINS_MAX // limits.PINS_MIN
 MODELS_MAX = len(UNTOUCHED) + len(CONTACT_OUTPUTS) + len(JOINT_OUTPUTS)
 
 
@@ -185,6 +186,7 @@ class CalibrationFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, o
     without_contact  models of touched frames in which no contact was found, instead of those of the same
                      outputs that depend on a contact's place, which give nothing there; None: such frames
                      were fitted with a place of 0, and the same models hold for them
+    views            the same of each other view of this skin, where the image shows several
     """
 
     format: Name
@@ -194,6 +196,12 @@ class CalibrationFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, o
     models: Annotated[list[Model], msgspec.Meta(max_length=MODELS_MAX)]
     data: Data
     without_contact: Annotated[list[Model], msgspec.Meta(max_length=MODELS_MAX)] | None = None
+    views: "Annotated[list[CalibrationFile], msgspec.Meta(max_length=VIEWS_MAX)]" = []
+
+
+def views_of(content: CalibrationFile) -> list[CalibrationFile]:
+    """A file for each view, the first one first."""
+    return [msgspec.structs.replace(content, views=[]), *content.views]
 
 
 class _Header(msgspec.Struct, frozen=True):

@@ -25,6 +25,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Mapping
+from itertools import compress
 from pathlib import Path
 
 import numpy as np
@@ -43,9 +44,11 @@ from edge.calibration.file import (
     encode,
     read_file,
     rest_of,
+    views_of,
 )
 from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, MOMENTS
 from edge.errors import CalibrationError
+from edge.geometry.parts import of_parts
 from edge.limits import BadContent
 from edge.types import Array, ContactRegion, Feature, Features, PinPattern, Reading
 from hostlink.output_file import writing
@@ -65,7 +68,7 @@ Contacts = tuple[ContactRegion, ...]
 class Calibration:
     """A calibration file, ready to be applied. What a file holds is checked by `load` and `parse`, not here.
 
-    rest       the tip it belongs to, in the file's order of pins
+    rest       the tip it belongs to, in the file's order of pins; its parts are the views
     mm_per_px  scale at the tip's centre; None: not known, places of contact are NaN
     content_id 32 bits of the content's hash; goes over the wire as the calibration's identity
     frame_models, contact_models  of a frame, and of one contact
@@ -105,11 +108,24 @@ class Calibration:
         self._unknown = dict.fromkeys(self.frame_models.names, math.nan)
         self._untouched = {name: UNTOUCHED[name] for name in self.frame_models.names}
         self._untouched_sigmas = dict(zip(self.frame_models.names, self.frame_models.sigmas, strict=True))
+        self._views = tuple(map(Calibration, views_of(content))) if content.views else ()
+        if self._views:
+            self.rest = of_parts([view.rest for view in self._views], self.rest.pattern)
+            self.outputs = frozenset().union(*(view.outputs for view in self._views))
+            self.of_fits = any(view.of_fits for view in self._views)
+            self.of_moments = any(view.of_moments for view in self._views)
+            self.of_volume = any(view.of_volume for view in self._views)
+            self._processes = [process for view in self._views for process in view._processes]
         self._demand: frozenset[Feature] | None = None
         self._gives_contacts = True  # the demand includes them
 
     def __reduce__(self) -> tuple[type[Calibration], tuple[CalibrationFile]]:
         return Calibration, (self.content,)
+
+    @property
+    def views(self) -> tuple[Calibration, ...]:
+        """That of each view of the skin, in the order of `rest.views`; it alone, where there is one."""
+        return self._views or (self,)
 
     @classmethod
     def load(cls, path: str | Path) -> Calibration:
@@ -178,8 +194,8 @@ class Calibration:
             values, sigmas = self._untouched.copy(), self._untouched_sigmas.copy()
         found = features.contacts if self._gives_contacts else None
         self._derive(features, found, values, sigmas, interval_s)
-        contacts = self._places(features, found, pattern, values.get("displacement_mm"))
-        return Reading(values, sigmas, contacts, saturated, True)
+        contacts, outside = self._places(features, found, pattern, values.get("displacement_mm"))
+        return Reading(values, sigmas, contacts, saturated | outside, True)
 
     def area_mm2(self, found: Contacts | None, values: Mapping[str, float]) -> float | None:
         """Area of all contacts: a model's, else that of the contacts in the image; None: not known."""
@@ -227,29 +243,34 @@ class Calibration:
 
     def _places(
         self, features: Features, found: Contacts | None, pattern: PinPattern, depth_mm: float | None
-    ) -> Array:
-        """`Reading.contacts`; a single one's depth is the frame's, if it is known; of dots its own."""
+    ) -> tuple[Array, frozenset[str]]:
+        """`Reading.contacts`, and what of them is out of range; a single one's depth is the frame's, if it is
+        known, with the frame's range; of dots its own.
+        """
+        outside: frozenset[str] = frozenset()
         if not found:
-            return np.empty((0, 3))
+            return np.empty((0, 3)), outside
+        single_mm = depth_mm if len(found) == 1 else None
         places: list[list[float]] = []
         for contact in found:
             place = [math.nan, math.nan, math.nan]
+            beyond = [False, False, False]
             if self._scale is not None:
                 (x, y), (x0, y0) = contact.xy_img.tolist(), pattern.centre_img.tolist()
                 place[:2] = (x - x0) * self._scale, (y - y0) * self._scale
             if self._of_place:
                 values = self.contact_models.of_contact(contact, features, pattern)
-                for i, value in zip(self._of_place, values, strict=True):
-                    place[i] = value
+                for i, (value, far) in zip(self._of_place, values, strict=True):
+                    place[i], beyond[i] = value, far
             if self._of_joint and len(found) > 1 and contact.fitted is not None:
                 values = self._joint.of_contact(contact, features, pattern)
-                for i, value in zip(self._of_joint, values, strict=True):
-                    place[i] = value
+                for i, (value, far) in zip(self._of_joint, values, strict=True):
+                    place[i], beyond[i] = value, far
+            if single_mm is not None and not (self.rest.pattern.on_surface and math.isfinite(place[2])):
+                place[2], beyond[2] = single_mm, False
             places.append(place)
-        of_own = self.rest.pattern.on_surface and math.isfinite(places[0][2])
-        if len(found) == 1 and depth_mm is not None and not of_own:
-            places[0][2] = depth_mm
-        return np.array(places, np.float64)
+            outside |= frozenset(compress(CONTACT_OUTPUTS, beyond))
+        return np.array(places, np.float64), outside
 
 
 def _inputs_of(model: Model) -> frozenset[str]:

@@ -12,7 +12,6 @@ Rules
 - Decisions and areas are as exact as `mesh` says, which keeps the triangulation from frame to frame.
 """
 
-from edge.cells.regions import tessellator_of
 from edge.cells.tessellator import Tessellator, cell_polygons
 
-__all__ = ["Tessellator", "cell_polygons", "tessellator_of"]
+__all__ = ["Tessellator", "cell_polygons"]

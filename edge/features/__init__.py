@@ -9,15 +9,13 @@
     contact_field         a frame's fields on that grid, and their peaks
     contacts              which peaks make one contact; its axes; its place, by the pins round it; moments
       several             what fits of a few contacts decide; can be left out
-    regions               the same of a skin in several parts, as mirrors show it
     params                every chosen number
 
 The modules of this package are one stage and may import each other.
 """
 
 from edge.features.extract import FeatureExtractor, FeaturePlan
-from edge.features.modes import MODE_NAMES
-from edge.features.regions import extractor_of
+from edge.features.modes import MODE_NAMES, Modes
 from edge.features.several import Fits
 
-__all__ = ["MODE_NAMES", "FeatureExtractor", "FeaturePlan", "Fits", "extractor_of"]
+__all__ = ["MODE_NAMES", "FeatureExtractor", "FeaturePlan", "Fits", "Modes"]

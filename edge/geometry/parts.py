@@ -1,8 +1,8 @@
 """Parts of one skin that the image shows apart from each other, as mirrors do: each is as a tip of its own.
 
-Two views of one touch move differently, and no cell reaches from one view into the next. So tracking, cells
-and features have a file `regions.py`: it lets the stage of one tip do each part, and joins what comes of them
-in the rows of the whole. Where there is one part nothing of that runs.
+Two views of one touch move differently, and no cell reaches from one view into the next. So the stages know
+one part alone; `edge.frame` lets them do each, and `edge.views` joins what comes of it in the rows of the
+whole.
 """
 
 from collections.abc import Sequence
@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from edge.geometry.lattice import pitch_of
 from edge.geometry.layout import circle_of
-from edge.types import Index, Mask, Pins, Rest, Tracks
+from edge.geometry.neighbours import nearest_of
+from edge.types import Array, Index, Mask, PinPattern, Pins, Rest, Tracks
 
 T = TypeVar("T", bound=np.generic)
 
@@ -24,8 +25,13 @@ def parts_of(rest: Rest) -> list[tuple[Index, Rest]]:
     part = rest.part
     if part is None:
         return [(np.arange(len(rest), dtype=np.int32), rest)]
-    rows = [np.flatnonzero(part == k).astype(np.int32) for k in np.unique(part)]
-    return [(own, one_part(rest, own)) for own in rows]
+    parts: list[tuple[Index, Rest]] = []
+    for k in np.unique(part):
+        rows = np.flatnonzero(part == k).astype(np.int32)
+        pattern = replace(rest.views[k], on_surface=rest.pattern.on_surface)
+        own = one_part(replace(rest, pattern=pattern), rows)
+        parts.append((rows, replace(own, beside_img=rest.xy_img[part != k])))
+    return parts
 
 
 def one_part(rest: Rest, rows: Index | Mask) -> Rest:
@@ -36,9 +42,29 @@ def one_part(rest: Rest, rows: Index | Mask) -> Rest:
     return Rest(pins, replace(p, pitch_px=pitch_px, centre_img=centre_img, tip_radius_px=radius_px, count=n))
 
 
+def of_parts(rests: Sequence[Rest], pattern: PinPattern) -> Rest:
+    """One rest frame of those of all parts; pattern: what they have in common."""
+    pins = (np.concatenate(column) for column in zip(*(_columns(rest.pins) for rest in rests), strict=True))
+    part = np.repeat(np.arange(len(rests), dtype=np.int32), [len(rest) for rest in rests])
+    whole = one_part(Rest(Pins(*pins), pattern), np.ones(len(part), np.bool_))
+    return replace(whole, part=part, views=tuple(rest.pattern for rest in rests))
+
+
+def _columns(pins: Pins) -> tuple[Array, Array, Array, Array]:
+    return pins.xy_img, pins.sigma_px, pins.radius_px, pins.brightness
+
+
 def pins_of(pins: Pins, rows: Index | Mask) -> Pins:
     """These pins alone."""
-    return Pins(pins.xy_img[rows], pins.sigma_px[rows], pins.radius_px[rows], pins.brightness[rows])
+    return Pins(*(column[rows] for column in _columns(pins)))
+
+
+def own_pins(pins: Pins, rest: Rest) -> Pins:
+    """Those of one part: as no pin leaves its part, a blob belongs to that of the nearest pin at rest."""
+    if rest.beside_img is None or len(pins) == 0:
+        return pins
+    away = (nearest_of(xy, pins.xy_img)[0][:, 0] for xy in (rest.xy_img, rest.beside_img))
+    return pins_of(pins, np.less_equal(*away))
 
 
 def tracks_of(tracks: Tracks, rows: Index) -> Tracks:
@@ -46,6 +72,21 @@ def tracks_of(tracks: Tracks, rows: Index) -> Tracks:
     seen, t = tracks.seen[rows], tracks
     n_seen = int(np.count_nonzero(seen))
     return Tracks(t.xy_img[rows], t.sigma_px[rows], seen, n_seen, t.confidence, t.autocorrelation)
+
+
+def tracks_joined(rows: Sequence[Index], of_parts: Sequence[Tracks]) -> Tracks:
+    """The tracks of all parts, as certain as the least certain one."""
+    xy_img, sigma_px = (
+        joined(rows, [t.xy_img for t in of_parts]),
+        joined(rows, [t.sigma_px for t in of_parts]),
+    )
+    confidence = min(t.confidence for t in of_parts)
+    return Tracks.of(xy_img, sigma_px, joined(rows, [t.seen for t in of_parts]), confidence)
+
+
+def pins_joined(rows: Sequence[Index], of_parts: Sequence[Pins]) -> Pins:
+    """The pins of all parts."""
+    return Pins(*(joined(rows, column) for column in zip(*map(_columns, of_parts), strict=True)))
 
 
 def joined(rows: Sequence[Index], of_parts: Sequence[NDArray[T]]) -> NDArray[T]:

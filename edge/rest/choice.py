@@ -13,16 +13,17 @@ from itertools import islice
 import numpy as np
 
 from edge.calibration import Calibration
-from edge.cells import tessellator_of
+from edge.cells import Tessellator
 from edge.errors import DegenerateLayout, NoPins, SourceError
 from edge.features.params import CELL_NOISE
 from edge.features.params import PARAMS as CONTACT
+from edge.geometry.parts import joined, own_pins, parts_of
 from edge.params import PARAMS as RUNTIME
-from edge.pins import CentroidRefiner, detect
+from edge.pins import detect
 from edge.rest.tare import PARAMS as TARE
 from edge.rest.tare import TareParams, TareRefused, take_rest_frame
-from edge.rest.tip_match import SHARED_MIN, match_rest
-from edge.tracking import tracker_of
+from edge.rest.tip_match import SHARED_MIN, match_rest, near_rest
+from edge.tracking import Tracker
 from edge.types import Array, Frame, FrameSource, Image, Mask, Pins, Rest, Tracks
 from hostlink.wire import RestFrameReason
 
@@ -129,12 +130,19 @@ def _first_with_pins(images: Sequence[Image], params: TareParams) -> tuple[int, 
 
 def _cells(images: Sequence[Image], rest: Rest) -> tuple[Array, Array, Array]:
     """(k, n) log cell areas, zoom removed, NaN: not known; (k,) sigma, px; (k,) number of pins seen."""
-    tracker, tessellator = tracker_of(rest), tessellator_of(rest)
+    parts = parts_of(rest)
+    areas, sigmas, seen = zip(*(_cells_of_part(images, own) for _, own in parts), strict=True)
+    area = joined([rows for rows, _ in parts], [one.T for one in areas]).T
+    return area, np.mean(sigmas, axis=0), np.sum(seen, axis=0)
+
+
+def _cells_of_part(images: Sequence[Image], rest: Rest) -> tuple[Array, Array, Array]:
+    tracker, tessellator = Tracker(rest), Tessellator(rest)
     area = np.full((len(images), len(rest)), np.nan)
     sigma = np.full(len(images), np.nan)
     seen = np.zeros(len(images))
     for k, image in enumerate(images):
-        tracks = tracker.identify(detect(image, rest.pattern))
+        tracks = tracker.identify(own_pins(detect(image, rest.pattern), rest))
         if tracks.confidence < Tracks.LOW_CONFIDENCE:
             continue
         try:
@@ -244,11 +252,10 @@ def _averaged(source: FrameSource, index: int) -> tuple[Rest, Frame]:
         raise SourceError(f"{source.name}: has no image {index}; give --rest a smaller number, or auto")
     chosen = frames[index - first]
     rest = TARE.of(source).take([chosen.image])
-    refiner = CentroidRefiner(rest)
 
     def rests(pins: Pins) -> bool:
         motion = np.hypot(*(pins.xy_img - rest.xy_img).T)
         return bool(np.nanquantile(motion, RUNTIME.most_rel) < TARE.steady_px)
 
-    steady = [f.image for f in frames if f is chosen or rests(refiner.refine(f.image, rest.xy_img))]
+    steady = [f.image for f in frames if f is chosen or rests(near_rest(rest, f.image))]
     return TARE.of(source).take(steady), chosen

@@ -21,17 +21,17 @@ import cv2
 import numpy as np
 
 from edge.calibration import Calibration
-from edge.cells import tessellator_of
+from edge.cells import Tessellator
 from edge.errors import CalibrationError, DegenerateLayout, EdgeError, NoPins
-from edge.features import FeaturePlan, extractor_of
+from edge.features import FeatureExtractor, FeaturePlan
 from edge.features.params import CELL_NOISE
 from edge.features.params import PARAMS as CONTACT
+from edge.geometry.parts import parts_of, tracks_of
 from edge.geometry.select import SIGMA_OF_MAD
 from edge.params import PARAMS as RUNTIME
-from edge.pins import CentroidRefiner, take_rest
+from edge.pins import take_rest
 from edge.rest.symmetry import symmetry_of
-from edge.rest.tip_match import SHARED_MIN, match_rest
-from edge.tracking import tracker_of
+from edge.rest.tip_match import SHARED_MIN, identified, match_rest, near_rest
 from edge.types import FrameSource, Image, Lens, Pins, Polarity, Region, Rest, Tracks
 from hostlink.wire import RestFrameReason
 
@@ -105,8 +105,7 @@ def take_rest_frame(
                 raise problem
             problems.append(problem)
 
-    refiner = CentroidRefiner(rest)
-    first, last = (refiner.refine(images[k], rest.xy_img) for k in (0, -1))
+    first, last = (near_rest(rest, images[k]) for k in (0, -1))
     check(_unsteady(first, last, params.steady_px))
     if calibration is not None:
         try:
@@ -167,7 +166,7 @@ def _changed(reference: Rest, rest: Rest) -> TareRefused | None:
             f"{len(rest)} pins, {len(reference)} at the last one",
             "clear the camera's view",
         )
-    tracks = tracker_of(reference).identify(rest.pins)
+    tracks = identified(reference, rest.pins)
     if tracks.confidence < Tracks.LOW_CONFIDENCE:
         problem = "the pins cannot be matched with those of the last rest frame"
         return TareRefused(
@@ -204,7 +203,11 @@ def _seen_from_before(reference: Rest, tracks: Tracks) -> Tracks:
 
 def _touch_sigmas(reference: Rest, tracks: Tracks) -> float:
     """Largest area change of a cell, in sigmas of its noise, if the detector sees a touch; 0.0: untouched."""
-    tessellator = tessellator_of(reference)
+    return max(_of_part(own, tracks_of(tracks, rows)) for rows, own in parts_of(reference))
+
+
+def _of_part(reference: Rest, tracks: Tracks) -> float:
+    tessellator = Tessellator(reference)
     rest_area = tessellator.rest_area_px2
     try:
         cells = tessellator.cells(tracks)
@@ -223,8 +226,6 @@ def _touch_sigmas(reference: Rest, tracks: Tracks) -> float:
     frame_px = math.sqrt(max((sigma_px * max(1.0, ratio)) ** 2 - rest_sigma_px**2, 0.0))
     noisy = replace(tracks, sigma_px=np.where(tracks.seen, frame_px, np.nan))
     in_contact: bool = (
-        extractor_of(reference, rest_area, dots=False)
-        .extract(noisy, cells, FeaturePlan(frozenset()))
-        .in_contact
+        FeatureExtractor(reference, rest_area).extract(noisy, cells, FeaturePlan(frozenset())).in_contact
     )
     return sigmas if in_contact else 0.0

@@ -9,9 +9,11 @@ import numpy as np
 from edge.calibration import Calibration
 from edge.errors import CalibrationError
 from edge.geometry.neighbours import nearest_of
+from edge.geometry.parts import own_pins, parts_of, pins_joined, tracks_joined
 from edge.params import PARAMS as RUNTIME
+from edge.pins import CentroidRefiner
 from edge.tracking import Tracker
-from edge.types import Lens, Pins, Rest, Tracks
+from edge.types import Complex, Image, Lens, Pins, Rest, Tracks
 
 #: Share of the pins of each of two rest frames of the same tip that the other has too.
 SHARED_MIN = RUNTIME.most_rel
@@ -27,7 +29,7 @@ def in_order_of(calibration: Calibration, rest: Rest) -> Rest:
 def match_rest(made_with: Rest, rest: Rest) -> tuple[Rest, Tracks]:
     """The rest frame with row i being pin i of the one that a calibration was made with, touched or not.
 
-    Returns  the rest frame, and where its pins were found: NaN where they were not
+    Returns  the rest frame, in the views of that one, and where its pins were found: NaN where they were not
     Raises   CalibrationError: another image size, another tip, another mounting
     """
     (width, height), (now_width, now_height) = made_with.pattern.size_px, rest.pattern.size_px
@@ -37,7 +39,7 @@ def match_rest(made_with: Rest, rest: Rest) -> tuple[Rest, Tracks]:
             "give the calibration of this tip, or set the camera to that size"
         )
     _check_lens(made_with.pattern.lens, rest.pattern.lens)
-    tracks = Tracker(made_with).identify(rest.pins)
+    tracks = identified(made_with, rest.pins)
     _check_counts(tracks, len(made_with), len(rest))
     _check_shift(made_with, tracks)
     seen = tracks.seen
@@ -49,8 +51,26 @@ def match_rest(made_with: Rest, rest: Rest) -> tuple[Rest, Tracks]:
     brightness = np.full(len(made_with), np.median(rest.pins.brightness))
     nearest = nearest_of(rest.xy_img, xy)[1][:, 0]
     brightness[seen] = rest.pins.brightness[nearest[seen]]
-    part = None if rest.part is None else rest.part[nearest]
-    return Rest(Pins(xy, sigma, made_with.pins.radius_px, brightness), rest.pattern, part), tracks
+    views = tuple(
+        rest.pattern if rest.part is None else rest.views[np.bincount(rest.part[nearest[rows]]).argmax()]
+        for rows, _ in parts_of(made_with)
+    )
+    pins = Pins(xy, sigma, made_with.pins.radius_px, brightness)
+    return Rest(pins, rest.pattern, made_with.part, views if made_with.part is not None else ()), tracks
+
+
+def identified(reference: Rest, pins: Pins) -> Tracks:
+    """Which of some pins are those of a rest frame, each view by itself; as certain as the least certain."""
+    parts = parts_of(reference)
+    found = [Tracker(own).identify(own_pins(pins, own)) for _, own in parts]
+    return tracks_joined([rows for rows, _ in parts], found)
+
+
+def near_rest(rest: Rest, image: Image) -> Pins:
+    """What an image shows where each pin is at rest, each view read by its own light; NaN: nothing."""
+    parts = parts_of(rest)
+    found = [CentroidRefiner(own).refine(image, own.xy_img) for _, own in parts]
+    return pins_joined([rows for rows, _ in parts], found)
 
 
 def _check_lens(made_with: Lens | None, now: Lens | None) -> None:
@@ -94,10 +114,13 @@ def _check_shift(made_with: Rest, tracks: Tracks) -> None:
 
 def _check_deformation(made_with: Rest, tracks: Tracks) -> None:
     """Raises CalibrationError: no common shift, rotation and zoom explains the pins' places."""
-    z, w = made_with.xy_img[tracks.seen] @ (1, 1j), tracks.xy_img[tracks.seen] @ (1, 1j)
-    design = np.column_stack([z, np.ones_like(z)])
-    residual = w - design @ np.linalg.lstsq(design, w, rcond=None)[0]
-    deformation = float(np.quantile(np.abs(residual), 0.95))
+    residuals: list[Complex] = []
+    for rows, _ in parts_of(made_with):
+        seen = rows[tracks.seen[rows]]
+        z, w = made_with.xy_img[seen] @ (1, 1j), tracks.xy_img[seen] @ (1, 1j)
+        design = np.column_stack([z, np.ones_like(z)])
+        residuals.append(w - design @ np.linalg.lstsq(design, w, rcond=None)[0])
+    deformation = float(np.quantile(np.abs(np.concatenate(residuals)), 0.95))
     deformation_max = RUNTIME.still_pitches * made_with.pattern.pitch_px
     if deformation > deformation_max:
         raise CalibrationError(

@@ -7,12 +7,10 @@ tracker    the state between frames, and whether the identities are held
 follow     which followed pins are seen (a kernel), without the photometric outliers (`outliers`, a kernel)
 search     identities after a jump: `coarse` fits, matches grown from them (`match`, a kernel)
 hypothesis the posterior of a match, by the motion's prior (`motion_model`), and which of its pins are certain
-regions    the same of a skin in several parts, as mirrors show it
 tip        what all of them share: the rest lattice and its local affine maps
 params     all thresholds
 """
 
-from edge.tracking.regions import tracker_of
 from edge.tracking.tracker import Tracker
 
-__all__ = ["Tracker", "tracker_of"]
+__all__ = ["Tracker"]

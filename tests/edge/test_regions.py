@@ -1,5 +1,6 @@
 """One skin in several views: each has a lattice, cells and contacts of its own, and none lies on the seam."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,15 +11,19 @@ import pytest
 
 from calib.fit import tip_of
 from calib.sim import Camera, Simulator, Tip, Tool, ToolPose
-from edge.cells import tessellator_of
+from edge.calibration import Calibration
 from edge.errors import NoPins
 from edge.faults.pin_visibility import PinVisibility
+from edge.fingertip import Fingertip
 from edge.frame import Pipeline
+from edge.geometry.parts import parts_of
 from edge.pins import take_rest
 from edge.rest.choice import rest_of_source
 from edge.rest.tip_match import in_order_of
 from edge.sources import open_source
 from edge.types import Frame, FrameSource, Image, Rest, Tracks
+from tests.support.captures import write_table
+from tests.support.commands import run_calib
 from tests.support.layouts import only
 
 SIDE_PX = 240
@@ -52,15 +57,18 @@ def _source(folder: Path, *keys: str) -> FrameSource:
     return open_source(f"{folder}?{'&'.join(keys)}")
 
 
-def _rest(source: FrameSource, frames: list[Frame]) -> Rest:
-    return take_rest([f.image for f in frames[:3]], source.polarity, source.lens, source.region)
+def _taken(folder: Path, *keys: str) -> tuple[Rest, list[Frame]]:
+    """The rest frame and all frames; the pins of the left view are those with x below SIDE_PX."""
+    source = _source(folder, *keys)
+    frames = list(source)
+    images = [f.image for f in frames[:3]]
+    return take_rest(images, source.polarity, source.lens, source.region), frames
 
 
 def _results(folder: Path, *keys: str) -> tuple[Rest, list[Any]]:
     """The press followed from rest."""
-    source = _source(folder, *keys)
-    frames = list(source)
-    pipeline = Pipeline(rest := _rest(source, frames))
+    rest, frames = _taken(folder, *keys)
+    pipeline = Pipeline(rest)
     return rest, [pipeline.process(frame) for frame in frames[:-1]]
 
 
@@ -100,9 +108,7 @@ def test_a_touch_is_a_contact_in_each_view_and_none_on_the_seam(folder: Path) ->
 
 
 def test_a_shift_of_one_view_is_identified_and_the_other_is_followed_meanwhile(folder: Path) -> None:
-    source = _source(folder, *SEAM)
-    frames = list(source)
-    rest = _rest(source, frames)
+    rest, frames = _taken(folder, *SEAM)
     left = rest.xy_img[:, 0] < SIDE_PX
     pipeline = Pipeline(rest)
     for frame, shift_px in ((frames[0], 0.0), (frames[-1], 10.0), (frames[0], 0.0)):
@@ -116,21 +122,38 @@ def test_a_shift_of_one_view_is_identified_and_the_other_is_followed_meanwhile(f
         assert not pipeline.process(frame).searched
 
 
-def test_lost_pins_of_one_view_change_no_cell_of_the_other(folder: Path) -> None:
-    source = _source(folder, *SEAM)
-    rest = _rest(source, list(source))
+def test_a_view_that_is_lost_has_no_values_and_the_other_goes_on(folder: Path) -> None:
+    rest, frames = _taken(folder, *SEAM)
     left = rest.xy_img[:, 0] < SIDE_PX
-    seen = np.ones(len(rest), bool)
-    seen[np.flatnonzero(left)[[20, 21, 45]]] = False
-    rng = np.random.default_rng(2)
-    xy = rest.xy_img + rng.normal(0.0, 0.5, rest.xy_img.shape)
-    whole = tessellator_of(rest).cells(Tracks.of(xy, rest.pins.sigma_px, np.ones_like(seen)))
-    found = np.where(seen[:, None], xy, np.nan)
-    cells = tessellator_of(rest).cells(Tracks.of(found, rest.pins.sigma_px, seen))
-    assert np.isnan(cells.area_px2[~seen]).all()
+    pipeline, visibility = Pipeline(rest), PinVisibility(rest)
+    for whole, frame in zip(_results(folder, *SEAM)[1], frames[:-1], strict=True):
+        is_lost = frame.sequence in (5, 6)
+        if is_lost:
+            frame.image[:, SIDE_PX:] = 20
+        result: Any = pipeline.process(frame)
+        assert (result.tracks.seen == (left | ~np.bool_(is_lost))).all()
+        assert bool(visibility.problem(result.tracks, result.features)) == is_lost
+        assert visibility.explained == ("1 of 2 views lost" if is_lost else "")
+        assert (result.features.displacement_px[left] == whole.features.displacement_px[left]).all()
+        assert (result.features.area_change[left] == whole.features.area_change[left]).all()
+        assert np.isnan(result.features.area_change[~left]).all() == is_lost
+        here, there = (sorted(c.xy_img.tolist() for c in r.features.contacts) for r in (result, whole))
+        assert here[:1] == there[:1]
+        assert len(here) == (1 if is_lost else len(there))
+        assert result.searched == (frame.sequence in (0, 7))
+
+
+def test_lost_pins_of_one_view_change_no_cell_of_the_other(folder: Path) -> None:
+    rest, frames = _taken(folder, *SEAM)
+    left = rest.xy_img[:, 0] < SIDE_PX
+    whole: Any = Pipeline(rest).process(frames[2]).cells
+    lost = np.flatnonzero(left)[[20, 21, 45]]
+    for x, y in np.rint(rest.xy_img[lost]).astype(int).tolist():
+        cv2.circle(frames[2].image, (x, y), 7, 20, -1)
+    cells: Any = Pipeline(rest).process(frames[2]).cells
+    seen = ~np.isin(np.arange(len(rest)), lost)
+    assert (np.isfinite(cells.area_px2) == seen).all()
     assert (cells.area_px2[~left] == whole.area_px2[~left]).all()
-    assert cells.whole_px2 is not None
-    assert cells.gap_img is not None
     assert 0.0 < cells.gap < 0.1
     assert np.hypot(*(cells.gap_img - rest.xy_img[~seen].mean(axis=0))) < rest.pattern.pitch_px
     visibility: Any = PinVisibility(rest)
@@ -138,27 +161,30 @@ def test_lost_pins_of_one_view_change_no_cell_of_the_other(folder: Path) -> None
 
 
 def test_parts_follow_the_pins_into_a_calibration_s_order_and_a_chosen_rest(folder: Path) -> None:
-    source = _source(folder, *SEAM)
-    rest = _rest(source, list(source))
-    order = np.random.default_rng(1).permutation(len(rest))
-    matched = in_order_of(tip_of(only(replace(rest, part=None), order)), rest)
-    assert matched.part is not None
+    rest, frames = _taken(folder, *SEAM)
     assert rest.part is not None
-    assert (matched.part == rest.part[order]).all()
-    areas = [tessellator_of(tip).rest_area_px2 for tip in (matched, rest)]
+    order = np.random.default_rng(1).permutation(len(rest))
+    order = order[np.argsort(-rest.part[order], kind="stable")]  # the other view is the calibration's first
+    tip = replace(only(rest, order), part=1 - rest.part[order], views=rest.views[::-1])
+    matched = in_order_of(tip_of(tip), rest)
+    assert matched.part is not None
+    assert (matched.part == 1 - rest.part[order]).all()
+    results: list[Any] = [Pipeline(one).process(frames[7]) for one in (matched, rest)]
+    areas = [result.cells.rest_area_px2 for result in results]
     assert areas[0] == pytest.approx(areas[1][order], rel=1e-9)
+    moved = [result.features.displacement_px for result in results]
+    assert moved[0] == pytest.approx(moved[1][order], abs=0.01)
+    assert in_order_of(tip_of(replace(rest, part=None)), rest).part is None  # it was fitted to one view
     assert rest_of_source(_source(folder, *SEAM), "auto").rest.part is not None
     assert rest_of_source(_source(folder, SEAM[0]), "0").rest.part is None
 
 
 def test_parts_without_a_pattern_have_no_pins(folder: Path) -> None:
-    source = _source(folder, SEAM[0], f"roi={SIDE_PX + 60},60,45,45")
-    rest = _rest(source, list(source))
+    rest, _ = _taken(folder, SEAM[0], f"roi={SIDE_PX + 60},60,45,45")
     assert rest.part is None
     assert len(rest) == rest.pattern.count == 91
-    source = _source(folder, "roi=60,60,45,45", f"roi={SIDE_PX + 60},60,45,45")
     with pytest.raises(NoPins, match=r"none of 2 parts of the region shows pins; the last one: no pattern"):
-        _rest(source, list(source))
+        _taken(folder, "roi=60,60,45,45", f"roi={SIDE_PX + 60},60,45,45")
 
 
 def test_two_mirrors_of_a_published_sensor_show_one_touch_each(real_dir: Path) -> None:
@@ -171,8 +197,47 @@ def test_two_mirrors_of_a_published_sensor_show_one_touch_each(real_dir: Path) -
     results: list[Any] = [pipeline.process(frame) for frame in frames]
     assert all(result.features.contacts == () for result in results[:-1])
     assert np.mean([result.tracks.seen.mean() for result in results[:-1]]) > 0.97
+    searched = [Pipeline(pipeline.rest).process(frame).tracks.seen.mean() for frame in frames[:-1]]
+    assert np.mean(searched) > 0.97  # each view by its own pattern; by one for both it was 0.92
     touched = results[-1]
     assert touched.tracks.confidence >= Tracks.LOW_CONFIDENCE
     x = sorted(float(contact.xy_img[0]) for contact in touched.features.contacts)
     assert len(x) == 2
     assert x[0] < 285 - 60 < 285 + 60 < x[1]
+
+
+def test_each_view_has_a_calibration_and_the_lost_one_is_not_missed(tip: Simulator, tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    places = np.column_stack([rng.uniform(-4.0, 4.0, (20, 2)), np.linspace(0.5, 3.0, 20)])
+    balls = [ToolPose(Tool("sphere", 5.0), x_mm=x, y_mm=y, depth_mm=z) for x, y, z in places.tolist()]
+    images = [_both(tip.frame((ball,)).image) for ball in balls]
+    columns = dict(zip(("contact_x", "contact_y", "pose_z"), places.T, strict=True))
+    table = write_table(tmp_path, images, columns)
+    cv2.imwrite(str(tmp_path / "rest.png"), _both(tip.frame().image))
+    words = table, "--frames", tmp_path, "--rest", tmp_path / "rest.png", "--workers", "1", "-q", "--json"
+    region = "--region", "&".join(SEAM)
+    path = tmp_path / "two.json"
+    assert run_calib("fit", *words, *region, "-o", path).code == 0
+    printed = run_calib("evaluate", path, *words, *region).printed
+    for report in json.loads(printed)["views"]:
+        assert report["displacement_mae_mm"] < 0.1
+        assert report["contact_place_mean_mm"] < 0.5
+    finger = Fingertip([_both(tip.frame().image)] * 3, path, region="&".join(SEAM))
+    assert len(parts_of(finger.rest)) == len(Calibration.load(path).views) == 2
+    for hidden in (slice(0), slice(SIDE_PX), slice(SIDE_PX, None)):
+        image = images[12].copy()
+        image[:, hidden] = 20
+        reading = finger.read(image, 0.0).reading
+        assert reading.values["displacement_mm"] == pytest.approx(places[12, 2], abs=0.2)
+        assert len(reading.contacts) == (2 if hidden == slice(0) else 1)
+        assert np.hypot(*(reading.contacts[:, :2] - places[12, :2]).T).max() < 0.5
+    refusal = run_calib("fit", *words, "--region", "rio=1", "-o", tmp_path / "a.json").refusal
+    assert "region rio=1: give roi=x,y,w,h, circle=x,y,r or mask=FILE" in refusal
+
+
+def test_a_fingertip_takes_the_region_of_an_address(folder: Path) -> None:
+    images = [frame.image for frame in _source(folder)]
+    finger = Fingertip(images[:3], region="&".join(SEAM))
+    for k, alike in enumerate(_results(folder, *SEAM)[1]):
+        result: Any = finger.read(images[k], 0.1 * k)
+        assert (result.features.displacement_px == alike.features.displacement_px).all()
