@@ -31,6 +31,7 @@ from edge.calibration.evaluation import InputRow
 from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS
 from edge.errors import EdgeError
 from edge.frame import Pipeline
+from edge.runtime.process import give_back_memory
 from edge.sources.files import read_image
 from edge.types import (
     Array,
@@ -275,7 +276,10 @@ def extract(
         collect(IN_FLIGHT - 1)
         running[pool.submit(_chunk, rest, chunk)] = number
     collect(0)
-    return gather([row for number in sorted(rows) for row in rows[number]])
+    found = gather([row for number in sorted(rows) for row in rows[number]])
+    rows.clear()
+    give_back_memory()  # small pieces, of which no large array can be made
+    return found
 
 
 def _chunks(frames: Iterable[Path | Image]) -> Iterator[tuple[Path | Image, ...]]:

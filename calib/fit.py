@@ -22,8 +22,9 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from enum import StrEnum
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -39,12 +40,12 @@ from calib.press_axis import check_press
 from calib.process_fit import FittedProcess, fit_process
 from calib.ridge import (
     Candidate,
+    InputNoise,
     Terms,
     as_candidate,
     cross_validate,
     error_of_mean,
     folds_of,
-    input_noise,
     pose_numbers,
     ridge_weights,
     rounded,
@@ -349,14 +350,50 @@ def _scale(targets: Targets, extract: Extract, rest: Rest) -> float | None:
     return rounded(float(along / np.vdot(seen, seen).real))
 
 
+@dataclass(frozen=True)
+class _Seen:
+    """What was seen of some frames. All problems of these share it; an array is made when it is wanted.
+
+    which     (n,) the frames of the extract
+    possible  errors of the inputs
+    """
+
+    extract: Extract
+    which: Index
+    possible: InputNoise
+    parts: dict[bytes, _Seen] = field(default_factory=dict)
+
+    @cached_property
+    def inputs(self) -> Complex:
+        """(n, k) complex128, of the frame."""
+        return self.extract.inputs[self.which]
+
+    @cached_property
+    def lossy(self) -> Complex:
+        """(n, losses, k) complex128, the same with pins removed."""
+        return self.extract.lossy[self.which]
+
+    @cached_property
+    def noise(self) -> Complex:
+        """(draws, n, k) complex128."""
+        return self.possible.draws()
+
+    def rows(self, chosen: Mask) -> _Seen:
+        """Of some of the frames."""
+        key = chosen.tobytes()
+        if key not in self.parts:
+            possible = replace(self.possible, rows=self.possible.rows[chosen])
+            self.parts[key] = _Seen(self.extract, self.which[chosen], possible)
+        return self.parts[key]
+
+
 @dataclass(frozen=True, slots=True)
 class _Problem:
     """Groups of outputs of one spin over the same frames: they share terms and linear algebra.
 
-    inputs     (n, k) complex128, of the frame or of its contact
-    frame_inputs, lossy  of the frame; with pins removed
+    seen       of the frames
+    contact    (n, k) complex128, inputs of the contact, which it is about; None: it is about the frame
     y          (n, groups) complex128, truth
-    noise      (draws, n, k) complex128, possible errors of the inputs; None: not considered
     fold       (n,) of the cross-validation
     pose       (n,) number of each frame's: frames of one pose count as one
     all_round  whether shear, tilt or place cover all directions
@@ -365,17 +402,19 @@ class _Problem:
     """
 
     groups: tuple[Group, ...]
-    inputs: Complex
+    seen: _Seen
+    contact: Complex | None
     y: Complex
-    noise: Complex | None
     fold: Index
     pose: Index
     all_round: bool
     where: str
     frames: tuple[str, ...]
-    frame_inputs: Complex
-    lossy: Complex
     mirrored: frozenset[Group] = frozenset()
+
+    @property
+    def inputs(self) -> Complex:
+        return self.seen.inputs if self.contact is None else self.contact
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -389,27 +428,27 @@ class _Problem:
     @property
     def in_contact(self) -> Mask:
         """(n,) whether the frame has a contact."""
-        return _with_place(self.frame_inputs)
+        return _with_place(self.seen.inputs)
 
     def rows(self, chosen: Mask) -> _Problem:
         """Some of the frames."""
         if chosen.all():
             return self
-        parts = {name: getattr(self, name)[chosen] for name in ("inputs", "y", "frame_inputs", "lossy")}
         pose = pose_numbers(self.pose[chosen, None].astype(np.float64))
-        noise = None if self.noise is None else self.noise[:, chosen]
         frames = tuple(name for name, use in zip(self.frames, chosen, strict=True) if use)
         return replace(
             self,
-            **parts,
-            noise=noise,
+            seen=self.seen.rows(chosen),
+            contact=None if self.contact is None else self.contact[chosen],
+            y=self.y[chosen],
             pose=pose,
             fold=folds_of(pose[:, None].astype(np.float64)),
             frames=frames,
         )
 
     def terms(self, names: list[list[str]]) -> Terms:
-        return Terms(self.inputs, self.noise, term_columns(names, self.names), self.real, self.share)
+        noise = self.seen.noise if self.contact is None else None
+        return Terms(self.inputs, noise, term_columns(names, self.names), self.real, self.share)
 
     @property
     def share(self) -> Array:
@@ -433,10 +472,10 @@ def _axes(problems: Sequence[_Problem], models: Mapping[tuple[str, ...], KnownMo
     """Orientation of the rig's axes in the image, from all vectors that cover more directions than one."""
     found = []
     for problem in problems:
-        known = np.isfinite(problem.frame_inputs).all(axis=1)
+        known = np.isfinite(problem.seen.inputs).all(axis=1)
         for group, y in zip(problem.groups, problem.y.T, strict=True):
             if len(group.outputs) == 2 and is_round(np.stack([y.real, y.imag])[:, known]):
-                inputs, expected = problem.frame_inputs[known], None
+                inputs, expected = problem.seen.inputs[known], None
                 if group.outputs in models:
                     model = models[group.outputs].in_the_image(inputs, FRAME_INPUTS)
                     expected = model.values(inputs, FRAME_INPUTS)
@@ -453,18 +492,18 @@ def _start_processes(problem: _Problem, search: Search, pool: Executor | None) -
     Without those that are not wanted, and those that frames or inputs are missing for.
     """
     poses = int(problem.pose.max(initial=-1)) + 1
-    if problem.noise is None or not np.isfinite(problem.inputs).all():
+    if problem.contact is not None or not np.isfinite(problem.inputs).all():
         return [{} for _ in problem.groups]
     jobs: list[_Jobs] = []
     for group, y in zip(problem.groups, problem.y.T, strict=True):
         call = partial(
-            fit_process,
+            _fit_process,
+            possible=problem.seen.possible,
             names=problem.names,
-            moved=list(problem.noise),
             y=y,
             symmetry=group.symmetry,
             fold=problem.fold,
-            lossy=problem.lossy,
+            lossy=problem.seen.lossy,
             all_round=problem.all_round,
             pose=problem.pose,
         )
@@ -477,6 +516,11 @@ def _start_processes(problem: _Problem, search: Search, pool: Executor | None) -
         wanted = {kind: run for kind, run in calls.items() if kind in search.kinds}
         jobs.append(wanted if pool is None else {k: pool.submit(run).result for k, run in wanted.items()})
     return jobs
+
+
+def _fit_process(inputs: Complex, possible: InputNoise, **given: Any) -> FittedProcess:
+    """A job for another process, which makes the noise itself: half of the memory of a job that waits."""
+    return fit_process(inputs, moved=list(possible.draws()), **given)
 
 
 def _poses_that_count(poses: Array) -> Index:
@@ -499,20 +543,19 @@ def _problems(rest: Rest, targets: Targets, extract: Extract, usable: Mask) -> I
     # The error of a mode's coefficient is a mean over the errors of the pins, along x and along y.
     pattern = rest.pattern
     off = PARAMS.pin_noise * pattern.pitch_px / pattern.tip_radius_px * np.sqrt(2.0 / len(rest))
-    shared: dict[bytes, tuple[Complex, Complex, Complex]] = {}  # problems of the same frames need it once
+    shared: dict[bytes, _Seen] = {}
     for (_, of_contact, _, chosen), members in alike.items():
         groups, (rows, *_), columns = zip(*members, strict=True)
         if chosen not in shared:
-            inputs = extract.inputs[rows]
-            shared[chosen] = inputs, extract.lossy[rows], input_noise(inputs, off)
-        frame_inputs, lossy, noise = shared[chosen]
+            which = np.flatnonzero(rows).astype(np.int32)
+            every = np.arange(len(which), dtype=np.int32)
+            possible = InputNoise((len(which), extract.inputs.shape[1]), off, every)
+            shared[chosen] = _Seen(extract, which, possible)
         yield _Problem(
             groups=groups,
-            inputs=extract.contact[rows] if of_contact else frame_inputs,
-            frame_inputs=frame_inputs,
-            lossy=lossy,
+            seen=shared[chosen],
+            contact=extract.contact[rows] if of_contact else None,
             y=np.column_stack(columns),
-            noise=None if of_contact else noise,
             fold=folds_of(poses[rows]),
             pose=_poses_that_count(poses[rows]),
             all_round=went_all_round(targets, rows),
@@ -631,8 +674,8 @@ def _best(
         of_light_touch = of_all_frames(simple.name) if simple is not None and known else None
     if mirror is _mirrored:
         predicted, y = predicted.conj(), y.conj()
-    all_tried = tuple(t[0] for t in tried)
-    return Choice(outputs, model, of_light_touch, chosen, all_tried, allowed, predicted, y, problem.share)
+    all_tried, held_out = tuple(t[0] for t in tried), np.asarray(predicted, np.complex128)
+    return Choice(outputs, model, of_light_touch, chosen, all_tried, allowed, held_out, y, problem.share)
 
 
 def _curve(problem: _Problem, i: int) -> tuple[Curve, Candidate, Complex] | None:

@@ -21,6 +21,7 @@ from edge.types import Array, Complex, Index
 
 __all__ = [
     "Candidate",
+    "InputNoise",
     "Terms",
     "as_candidate",
     "blocks",
@@ -28,7 +29,6 @@ __all__ = [
     "cross_validated_terms",
     "error_of_mean",
     "folds_of",
-    "input_noise",
     "pose_numbers",
     "ridge_weights",
     "rounded",
@@ -53,26 +53,29 @@ ROWS = 256  # frames at a time: a megabyte or two for some hundred terms
 RIDGES = tuple(10.0 ** (k / 2) for k in range(-8, 7))
 
 
-def input_noise(inputs: Complex, coefficient: float) -> Complex:
-    """Errors that the inputs of each frame may have: (draws, frames, inputs), the same from run to run.
+@dataclass(frozen=True, slots=True)
+class InputNoise:
+    """Errors that the inputs of each frame may have, the same from run to run, made on demand.
 
+    size         (frames, inputs), of all frames
     coefficient  rms of a mode's coefficient, in the inputs' unit; the terms of a basis that is orthonormal
                  over the pins are off independently of each other
+    rows         (n,) the frames that it is wanted for
     """
-    shape = (PARAMS.noise_draws, *inputs.shape, 2)
-    pairs = np.random.default_rng(0).standard_normal(shape) * (coefficient / np.sqrt(2))
-    noise: Complex = pairs.view(np.complex128)[..., 0]
-    for name in (
-        "volume",
-        "p",
-        "peak",
-        "size",
-        "gap",
-        "gap_place",
-    ):  # not the modes' noise
-        noise[..., FRAME_INPUTS.index(name)] = 0.0
-    noise[..., FRAME_INPUTS.index("shear")] = noise[..., FRAME_INPUTS.index("c00")]
-    return noise
+
+    size: tuple[int, int]
+    coefficient: float
+    rows: Index
+
+    def draws(self) -> Complex:
+        """(draws, n, inputs) complex128."""
+        shape = (PARAMS.noise_draws, *self.size, 2)
+        pairs = np.random.default_rng(0).standard_normal(shape) * (self.coefficient / np.sqrt(2))
+        noise: Complex = pairs.view(np.complex128)[..., 0]
+        for name in ("volume", "p", "peak", "size", "gap", "gap_place"):  # not the modes' noise
+            noise[..., FRAME_INPUTS.index(name)] = 0.0
+        noise[..., FRAME_INPUTS.index("shear")] = noise[..., FRAME_INPUTS.index("c00")]
+        return noise if len(self.rows) == self.size[0] else noise[:, self.rows]
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +165,7 @@ def cross_validate(name: str, terms: Terms, y: Complex, fold: Index) -> list[tup
     sums = terms.sums(y)
     target: Any = y.real if terms.real else y
     counts = terms.counts
-    predicted = np.zeros((len(RIDGES), *y.shape), dtype=np.complex128)
+    predicted = np.zeros((len(RIDGES), *y.shape), dtype=target.dtype)
     blown_up = np.zeros((len(RIDGES), y.shape[1]))
     folds = int(fold.max()) + 1
     for k in range(folds):

@@ -40,7 +40,7 @@ class MotionPrior:
 
 
 #: Rows that are worked on together: the covariance of 3,000 knots takes 280 MB, of which no copy is made.
-AT_ONCE = 128
+AT_ONCE = 64
 #: A contact that is fitted to the motion round it is sharp. The fit takes noise and curl.
 SHARP = MotionPrior(((1.0, 0.1), (2.0, 0.3), (4.0, 1.0)), curl=0.02, noise=0.01)
 #: The places of missing pins follow the smooth part too.
@@ -50,9 +50,9 @@ PREDICTING = MotionPrior(((0.7, 0.05), (1.4, 0.2), (2.8, 0.5), (5.6, 1.0)), curl
 class Precision:
     """Inverse covariance of the knots' motion with the affine part free; x and y side by side.
 
-    Positive definite on every set of knots whose complement has three that span a plane. A row is made when
-    it is first wanted, of a Cholesky factor: all rows would take eight times as long, and as much memory
-    again.
+    Positive definite on every set of knots whose complement has three that span a plane. Rows are made when
+    they are first wanted, of a Cholesky factor: all would take eight times as long, and as much memory
+    again. Those of a block are made together, so that a row does not depend on what was wanted before.
 
     knots, pitch  (n, 2), and their pitch, same unit
     """
@@ -61,7 +61,8 @@ class Precision:
         x = (knots - knots.mean(axis=0)) / pitch
         # Lower triangle: the factor, and the inverses of its blocks on the diagonal.
         self._factor = _covariance(x, prior)
-        self._blocks = [slice(k, k + AT_ONCE) for k in range(0, 2 * len(x), AT_ONCE)]
+        size = 2 * len(x)
+        self._blocks = [slice(k, min(k + AT_ONCE, size)) for k in range(0, size, AT_ONCE)]
         for at in self._blocks:
             rows = self._factor[at.start :]
             rows[:, at] -= rows[:, : at.start] @ rows[:AT_ONCE, : at.start].T
@@ -70,17 +71,17 @@ class Precision:
         affine = np.kron(affine_terms(x, np.zeros(2), 1.0), np.eye(2))  # (2 n, 6), the knots' affine motions
         self._weighted = self._solve(np.array(affine, np.float64))
         self._of_affine = np.linalg.solve(affine.T @ self._weighted, self._weighted.T)
-        self._known = np.zeros(2 * len(x), np.bool_)
-        self._rows = np.empty((2 * len(x), 2 * len(x)))  # takes memory where it is written
+        self._known = np.zeros(len(self._blocks), np.bool_)
+        self._rows = np.empty((size, size))  # takes memory where it is written
 
     def rows(self, which: Index) -> Array:
         """(m, 2 n) float64, these rows."""
-        new = which[~self._known[which]]
-        if len(new):
-            wanted = np.zeros((len(self._known), len(new)))
-            wanted[new, np.arange(len(new))] = 1.0
-            self._rows[new] = self._solve(wanted).T - self._weighted[new] @ self._of_affine
-            self._known[new] = True
+        wanted = np.unique(which // AT_ONCE)
+        for block in wanted[~self._known[wanted]]:
+            at = self._blocks[block]
+            columns = self._solve(np.eye(len(self._rows), at.stop - at.start, -at.start))
+            self._rows[at] = columns.T - self._weighted[at] @ self._of_affine
+            self._known[block] = True
         return self._rows[which]
 
     def _solve(self, right: Array) -> Array:

@@ -14,7 +14,9 @@ import os
 import platform
 import sys
 import tempfile
+import time
 from collections import Counter
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,7 +26,12 @@ import click
 import numpy as np
 
 from calib.sim.script import REST_FRAMES
+from edge.cells.missing import LostPins
+from edge.frame import Pipeline
+from edge.pins import take_rest
+from edge.pins.detect import detect
 from edge.runtime.measurement import LoopConfig
+from edge.tracking.tracker import Tracker
 from edge.types import Feature
 from tests.bench.arm64 import Board
 from tests.bench.counter import ENVIRONMENT, Counts, counted, run
@@ -144,16 +151,20 @@ def measure(name: str, board: Board | None, pins: int, size_px: Size) -> dict[st
 @click.option("--top", type=click.IntRange(min=0), default=0, help="Show so many functions, parts and calls.")
 @click.option("--arch", type=click.Choice(["arm64"]), help="Count on an emulated board, too.")
 @click.option("--start", is_flag=True, help="Count a start instead, to the first values.")
+@click.option("--once", is_flag=True, help="Time instead what is done once: a search, the tables.")
 @click.option("--rings", default=10, show_default=True, type=click.IntRange(2, 31), help="Of pins.")
 @click.option(
     "--size", "size_px", default=(640, 480), show_default=True, type=(int, int), help="Of the image."
 )
 @writes_results
 def command(
-    as_json: bool, top: int, arch: str | None, start: bool, rings: int, size_px: Size, out: Path
+    as_json: bool, top: int, arch: str | None, start: bool, once: bool, rings: int, size_px: Size, out: Path
 ) -> None:
     """Instructions, cache misses and calls of one step of the loop, from the image to the CAN FD frame."""
     pins = 1 + 3 * rings * (rings + 1)
+    if once:
+        click.echo(json.dumps(once_of(pins, size_px)))
+        return
     workers = ThreadPoolExecutor(len(os.sched_getaffinity(0)))  # they wait for valgrind alone
     with tempfile.TemporaryDirectory() as folder, workers as pool:
         board = Board(Path(folder)) if arch else None
@@ -175,6 +186,26 @@ def command(
             show_boards(found["contact"])
         for name in found if top else ():
             show_top(name, details[name], top)
+
+
+def once_of(pins: int, size_px: Size) -> dict[str, float]:
+    """Processor time in ms of the search of all pins, the tables, and the first lost pin's rows of them."""
+    frames = scene("press", pins, size_px)
+    rest = take_rest([frame.image for frame in frames[:REST_FRAMES]])
+    blobs = detect(frames[REST_FRAMES + 10].image, rest.pattern)
+    pipeline, tracker, lost = Pipeline(rest), Tracker(rest), LostPins(rest.xy_img, rest.pattern.pitch_px)
+    works: dict[str, Callable[[], object]] = {
+        "search": lambda: tracker.identify(blobs),
+        "tables": lambda: pipeline.prepare(LoopConfig().demand),
+        "of these, of lost pins": lambda: lost.precision,
+        "first lost pin": lambda: lost.update(np.arange(len(rest)) > 0),
+    }
+    found = {"pins": float(len(rest))}
+    for name, work in works.items():
+        begun_s = time.process_time()
+        work()
+        found[name] = round(1e3 * (time.process_time() - begun_s), 1)
+    return found
 
 
 def start_of(folder: Path, board: Board | None) -> dict[str, int]:

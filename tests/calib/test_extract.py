@@ -109,14 +109,8 @@ def images(recording: Path, tmp_path_factory: pytest.TempPathFactory) -> Images:
     """The capture as a table beside a folder of images: table, folder, rest image."""
     folder = tmp_path_factory.mktemp("images")
     data = open_dataset([recording], None, None)
-    names = {
-        "pose_z": "displacement_mm",
-        "shear_x": "shear_x_mm",
-        "shear_y": "shear_y_mm",
-        "force_z": "force_n",
-        "contact_x": "contact_x_mm",
-        "contact_y": "contact_y_mm",
-    }
+    names = {name: f"{name}_mm" for name in ("shear_x", "shear_y", "contact_x", "contact_y")}
+    names |= {"pose_z": "displacement_mm", "force_z": "force_n"}
     columns = {column: data.targets.values[name] for column, name in names.items()}
     table = write_table(folder, data.parts[0].frames(), columns)
     rest = folder / "rest.png"
