@@ -21,11 +21,7 @@ from hostlink.interrupt import ENDING  # noqa: E402
 for number in ENDING:
     signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
 # No times: a busy machine is slow.
-settings.register_profile(
-    "voronoi-touch",
-    deadline=None,
-    suppress_health_check=[HealthCheck.too_slow],
-)
+settings.register_profile("voronoi-touch", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("voronoi-touch")
 
 ROOT = Path(__file__).resolve().parent.parent

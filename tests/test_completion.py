@@ -8,10 +8,7 @@ import pytest
 
 from tests.support.processes import program
 
-SCRIPTS = {
-    "voronoi-touch-edge": ("replay", "render"),
-    "voronoi-touch-host": ("monitor", "view", "plot"),
-}
+SCRIPTS = {"voronoi-touch-edge": ("replay", "render"), "voronoi-touch-host": ("monitor", "view", "plot")}
 
 
 def run(script: str, **environment: str) -> str:

@@ -179,10 +179,7 @@ def command(out: Path) -> None:
             results = run(images, rest)
             plays.append(evaluate(name, "tare where it is untouched", rest, results))
         contacts.append(felt(name, results, rest))
-    report: dict[str, Any] = {
-        "plays": [asdict(p) for p in plays],
-        "contacts": [asdict(f) for f in contacts],
-    }
+    report: dict[str, Any] = {"plays": [asdict(p) for p in plays], "contacts": [asdict(f) for f in contacts]}
     for rows in ("plays", "contacts"):
         show(report[rows])
     write_json(out / "videos.json", report)

@@ -57,9 +57,7 @@ def test_refused_frames_are_counted_and_stay_in_the_errors(calibration: Calibrat
     assert report["accepted"]["displacement_mae_mm"] < 0.05
 
 
-def test_a_frame_without_a_value_is_counted_and_not_averaged(
-    calibration: Calibration,
-) -> None:
+def test_a_frame_without_a_value_is_counted_and_not_averaged(calibration: Calibration) -> None:
     extract, values = make(50, seed=8)
     inputs, trusted, touched = extract.inputs.copy(), extract.trusted.copy(), extract.in_contact.copy()
     inputs[3] = np.nan

@@ -31,10 +31,7 @@ def test_keys_are_read_and_an_empty_file_is_the_defaults(tmp_path: Path) -> None
         ("[features]\nsmooth_ms = -1\n", "features.smooth_ms: must be a number from 0 to 1000, is -1"),
         ("#" * (FILE_BYTES + 1), "larger than 2048 KiB"),
         ("[link]\nsinks = 'can:can0'\n", 'link.sinks: must be a list, each of it text, is "can:can0"'),
-        (
-            "[features]\ndemand = ['taste']\n",
-            "demand[0]: unknown value 'taste'; known: displacement, ",
-        ),
+        ("[features]\ndemand = ['taste']\n", "demand[0]: unknown value 'taste'; known: displacement, "),
         ("[sensor\n", "not TOML"),
     ],
 )

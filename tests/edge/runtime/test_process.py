@@ -44,12 +44,7 @@ print(full_mb - held_mb, held_mb - resident_mb())
 
 @pytest.mark.parametrize(
     ("end", "status", "output"),
-    [
-        ("return", 0, ""),
-        ("sys.exit(2)", 2, ""),
-        ("sys.exit(True)", 1, ""),
-        ("sys.exit('why')", 1, "why\n"),
-    ],
+    [("return", 0, ""), ("sys.exit(2)", 2, ""), ("sys.exit(True)", 1, ""), ("sys.exit('why')", 1, "why\n")],
 )
 def test_exit_status_and_last_output(end: str, status: int, output: str) -> None:
     done = python("-c", PROGRAM.format(end=end, work="threading.Event().wait"))

@@ -34,10 +34,7 @@ def test_each_figure_has_its_source_and_each_source_a_figure(sensor: KnownSensor
     ("text", "expected"),
     [
         ("[pins]\n", "lacks title"),
-        (
-            'title = "a"\n[pins]\npitch_mm = -1.0\n',
-            "pitch_mm: must be a number from above 0 to 1000 or ",
-        ),
+        ('title = "a"\n[pins]\npitch_mm = -1.0\n', "pitch_mm: must be a number from above 0 to 1000 or "),
         ('title = "a"\n[pins]\nlayout = "spiral"\n', "pins.layout: unknown value 'spiral'; known: hex, "),
         ('title = "a"\n[pins]\ncount = 3\n', "pins.count: must be a whole number from 12 to "),
         ('title = "a"\npin = 3\n', "unknown key 'pin'"),
