@@ -54,7 +54,7 @@ def test_a_pin_may_move_more_than_half_a_pitch_off_its_neighbours_if_it_was_neve
 
 
 @pytest.mark.parametrize("left", [0.0, 0.5, 1.0])
-def test_the_autocorrelation_is_what_is_left_of_the_residuals_and_a_lost_pin_keeps_as_much(
+def test_the_autocorrelation_is_what_is_left_of_residuals_and_a_lost_pin_keeps_as_much(
     left: float,
 ) -> None:
     n, lost = len(REST), 12
