@@ -52,8 +52,9 @@ class Drift:
         return float(np.abs(self._offset).max(initial=0.0))
 
     def correct(self, tracks: Tracks, rows: Index | None = None) -> Tracks:
-        """The tracks without the drift; rows: of these pins."""
-        t, offset = tracks, self._offset if rows is None else self._offset[rows]
+        """The tracks without the drift; rows: of these pins, which are all if there are as many."""
+        whole = rows is None or len(rows) == len(self._offset)
+        t, offset = tracks, self._offset if whole else self._offset[rows]
         return Tracks(t.xy_img - offset, t.sigma_px, t.seen, t.n_seen, t.confidence, t.autocorrelation)
 
     def learn(self, tracks: Tracks, capture_ns: int, quiet: bool) -> None:

@@ -229,7 +229,7 @@ def places(rest: Rest, results: Sequence[Result], targets: Targets, calibrated: 
         _, us = timed(lambda: surface.field.find(xy), 3)  # noqa: B023
         on_grid.append(surface.points_img[int(np.argmax(surface.field.blend))])
         contacts = _of(result).contacts
-        by_pins.append(contacts[0].xy_img if contacts else np.full(2, np.nan))
+        by_pins.append(contacts[0].weighted_img if contacts else np.full(2, np.nan))
         divergence_us.append(us)
     rows = []
     for name, at in (("highest grid point", on_grid), ("pins weighted by area change", by_pins)):

@@ -178,7 +178,7 @@ class InputRow:
         peak: cython.Py_ssize_t,
         size: cython.Py_ssize_t,
     ) -> cython.void:
-        self._set_place(place, contact.xy_img)
+        self._set_place(place, contact.weighted_img)
         self._set(peak, contact.peak, 0.0)
         area_px2: cython.double = contact.area_px2
         self._set(size, sqrt(area_px2) / self._radius, 0.0)
@@ -285,11 +285,13 @@ class ModelKernel:
                 outside |= {name}
         return values, sigmas, outside
 
-    def of_contact(self, contact: ContactRegion, features: Features, pattern: PinPattern) -> list[float]:
-        """Values of a contact."""
+    def of_contact(
+        self, contact: ContactRegion, features: Features, pattern: PinPattern
+    ) -> list[tuple[float, bool]]:
+        """Values of a contact, and whether each is out of range."""
         self._inputs.write_contact(contact, features, pattern)
         self._run()
-        return [self._outputs[i, 0] for i in range(self._outputs.shape[0])]
+        return [(self._outputs[i, 0], self._outputs[i, 2] != 0.0) for i in range(self._outputs.shape[0])]
 
     def of_inputs(self, z: Complex) -> Array:
         """(outputs, 3) value, sigma, and whether out of range, of (inputs,) complex128; a new array."""

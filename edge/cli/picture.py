@@ -190,14 +190,14 @@ def pins(frame: Frame, rest: Rest) -> Iterator[Line]:
     share = missing_n / (len(rest) + missing_n)
     clean = "clean lens and skin, light it evenly; is a pin torn out?"
     yield judged("holes", f"{missing_n or 'none'} seen in the lattice", (share > ASTRAY_REL, "warn", clean))
-    softness = p.edge_px / p.pin_radius_px
-    blur = f"edges are blurred by {p.edge_px:.1f} px, {softness:.0%} of a pin's radius"
+    blur = f"edges are blurred by {p.edge_px:.1f} px, {p.edge_px / p.pin_radius_px:.0%} of a pin's radius"
     sharpen = "turn the lens until `python -m edge inspect` finds the sharpest pins"
-    yield judged("focus", blur, (softness > HALF_REL, "warn", sharpen))
+    half = HALF_REL * p.pin_radius_px**2 / 4  # of a disc's variance
+    yield judged("focus", blur, (p.edge_px**2 - 1.0 > half, "warn", sharpen))  # a pixel blurs a sharp edge
     smear, direction = smear_px(frame, seen)
     longer = f"pins are {smear:.1f} px longer at {direction:.0f} degrees than across"
     hold = "hold it still and shorten [source] exposure_us; or has each pin a ghost, or is the view slanted?"
-    spread = smear**2 / 12 > HALF_REL * p.pin_radius_px**2 / 4  # variances, of the motion and of a disc
+    spread = smear**2 / 12 > half  # the variance of an even motion
     yield judged("motion", longer, (spread, "warn", hold))
     top = (1 << frame.bits) - 1
     noise = f"of full scale, noise is {p.noise / top:.1%}"

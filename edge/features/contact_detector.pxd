@@ -10,9 +10,11 @@ cdef class ContactDetector:
     cdef double[:, :, ::1] _slope
     cdef double _pitch_px, _cell_noise, _ring_noise, _median_noise, _raise_sigma, _clear_sigma
     cdef double _noise_ratio_max, _noise_frames_n
+    cdef double _usual  # noise of a pin's motion, seen as at rest, pitches
     cdef double _noise_ratio  # of a cell: measured over predicted noise
     cdef double _ring_noise_ratio  # of a ring's mean
     cdef Py_ssize_t _turn  # which rings it is learnt from next
+    cdef Py_ssize_t _learnt_n  # frames that it was learnt from
     cdef bint _in_contact
     cdef double[::1] _root  # sqrt(known pins of a ring / all of them)
     cdef Py_ssize_t _peak_row  # the ring of `_highest_mean`
@@ -33,5 +35,6 @@ cdef class ContactDetector:
     cdef double _median_area_change(self, const double[:, ::1] xy, Py_ssize_t i) noexcept
     cdef Py_ssize_t _ring_median(self, const double[:, ::1] xy, Py_ssize_t i, double shift_x, double shift_y) noexcept
     cdef double _median_motion(self, const double[:, ::1] xy, Py_ssize_t component) noexcept
+    cdef double _quietness(self, const double[::1] area_change) noexcept
     cdef void _learn(self, const double[::1] area_change, double predicted) noexcept
     cdef double _moved(self, double learnt, double[::1] sizes, Py_ssize_t n, double predicted) noexcept

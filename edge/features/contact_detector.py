@@ -18,6 +18,8 @@ Rules
   and of rings' means each: skin that creeps back from the last touch moves neighbours alike, and no mean over
   them averages that out. The learnt value stays within `noise_ratio_max` of the prediction, so that a slow
   touch cannot raise its own limit.
+- Until that is learnt, a frame whose cells scatter less than is expected, with the error that so many may
+  have, is judged by their scatter: of a recording of stills the first one after the rest may be a press.
 - A mean over fewer cells averages out less noise and is scaled down accordingly.
 - While a contact lasts, the slope of the ring medians where the areas had increased most tells by itself that
   it does, if it is above what begins one: no areas are needed for that.
@@ -52,8 +54,9 @@ class ContactDetector:
         self._rest = np.ascontiguousarray(rest.xy_img, np.float64)
         self._ring, self._slope = short_rows(ring), slope
         self._pitch_px = rest.pattern.pitch_px
+        self._usual = sqrt(2.0) * float(np.median(rest.pins.sigma_px)) / self._pitch_px
         self._noise_ratio = self._ring_noise_ratio = 1.0
-        self._turn = 0
+        self._turn = self._learnt_n = 0
         self._in_contact = False
         self._peak_row, self._begins = 0, np.inf
         self._root = np.sqrt(np.arange(width + 1) / width)
@@ -87,6 +90,9 @@ class ContactDetector:
         limit = self._limit_sigma() * noise
         self._begins = self._raise_sigma * noise
         self._in_contact = highest > limit and self._is_coherent(xy, limit)
+        if not self._in_contact and self._learnt_n < self._noise_frames_n:
+            limit *= self._quietness(area_change)
+            self._in_contact = highest > limit and self._is_coherent(xy, limit)
         if not self._in_contact:
             self._learn(area_change, predicted)
         return self._in_contact
@@ -229,6 +235,22 @@ class ContactDetector:
                 known += 1
         return median(self._values, known) if known >= self._min_ring_known else NAN
 
+    def _quietness(self, area_change: Array) -> float:
+        """Scatter of this frame's cells, with the error that it may have, over that of pins seen as at rest.
+
+        At most 1. Pins that are seen worse in this frame raise the limit all the same.
+        """
+        known: cython.Py_ssize_t = 0
+        for i in range(self._n):
+            if isfinite(area_change[i]):
+                self._values[known] = fabs(area_change[i])
+                known += 1
+        if known == 0 or not self._usual > 0.0:
+            return 1.0
+        highest = 1.0 + self._clear_sigma / sqrt(2.0 * known)
+        ratio = highest * sigma_of(self._values, known) / (self._cell_noise * self._usual)
+        return min(max(ratio, 1.0 / self._noise_ratio_max) / self._noise_ratio, 1.0)
+
     def _learn(self, area_change: Array, predicted: float) -> None:
         """Move the learnt noise towards that of this untouched frame; `predicted`: the pins' own, pitches."""
         known: cython.Py_ssize_t = 0
@@ -248,6 +270,7 @@ class ContactDetector:
                 self._ring_values[known_rings] = fabs(total) / self._width
                 known_rings += 1
             i += self._width
+        self._learnt_n += 1
         self._noise_ratio = self._moved(self._noise_ratio, self._values, known, self._cell_noise * predicted)
         self._ring_noise_ratio = self._moved(
             self._ring_noise_ratio, self._ring_values, known_rings, self._ring_noise * predicted

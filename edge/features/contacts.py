@@ -14,11 +14,11 @@ Rules
 - The region of a contact is what lies above a share of its peak and is nearest to one of its peaks. A share
   rather than a fixed height, so that the region does not grow with the depth alone.
 - Contacts are in the order of their highest peaks, CONTACTS_MAX at most.
-- A contact's place is the mean of its pins' present positions, weighted by area change. A shear shifts both
-  the pattern of area changes and the pins; in this mean the two errors nearly cancel.
-- What a shear adds shows in first moments about the middle: of the divergence, which a press makes
-  symmetrical, and of the curl, which a press does not make at all. A shear makes both, as large (of an even
-  spread: exactly), so that a calibration can take the one off the other.
+- A contact's place begins with the mean of its pins' present positions, weighted by area change. What a shear
+  adds to it shows in first moments about the middle: of the divergence, which a press makes symmetrical, and
+  of the curl, which a press does not make at all. A shear makes both, as large (of an even spread: exactly).
+  So the place is the mean less the moment of the curl: dots on a surface are dragged along so far that cells
+  grow beside the contact. A calibration has the parts, and weighs them itself.
 - Cells of lost pins are interpolated from others: where most pins are lost, a contact is only a guess.
 """
 
@@ -380,8 +380,10 @@ class ContactFinder:
         elongation = self.regions.elongation[i]
         if isnan(direction) and elongation >= self._min_oriented_elongation:
             direction = self.regions.direction[i]
+        mean, curl = self._tables[0, i].copy(), self._tables[2, i].copy()
         return ContactRegion(
-            self._tables[0, i].copy(),
+            mean - curl if moments else mean,
+            mean,
             self.regions.peak_height(i),
             self.regions.area_px2(i),
             direction,
@@ -389,7 +391,7 @@ class ContactFinder:
             self.regions.ridge(i),
             self._middles[i].copy(),
             self._tables[1, i].copy() if moments else _UNKNOWN,
-            self._tables[2, i].copy() if moments else _UNKNOWN,
+            curl if moments else _UNKNOWN,
             fitted[i] if fitted else None,
         )
 

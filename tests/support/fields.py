@@ -106,4 +106,4 @@ def contact_region(
 ) -> ContactRegion:
     """A contact of one peak, without shear."""
     at, none = np.array(place), np.zeros(2)
-    return ContactRegion(at, peak, area_px2, along_rad, elongation, at[None], at, none, none.copy())
+    return ContactRegion(at, at, peak, area_px2, along_rad, elongation, at[None], at, none, none.copy())

@@ -150,6 +150,7 @@ class DotContacts:
         length = float(np.hypot(*half)) if is_line else 0.0
         return ContactRegion(
             xy_img=place + pitch_px * shear,
+            weighted_img=place + pitch_px * shear,
             peak=2.0 * fit.height[i] / width**2,
             area_px2=2.0 * math.pi * fit.height[i] * pitch_px**2,  # as the load and the contact grow
             orientation_rad=_angle(half) if is_line else math.nan,

@@ -29,7 +29,7 @@ def test_the_inputs_of_a_contact() -> None:
     f, r = touched_features(0.05, (4.0, -2.0)), PATTERN.tip_radius_px
     fitted = FittedContact(PATTERN.centre_img - r * XY, 2.0, 3.0, XY, -XY)
     contact = ContactRegion(
-        PATTERN.centre_img + r * XY, 0.1, 9.0, 0.0, 1.0, XY[None], PATTERN.centre_img, XY, -XY
+        XY, PATTERN.centre_img + r * XY, 0.1, 9.0, 0.0, 1.0, XY[None], PATTERN.centre_img, XY, -XY
     )
     p, shear = 0.3 - 0.4j, (4.0 - 2.0j) / r
     expected = [p, 0.1, shear, 3.0 / r, 0.0, p / r, -p / r, np.nan, np.nan, np.nan, np.nan, np.nan]

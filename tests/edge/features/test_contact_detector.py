@@ -1,5 +1,7 @@
 """The contact detector: its limits and what it learns; test_extract has more."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import norm
@@ -51,3 +53,15 @@ def test_skin_that_creeps_is_learnt_as_noise_of_rings_and_a_touch_still_begins()
 
     assert not any([decide(0.0) for _ in range(300)][64:])
     assert decide(0.05)
+
+
+@pytest.mark.parametrize(("height", "noise"), [(0.0, 0.05), (0.0, 0.15), (0.015, 0.05)])
+def test_quieter_pins_than_expected_show_a_press_in_the_first_frame(height: float, noise: float) -> None:
+    rest = tip(127)
+    rest = replace(rest, pins=replace(rest.pins, sigma_px=np.full(127, 0.15 / 2**0.5)))
+    rest_area = areas(rest.xy_img, rest)
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        xy = rest.xy_img + push(rest, (20.0, -15.0), 30.0, height) + rng.normal(0.0, noise, (127, 2))
+        change = areas(xy, rest) / rest_area - 1.0
+        assert ContactDetector(rest).by_area(change, xy, 0.15) == (height > 0.0)

@@ -37,6 +37,16 @@ def test_one_push_is_one_contact_in_its_place(pins: int, at: tuple[float, float]
     assert np.isnan(found[0].orientation_rad)
 
 
+def test_dots_that_a_tool_drags_along_do_not_draw_its_contact_aside() -> None:
+    rest, at = tip(331), np.array([20.0, -30.0])
+    pitch = rest.pattern.pitch_px
+    motion = push(rest, (20.0, -30.0), 2.0 * pitch, 0.06)
+    motion[:, 0] -= 0.4 * pitch * np.exp(-0.5 * ((rest.xy_img - CENTRE - at) ** 2).sum(axis=1) / pitch**2)
+    (found,) = contacts(rest, motion)
+    assert np.hypot(*(found.weighted_img - CENTRE - at)) > 0.9 * pitch
+    assert np.hypot(*(found.xy_img - CENTRE - at)) < 0.6 * pitch
+
+
 def test_there_are_no_more_contacts_than_the_table_holds() -> None:
     rest, across = tip(331), (-120.0, -40.0, 40.0, 120.0)
     motion = sum(push(rest, (x, y), 16.0, 0.3) for x in across for y in across)
