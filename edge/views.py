@@ -1,8 +1,8 @@
 """What several views of one skin show, as one: each is read as a tip of its own.
 
 Rules
-- A view whose pins are not identified, or span no plane, is lost: it has no pins and no contacts, and the
-  others' values go on. Where none is left, nothing is trusted.
+- A view whose pins are not identified, span no plane, or are too few by the rules for one view, is lost: it
+  has no pins and no contacts, and the others' values go on. Where none is left, nothing is trusted.
 - Contacts of all views are in one list, the strongest first, each at its place in the image. One touch that
   two mirrors show is two contacts.
 - Volume is the sum. Mean motion is that of all pins, and so are modes, unless a view is lost.
@@ -20,6 +20,7 @@ import cv2
 import numpy as np
 
 from edge.calibration import uncalibrated
+from edge.faults.pin_visibility import PinVisibility
 from edge.features import Modes
 from edge.features.params import CONTACTS_MAX
 from edge.features.surface import grid_line
@@ -37,28 +38,35 @@ class JoinedViews:
         self._rest, self._modes = rest, Modes(rest)
         parts = parts_of(rest)
         self._rows = [rows for rows, _ in parts]
+        self._visibility = [PinVisibility(own) for _, own in parts]
         self._lost = [_nothing_of(own, area) for (_, own), area in zip(parts, rest_areas_px2, strict=True)]
 
     def result(self, frame: Frame, of_views: Sequence[Result]) -> Result:
         """One result of those of all views."""
-        if all(one.features is None for one in of_views):
+        spoilt = [
+            bool(pins.problem(one.tracks, one.features)) and not pins.explained
+            for pins, one in zip(self._visibility, of_views, strict=True)
+        ]
+        found = [one.features is not None for one in of_views]
+        known = [is_found and not bad for is_found, bad in zip(found, spoilt, strict=True)]
+        known = known if any(known) else found
+        if not any(known):
             tracks = tracks_joined(self._rows, [one.tracks for one in of_views])
             return Result(frame, tracks, None, None, uncalibrated(), searched=True)
-        searched = any(one.searched for one in of_views if one.features is not None)
         kept = [
-            one if one.features is not None else replace(one, tracks=tracks, cells=cells, features=features)
-            for one, (tracks, cells, features) in zip(of_views, self._lost, strict=True)
+            one if is_known else Result(frame, *lost, uncalibrated(), searched=False)
+            for one, is_known, lost in zip(of_views, known, self._lost, strict=True)
         ]
         features = self.features([one.features for one in kept])
         cells = [one.cells for one in kept if one.cells is not None]
         whole = self._cells(cells) if len(cells) == len(kept) else None
         tracks = tracks_joined(self._rows, [one.tracks for one in kept])
+        searched = any(one.searched for one in kept)
         return Result(frame, tracks, whole, features, _reading(kept), searched)
 
     def _cells(self, of_views: Sequence[Cells]) -> Cells:
         """The cells of all views; their boundary points, one after the other, follow all pins."""
-        rows, triangles = self._rows, []
-        end = len(self._rest)
+        rows, triangles, end = self._rows, [], len(self._rest)
         for cells, own in zip(of_views, rows, strict=True):
             start, end = end, end + len(cells.boundary_img)
             triangles.append(np.append(own, np.arange(start, end, dtype=np.int32))[cells.triangles])

@@ -23,7 +23,7 @@ from calib.fit_warnings import fit_warnings
 from calib.hold_out import evaluate_held_out
 from calib.skin import extract_of_dots
 from calib.targets import Targets
-from edge.calibration import Calibration
+from edge.calibration import Calibration, CalibrationFile
 from edge.calibration.checks import is_of_contact, outputs_of
 from edge.cli.options import sensor_option
 from edge.errors import CalibrationError, ConfigError
@@ -98,9 +98,13 @@ def fit_command(
     """
     given = Frames(**frames)
     check_output(output, (".json",), [*given.inputs, *([prior] if prior else [])], overwrite)
-    search = Search(Prefer(prefer), known={} if prior is None else _known_models(prior))
+    known = [{}] if prior is None else _known_models(prior)
     skin = None if sensor_name is None else load_sensor(sensor_name).tip.skin
     views = given.open().read_as(on_surface=skin == "surface").views()
+    if len(known) not in (1, len(views)):
+        raise CalibrationError(
+            f"{prior}: is of {len(known)} views, the frames show {len(views)}; see --region"
+        )
     fitted: list[_Fitted] = []
     for k, view in enumerate(views):
         if len(views) > 1:
@@ -108,6 +112,7 @@ def fit_command(
         data, targets, extract = _of_its_skin(given, view, skin)
         scale = mm_per_px or scale_of(sensor_name, data.rest)
         held_out = None if hold_out is None else (hold_out, seed)
+        search = Search(Prefer(prefer), known=known[k % len(known)])
         fitted.append(_fitted(given, data, targets, extract, search, serial, scale, held_out))
     calibration = of_views([one.calibration for one in fitted])
     with writing(output, overwrite) as unfinished:
@@ -197,9 +202,12 @@ def scale_of(name: str | None, rest: Rest) -> float | None:
     return scale
 
 
-def _known_models(prior: Path) -> dict[tuple[str, ...], KnownModel]:
-    """The models of another tip. Raises CalibrationError: cannot be read, or nothing in it carries over."""
-    content = Calibration.load(prior).content
+def _known_models(prior: Path) -> list[dict[tuple[str, ...], KnownModel]]:
+    """The models of each view of another tip. Raises CalibrationError: unreadable, nothing carries over."""
+    return [_known_of_view(prior, view.content) for view in Calibration.load(prior).views]
+
+
+def _known_of_view(prior: Path, content: CalibrationFile) -> dict[tuple[str, ...], KnownModel]:
     known = known_models(content)
     if not known:
         raise CalibrationError(

@@ -4,6 +4,7 @@ Structure, lengths and ranges are checked by the types of `edge.calibration.file
 file before it has passed, and every message names the place in the file.
 """
 
+import operator
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -43,15 +44,14 @@ _POSITIVE = {"displacement_mm", "force_n", "contact_area_mm2", "contact_depth_mm
 def check(content: CalibrationFile) -> None:
     """Raises  BadContent: place in the file, what is wrong, what would be right"""
     _check_view(content)
+    shared = operator.attrgetter("format", "version", "sensor.size_px", "sensor.lens")
     for i, view in enumerate(content.views):
         try:
             _check_view(view)
         except BadContent as error:
             raise BadContent(f"views[{i}].{error}") from None
-        if (view.format, view.version, view.views) != (content.format, content.version, []):
-            raise BadContent(f"views[{i}]: give the calibration of one view, of the same format and version")
-        if (view.sensor.size_px, view.sensor.lens) != (content.sensor.size_px, content.sensor.lens):
-            raise BadContent(f"views[{i}].sensor: give the size_px and the lens of the first view")
+        if view.views or shared(view) != shared(content):
+            raise BadContent(f"views[{i}]: give one view, of the format, version, size and lens of the first")
     pins_n = sum(len(view.sensor.rest_xy_px) for view in (content, *content.views))
     if pins_n > PINS_MAX:
         raise BadContent(f"views: {pins_n} pins in all; {PINS_MAX} at most are wanted")

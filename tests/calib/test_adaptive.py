@@ -24,9 +24,7 @@ def poses_of(path: Path) -> list[Pose]:
     return [pose_of(row) for _, row in read_capture(path) if row["role"] != "rest"]
 
 
-def test_resumed_within_a_batch_it_takes_the_same_frames(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_resumed_in_a_batch_it_takes_the_same_frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     through, broken = tmp_path / "through.mcap", tmp_path / "broken.mcap"
     at: list[Pose] = []
     fitted: list[tuple[int, Pose]] = []

@@ -62,9 +62,7 @@ def straight(quick_fits: None) -> list[float]:
 
 
 @pytest.mark.parametrize("form", [(1, -1, False), (1, -1, True), (1, 1, True)], ids=str)
-def test_a_mirrored_or_turned_rig_gives_the_same_errors(
-    form: tuple[int, int, bool], straight: list[float]
-) -> None:
+def test_a_mirrored_or_turned_rig_errs_alike(form: tuple[int, int, bool], straight: list[float]) -> None:
     np.testing.assert_allclose(_errors(form), straight, rtol=0.02, atol=1e-4)
 
 
@@ -173,9 +171,7 @@ def test_any_rig_s_z_becomes_a_depth(pressed: Pressed, sign: int, at_touch: floa
 
 
 @pytest.mark.parametrize(("sign", "at_touch"), [(1, 50.0), (-1, 412.3), (-1, -80.0), (1, -20.0)])
-def test_a_position_whose_first_touch_no_frame_shows_is_refused(
-    pressed: Pressed, sign: int, at_touch: float
-) -> None:
+def test_a_position_without_a_first_touch_is_refused(pressed: Pressed, sign: int, at_touch: float) -> None:
     table, extract = pressed.table(pressed.touched, displacement_mm=sign * pressed.depth + at_touch)
     with pytest.raises(TableError, match=r"pose_z .* first touch.*, or add frames every 0\.1 mm") as caught:
         along_press(table, extract, captured=False, rest_given=True)

@@ -64,9 +64,7 @@ def _range_of_depth(calibration: Calibration) -> tuple[float, float]:
     ("turn_deg", "mirrored", "first_mirrored"),
     [(0.0, False, False), (90.0, True, False), (-70.0, False, True)],
 )
-def test_twelve_frames_of_another_tip_are_enough(
-    turn_deg: float, mirrored: bool, first_mirrored: bool
-) -> None:
+def test_12_frames_of_another_tip_are_enough(turn_deg: float, mirrored: bool, first_mirrored: bool) -> None:
     prior = _first(mirrored=first_mirrored)
     calibration = _carried(prior, *_second(12, 1, turn_deg, mirrored=mirrored))
     fresh, true = _second(300, 2, turn_deg, mirrored=mirrored)

@@ -76,9 +76,7 @@ def test_a_table_of_pressed_frames_gets_the_estimate(pressed: list[Image], tmp_p
     assert "in 40 frames extrapolated to no load" in data.rest_message
 
 
-def test_frames_that_the_table_says_are_untouched_are_the_rest_frame(
-    pressed: list[Image], tmp_path: Path
-) -> None:
+def test_frames_the_table_calls_untouched_are_the_rest_frame(pressed: list[Image], tmp_path: Path) -> None:
     untouched = tip().frame().image
     depths = np.append(TRUTH["displacement_mm"][:6], [0.0, 0.0])
     path = write_table(tmp_path, [*pressed[:6], untouched, untouched], {"pose_z": depths})

@@ -375,9 +375,7 @@ def write_edge(path: Path, states: list[State], finger: int = 1) -> None:
 
 @pytest.mark.parametrize("split", [None, 40])
 @pytest.mark.parametrize("version", [1, 12289])
-def test_an_object_of_no_length_costs_what_follows_it(
-    tmp_path: Path, version: int, split: int | None
-) -> None:
+def test_an_object_of_no_length_costs_what_follows(tmp_path: Path, version: int, split: int | None) -> None:
     """A reader that trusts it goes on from it to itself, for ever; it may reach into the next container."""
     path = tmp_path / "a.blf"
     write_log(path, traffic(5))

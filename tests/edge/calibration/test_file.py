@@ -102,6 +102,9 @@ HOSTILE: list[tuple[str, Any, str]] = [
     ("sensor.pin_radius_px", 40.0, "pin_radius_px: 40"),
     ("sensor.tip_radius_px", 460.0, "sensor.tip_radius_px: 460, but the outermost pin is 40 px"),
     ("sensor.pitch_px", 60.0, "pitch_px: 60, but the rest pins are 20"),
+    ("views", [calibration_content() | {"version": 2}], "views[0]: give one view, of the format, version,"),
+    ("views", [calibration_content() | {"models": [{}]}], "views[0].models[0]: lacks type"),
+    ("views", [damaged("sensor", "pitch_px", value=60.0)], "views[0].sensor.pitch_px: 60, but the rest pins"),
 ]  # fmt: skip
 
 

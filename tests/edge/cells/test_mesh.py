@@ -34,9 +34,7 @@ frames = st.lists(st.lists(grid_point, min_size=9, max_size=9), min_size=2, max_
 
 @given(frames=frames, exponent=st.integers(-30, 30), shift=st.sampled_from([0.0, 1e6]))
 @settings(max_examples=150)
-def test_degenerate_motion_stays_exact(
-    frames: list[list[tuple[int, int]]], exponent: int, shift: float
-) -> None:
+def test_degenerate_motion_is_exact(frames: list[list[tuple[int, int]]], exponent: int, shift: float) -> None:
     """For any motion of the pins, each frame's areas are those of rational arithmetic."""
     mesh = Mesh(9, 24)
     for frame in frames:
@@ -73,9 +71,7 @@ def test_tiny_coordinates_do_not_break_exactness() -> None:
         pytest.param(np.zeros((4, 2), dtype=np.int64), ValueError, "dtype", marks=pytest.mark.compiled),
     ],
 )
-def test_misuse_is_reported_and_keeps_the_mesh_usable(
-    points: Points, error: type[Exception], message: str
-) -> None:
+def test_misuse_is_reported_and_the_mesh_usable(points: Points, error: type[Exception], message: str) -> None:
     mesh = Mesh(1, 3)
     good = np.array([[0.0, 0.0], [-1, -1], [1, -1], [0, 1]])
     before = areas_of(mesh, good, 1)

@@ -227,9 +227,7 @@ def test_images_without_pins_are_refused_at_any_speed(tmp_path: Path, speed: str
     assert "no pattern of pins in the image" in done.err.splitlines()[-1]
 
 
-def test_images_that_pass_during_the_tare_are_reported(
-    caplog: pytest.LogCaptureFixture, data_dir: Path
-) -> None:
+def test_images_passed_during_the_tare_are_reported(caplog: pytest.LogCaptureFixture, data_dir: Path) -> None:
     """A search takes longer than 40 images at a hundred times their rate, on a busy machine than all."""
     done = command("replay", data_dir / "press_shear.mcap", "--speed", "100", "-q")
     warnings = [record.getMessage() for record in caplog.records if record.name == "edge"]
@@ -367,9 +365,7 @@ def mistaken(data_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     ],
     ids=lambda value: value[:40],
 )
-def test_a_mistake_is_one_line_and_exit_code_2(
-    mistaken: Path, data_dir: Path, line: str, expected: str
-) -> None:
+def test_a_mistake_is_one_line_and_code_2(mistaken: Path, data_dir: Path, line: str, expected: str) -> None:
     places = {"press": data_dir / "press_shear.mcap", "other": data_dir / "rings331_ball.json"}
     assert expected in command(*[word.format(**places) for word in shlex.split(line)]).refusal
     assert {(mistaken / name).read_text() for name in ("there.mcap", "video.mp4")} == {"keep me"}

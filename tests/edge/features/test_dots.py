@@ -62,9 +62,7 @@ def test_as_many_contacts_as_balls_and_each_in_its_place(dots: DotContacts, ball
 
 
 @pytest.mark.parametrize(("radius_mm", "depth_mm"), [(2.0, 1.0), (0.3, 0.6)])
-def test_a_bar_or_an_edge_is_one_with_its_direction(
-    dots: DotContacts, radius_mm: float, depth_mm: float
-) -> None:
+def test_a_bar_or_edge_is_one_with_a_direction(dots: DotContacts, radius_mm: float, depth_mm: float) -> None:
     found = contacts(dots, [Bar(1.0, -1.0, 0.5, depth_mm, 12.0, radius_mm)])
     assert len(found) == 1
     assert found[0].orientation_rad == pytest.approx(0.5, abs=np.radians(5.0))

@@ -196,9 +196,7 @@ def test_pins_that_a_round_frame_cuts_are_found_by_their_arc(radius: float) -> N
 
 
 @pytest.mark.parametrize("change", [{}, {"count": 500}, {"size_px": (320, 240)}, {"brightness": 2000.0}])
-def test_the_pattern_of_an_earlier_image_finds_the_same_pins(
-    frames: list[Frame], change: dict[str, Any]
-) -> None:
+def test_an_earlier_pattern_finds_the_same_pins(frames: list[Frame], change: dict[str, Any]) -> None:
     like = replace(learn(frames[0].image)[0], **change)
     (_, known), (_, found) = (learn(frames[3].image, like=like) for like in (like, None))
     assert len(known) == len(found)

@@ -142,9 +142,7 @@ def write_mcap_bomb(path: Path, compression: str, stated: int) -> Path:
 
 @pytest.mark.parametrize("compression", ["lz4", "zstd"])
 @pytest.mark.parametrize("stated", [1000, 100 << 20, 1 << 40])
-def test_a_chunk_that_unpacks_endlessly_counts_as_damaged(
-    tmp_path: Path, compression: str, stated: int
-) -> None:
+def test_a_chunk_that_unpacks_endlessly_is_damaged(tmp_path: Path, compression: str, stated: int) -> None:
     path = write_mcap_bomb(tmp_path / "a.mcap", compression, stated)
     doubled = 2 * (stated if stated < UNPACKED_MAX else 0)  # lz4 doubles as it grows
     with bounded_memory(MEMORY_MAX + doubled), pytest.raises(SourceError, match=r"cut off before"):

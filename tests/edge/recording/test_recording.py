@@ -357,9 +357,7 @@ def test_a_camera_whose_clock_begins_anew_leaves_times_that_grow(tmp_path: Path)
 
 @pytest.mark.parametrize("chunk_size", [1, 1 << 20])
 @pytest.mark.parametrize("indexed", [True, False])
-def test_messages_out_of_order_are_played_in_order_of_time(
-    tmp_path: Path, chunk_size: int, indexed: bool
-) -> None:
+def test_messages_out_of_order_are_played_by_time(tmp_path: Path, chunk_size: int, indexed: bool) -> None:
     path, log_ns = tmp_path / "a.mcap", [4000, 1000, 3000, 2000, 5000]
     with path.open("wb") as file, Writer(file, chunk_size=chunk_size) as writer:
         for ns in log_ns:

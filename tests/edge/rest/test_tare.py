@@ -62,9 +62,7 @@ def test_an_untouched_tip_is_a_rest_frame_and_a_steady_touch_is_none(
         assert "touches" in forced.message
 
 
-def test_pins_unlike_the_calibrations_are_found_all_the_same(
-    frames: list[Frame], calibration: Calibration
-) -> None:
+def test_pins_unlike_the_calibrations_are_found_too(frames: list[Frame], calibration: Calibration) -> None:
     inverted = [255 - image for image in images(frames, 3)]
     with pytest.raises(TareRefused) as refused:
         take_rest_frame(inverted, calibration=changed(calibration, size_px=[640, 480]))

@@ -58,9 +58,7 @@ def test_the_recording_holds_the_samples_of_the_bus(recorded: tuple[Path, list[S
     assert counts["/pins"] == counts["/cells"] == counts["/features"] == counts["/reading"] == 19
 
 
-def test_topics_and_schemas_are_those_of_the_bridge(
-    recorded: tuple[Path, list[State]], tmp_path: Path
-) -> None:
+def test_topics_and_schemas_are_as_of_the_bridge(recorded: tuple[Path, list[State]], tmp_path: Path) -> None:
     def shared(path: Path) -> dict[str, tuple[str, str, str, Any]]:
         with path.open("rb") as file:
             summary = make_reader(file).get_summary()

@@ -298,7 +298,7 @@ def test_programs_and_pages_that_were_named_may_set(hand: Hand, headers: dict[st
     assert hand.connection.finger(1).get("rate_hz") == 50.0
 
 
-def test_a_viewer_of_the_older_protocol_reads_which_release_it_needs(
+def test_a_viewer_of_the_old_protocol_reads_which_release_it_needs(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     with closing(FoxgloveOutlet(Listen("127.0.0.1", 0))) as outlet:

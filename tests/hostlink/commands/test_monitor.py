@@ -71,9 +71,7 @@ def test_long_names_and_many_problems_cut_no_number() -> None:
     assert "finger right_middle_finger0: too much" in shown(rows)
 
 
-def test_problems_of_a_finger_are_listed_below_the_table(
-    wire: Wire, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_problems_of_a_finger_are_listed_below_a_table(wire: Wire, caplog: pytest.LogCaptureFixture) -> None:
     """Another version, and two senders with one number, beside a finger in order."""
     for k in range(20):
         wire.send_foreign(2, k)
