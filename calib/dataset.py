@@ -19,18 +19,19 @@ import numpy as np
 
 from calib.capture import read_capture, read_rows
 from calib.errors import CaptureError, TableError
-from calib.extract import Extract, extract, join_extracts
+from calib.extract import Extract, extract, join_extracts, read_like
 from calib.fit import tip_of
 from calib.targets import Targets, join, read_targets, targets_of_capture
 from calib.unloaded import load_of, unloaded
 from edge.calibration import Calibration
 from edge.errors import CalibrationError, NoPins
-from edge.pins import take_rest
+from edge.geometry.parts import of_parts, parts_of
 from edge.rest.choice import aligned, choose_rest
 from edge.rest.tare import TareParams
 from edge.rest.tip_match import in_order_of
 from edge.sources.files import read_image
-from edge.types import Image, Lens, Rest
+from edge.sources.region import region_named
+from edge.types import Frame, Image, Lens, Region, Rest
 from hostlink.cli_types import counted
 
 __all__ = ["Dataset", "RestGroup", "open_dataset"]
@@ -92,6 +93,11 @@ class Dataset:
         patterns = [replace(p.rest.pattern, on_surface=on_surface) for p in self.parts]
         return self._with([replace(p.rest, pattern=q) for p, q in zip(self.parts, patterns, strict=True)])
 
+    def views(self) -> list[Dataset]:
+        """The data of each view of the skin by itself, as mirrors show it; of the only one as it is."""
+        views = zip(*(parts_of(part.rest) for part in self.parts), strict=True)
+        return [self._with([own for _, own in view]) for view in views]
+
     def _with(self, rests: Sequence[Rest]) -> Dataset:
         parts = [replace(p, rest=rest) for p, rest in zip(self.parts, rests, strict=True)]
         return Dataset(tuple(parts), self.rest_message)
@@ -102,19 +108,25 @@ class Dataset:
 
 
 def open_dataset(
-    tables: Sequence[Path], folder: Path | None, rest_image: Path | None, lens: Lens | None = None
+    tables: Sequence[Path],
+    folder: Path | None,
+    rest_image: Path | None,
+    lens: Lens | None = None,
+    region: str = "",
 ) -> Dataset:
     """Open a table with its frames, or captures.
 
-    Raises  TableError, CaptureError: one line with file, row and column
+    region  that shows the skin, as in a source's address; "": all of the images
+    Raises  TableError, CaptureError: one line with file, row and column; SourceError: no such region
     """
+    camera = _Camera(lens, region)
     captures = [path for path in tables if path.suffix == RECORDING]
     if captures:
         if len(captures) < len(tables):
             raise TableError(f"{tables[0]} and {captures[0]}: either one table or captures, not both")
         if folder is not None or rest_image is not None:
             raise TableError(f"{captures[0]}: a capture has its own frames; omit --frames and --rest")
-        parts = tuple(_capture(path, lens) for path in captures)
+        parts = tuple(_capture(path, camera) for path in captures)
         for path, part in zip(captures[1:], parts[1:], strict=True):
             _must_be_same_tip(captures[0], parts[0].rest, path, part.rest)
         return Dataset(parts)
@@ -124,12 +136,42 @@ def open_dataset(
         raise TableError(f"{tables[0]}: a table needs --frames DIR, the folder of its pictures")
     targets = read_targets(tables[0], folder)
     if rest_image is None or str(rest_image) == "auto":
-        return _without_rest(tables[0], targets, lens)
-    rest = _rest([read_image(rest_image)], rest_image, lens)
-    return Dataset((RestGroup(rest, targets, lambda: targets.frames),))
+        return _without_rest(tables[0], targets, camera)
+    rest = _rest([read_image(rest_image)], rest_image, camera)
+    return Dataset((RestGroup(rest, targets, lambda: camera.frames(targets, rest)),))
 
 
-def _without_rest(table: Path, targets: Targets, lens: Lens | None) -> Dataset:
+@dataclass(slots=True)
+class _Camera:
+    """What is known of how the frames were taken: the lens, and the region as in a source's address."""
+
+    lens: Lens | None
+    region: str
+
+    def tare(self, where: Path, image: Image) -> TareParams:
+        """How the rest frame of images like this one is taken. Raises SourceError: no such region."""
+        height, width = image.shape[:2]
+        return TareParams(lens=self.lens, region=region_named(str(where), (width, height), self.region))
+
+    def rest(self, where: Path, images: Sequence[Image]) -> Rest:
+        """Raises NoPins, SourceError."""
+        tare = self.tare(where, images[0])
+        return tare.take([_within(image, tare.region) for image in images])
+
+    def frames(self, targets: Targets, rest: Rest) -> Iterable[Path | Image]:
+        """A table's frames: as files, of which a region leaves nothing out."""
+        return self.images(targets, rest) if self.region else targets.frames
+
+    def images(self, targets: Targets, rest: Rest) -> Iterator[Image]:
+        region = region_named(targets.where, rest.pattern.size_px, self.region)
+        return (_within(read_like(path, rest), region) for path in targets.frames)
+
+
+def _within(image: Image, region: Region | None) -> Image:
+    return Frame(image, 0, 0).within(region).image
+
+
+def _without_rest(table: Path, targets: Targets, camera: _Camera) -> Dataset:
     """The data with a rest frame from the table's frames without load, or from what all were without it."""
     load = load_of(targets.values)
     # Exactly 0 where there is such a frame: a load below it may be one that is counted the other way.
@@ -137,28 +179,32 @@ def _without_rest(table: Path, targets: Targets, lens: Lens | None) -> Dataset:
     without_load = [] if none is None else np.flatnonzero(none)[:RESTS_MAX].tolist()
     try:
         if without_load:
-            rest = take_rest([read_image(targets.frames[k]) for k in without_load], lens=lens)
+            rest = camera.rest(table, [read_image(targets.frames[k]) for k in without_load])
             message = f"of {counted(len(without_load), 'frame')} that the table says are without load"
         else:
-            rest, message = _estimated(targets, lens)
+            rest, message = _estimated(table, targets, camera)
     except NoPins as error:
         raise TableError(f"{table}: {error}; give --rest an image of the untouched tip") from None
-    return Dataset((RestGroup(rest, targets, lambda: targets.frames),), message)
+    return Dataset((RestGroup(rest, targets, lambda: camera.frames(targets, rest)),), message)
 
 
-def _estimated(targets: Targets, lens: Lens | None) -> tuple[Rest, str]:
+def _estimated(table: Path, targets: Targets, camera: _Camera) -> tuple[Rest, str]:
     """Rest frame of frames of which the table says no one is untouched, or says nothing. Raises NoPins."""
     some = range(0, len(targets), max(1, -(-len(targets) // CANDIDATES_MAX)))
     images = [read_image(targets.frames[k]) for k in some]
-    choice = choose_rest(images, TareParams(lens=lens))
+    tare = camera.tare(table, images[0])
+    choice = choose_rest([_within(image, tare.region) for image in images], tare)
     name = targets.frames[some[choice.index]].name
-    rest = unloaded(choice.rest, (read_image(path) for path in targets.frames), targets.values)
-    if rest is None:
+    frames = [own for _, own in parts_of(choice.rest)]
+    found = [unloaded(own, camera.images(targets, own), targets.values) for own in frames]
+    rests = [rest for rest in found if rest is not None]
+    if len(rests) < len(found):
         return choice.rest, f"{name}: {choice.message}"
+    rest = rests[0] if len(rests) == 1 else of_parts(rests, choice.rest.pattern)
     return rest, f"the pins of {name}, at their places in {len(targets)} frames extrapolated to no load"
 
 
-def _capture(path: Path, lens: Lens | None) -> RestGroup:
+def _capture(path: Path, camera: _Camera) -> RestGroup:
     rows = read_rows(path)
     samples = tuple(row for row in rows if row["role"] != "rest")
     if not samples:
@@ -171,17 +217,19 @@ def _capture(path: Path, lens: Lens | None) -> RestGroup:
     if not rests:
         raise CaptureError(f"{path}: does not begin with frames of the untouched tip (role rest)")
 
+    region = camera.tare(path, rests[0]).region
+
     def frames() -> Iterator[Image]:
         for frame, row in read_capture(path):
             if row["role"] != "rest":
-                yield frame.image
+                yield frame.within(region).image
 
-    return RestGroup(_rest(rests, path, lens), targets_of_capture(str(path), samples), frames, samples)
+    return RestGroup(_rest(rests, path, camera), targets_of_capture(str(path), samples), frames, samples)
 
 
-def _rest(images: Sequence[Image], where: Path, lens: Lens | None) -> Rest:
+def _rest(images: Sequence[Image], where: Path, camera: _Camera) -> Rest:
     try:
-        return take_rest(images, lens=lens)
+        return camera.rest(where, images)
     except NoPins as error:
         raise TableError(f"{where}: {error}; an image of the untouched tip is needed") from None
 

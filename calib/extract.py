@@ -60,6 +60,7 @@ __all__ = [
     "gather",
     "join_extracts",
     "measure",
+    "read_like",
 ]
 
 #: Features that models use; not slip, which needs a sequence.
@@ -222,13 +223,15 @@ def _chunk(rest: Rest, frames: Sequence[Path | Image]) -> list[Measured]:
     if _kept is None or not _same(_kept[0], rest):
         # Arrays received over a network are views of the message: a copy is aligned and writable.
         pins = Pins(*(np.array(getattr(rest.pins, f.name), order="C") for f in fields(Pins)))
-        rest = Rest(pins, replace(rest.pattern, centre_img=np.array(rest.pattern.centre_img)))
+        pattern = replace(rest.pattern, centre_img=np.array(rest.pattern.centre_img))
+        rest = replace(rest, pins=pins, pattern=pattern)
         _kept = rest, Pipeline(rest, demand=DEMAND), Pipeline(rest, demand=DEMAND)
     _, pipeline, without = _kept
-    return [measure(pipeline, _read(f, rest) if isinstance(f, Path) else f, without) for f in frames]
+    return [measure(pipeline, read_like(f, rest) if isinstance(f, Path) else f, without) for f in frames]
 
 
-def _read(path: Path, rest: Rest) -> Image:
+def read_like(path: Path, rest: Rest) -> Image:
+    """An image of the rest frame's camera. Raises TableError: it has another size; SourceError."""
     image = read_image(path)
     width, height = rest.pattern.size_px
     if image.shape != (height, width):

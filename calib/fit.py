@@ -68,7 +68,6 @@ from edge.calibration.file import (
     Process,
     Sensor,
     encode,
-    file_of,
 )
 from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS
 from edge.geometry.parts import parts_of
@@ -84,6 +83,7 @@ __all__ = [
     "fit",
     "fit_processes",
     "groups_of",
+    "of_views",
     "sensor_of",
     "tip_of",
 ]
@@ -289,7 +289,13 @@ def tip_of(rest: Rest) -> Calibration:
     """A calibration without models: to compare another rest frame with its tip."""
     sensors = [sensor_of(own, "unnamed") for _, own in parts_of(rest)]
     files = [CalibrationFile(FORMAT, VERSION, one, None, [], Data("", "", 0, "")) for one in sensors]
-    return Calibration(file_of(files))
+    return of_views([Calibration(file) for file in files])
+
+
+def of_views(views: Sequence[Calibration]) -> Calibration:
+    """One calibration of those of all views of a skin. Raises CalibrationError: they do not fit together."""
+    content = msgspec.structs.replace(views[0].content, views=[view.content for view in views[1:]])
+    return Calibration.of(content, "the calibration fitted")
 
 
 def _checked(

@@ -18,10 +18,8 @@ Frames of one pose share how the tool was set down, so most of their noise is co
 differences, with one and the same truth, show what the value does not depend on (a skin that creeps), and
 count the more, the less unseen poses differ in themselves (`_own`).
 
-Fewer than two poses for each input hardly decide its weight: which inputs count depends on single poses. With
-repeats, the process is then the mean of ten, whose settings have each seen two thirds of the poses. Held-out
-frames are predicted by the mean of those that have not seen them. (Without repeats, 50 poses of the published
-recordings are read no better by such a mean, which has many more terms.)
+Fewer than two poses for each input do not decide its weight: which inputs count would depend on single poses.
+If they repeat, the modes share one weight that falls with their degree, and the others share another one.
 
 If a model of another tip is known (`calib.carry_over`), its weights and what changes them take the place of
 the kernel: few frames are enough then.
@@ -38,11 +36,11 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from scipy.linalg import block_diag, cholesky, solve_triangular
+from scipy.linalg import cholesky, solve_triangular
 
 from calib.carry_over import KnownModel, changed
 from calib.process_likelihood import Repeats, Settings, Symmetry, fit_settings
-from calib.process_noise import TOO_FEW, NoiseModel, fit_lost, fit_noise, scale_of
+from calib.process_noise import TOO_FEW, NoiseModel, fit_lost, fit_noise, scales_of
 from calib.ridge import blocks, share_of_pose
 from calib.terms import evaluate_terms, term_columns
 from edge.calibration.file import TERMS_MAX, Lost
@@ -55,7 +53,7 @@ __all__ = ["INPUTS", "FittedProcess", "Input", "ProcessParams", "fit_process"]
 class Input:
     """One input of the frame that processes use.
 
-    degree  of the polynomial that it is a coefficient of; 0 and 1 count alike
+    degree  of the polynomial that it is a coefficient of; 0: it is of the touch as a whole
     real    its imaginary part is 0
     """
 
@@ -67,10 +65,10 @@ class Input:
 
 INPUTS = (
     *(Input(f"c{a}{d - a}", 1 - 2 * a + d, d) for d in range(6) for a in range(d, -1, -1)),
-    Input("p", 1, 1),
-    Input("volume", 0, 1, real=True),
-    Input("peak", 0, 1, real=True),
-    Input("size", 0, 1, real=True),
+    Input("p", 1, 0),
+    Input("volume", 0, 0, real=True),
+    Input("peak", 0, 0, real=True),
+    Input("size", 0, 0, real=True),
 )
 
 
@@ -165,26 +163,32 @@ def fit_process(
     pose       (n,) its number: frames of one pose count as one
     """
     mean, unit, target = _standardised(y, symmetry, inputs[:, names.index("volume")].real)
-    find = partial(_prior, names=names, symmetry=symmetry, all_round=all_round, terms_max=terms_max)
+    poses = int(pose.max()) + 1
+    few = poses < min(len(pose), 2 * len(INPUTS))
+    find = partial(_prior, names=names, symmetry=symmetry, all_round=all_round, terms_max=terms_max, few=few)
     if known is not None:
         known = known.scaled(unit, mean)
         find = partial(_changed, known, names=names, symmetry=symmetry)
     data = _Data(inputs, moved, target, fold, pose)
     data = replace(data, own=_own(find, data))
-    poses = int(pose.max()) + 1
+    prior = data.prior(find, data.some_each(PARAMS.repeats))
+    features = prior.features
+    posterior = _Posterior(prior, data)
     group = fold % _n_groups(fold, poses)
-    few = known is None and data.own > 0.0 and poses < 2 * len(INPUTS)
-    weighed, unseen, learnt = _weigh(find, data, group, names, symmetry, few=few)
-    features, factor, weights = weighed.features, weighed.factor(), weighed.weights
-    learnt *= weighed.share_held(inputs, factor)
+    unseen, learnt = _held_out(partial(find, start=prior.start), data, group)
+    factor = posterior.factor()
+    learnt *= posterior.share_held(inputs, factor)
     if features.turning:  # the variance of a complex weight is that of its two parts together
         factor, learnt = factor / math.sqrt(2.0), learnt / 2.0
-    errors = _Errors(inputs, names, unseen, target, learnt, symmetry, all_round=all_round, known=known)
+    share = share_of_pose(pose)
+    errors = _Errors(inputs, names, unseen, target, learnt, share, symmetry, all_round=all_round, known=known)
     along, across, level = errors.noise()
-    scale = scale_of(errors.standardised(group))
+    scales = scales_of(errors.standardised(group))
+    scale = scales.mean(axis=1) if known is None else scales.max(axis=1)
     if known is not None and poses <= TOO_FEW:
         scale = np.maximum(scale, 1.0)
     over = max(math.sqrt(level * float((scale**2).mean())), SIGMA_MIN / unit)
+    weights = prior.mean + features.of_terms(posterior.weights[None])[0]
     return FittedProcess(
         terms=features.terms,
         weights=(weights + mean / unit * np.eye(1, len(weights))[0]) * unit,
@@ -197,7 +201,7 @@ def fit_process(
         or (known.lost_over(over) if known else None),
         pin_noise=_pin_noise(features, weights, inputs, moved) * unit**2,
         held_out=unseen * unit + mean,
-        uncertainty=Uncertainty(features, weighed.root * (unit / math.sqrt(1.0 + features.turning))),
+        uncertainty=Uncertainty(features, posterior.root() * (unit / math.sqrt(1.0 + features.turning))),
     )
 
 
@@ -297,10 +301,9 @@ def _own(find: Callable[..., _Prior], data: _Data) -> float:
         return 0.0
     prior = data.prior(find, data.some_each(1))
     posterior = _Posterior(prior, replace(data, own=prior.noise))
-    error = np.empty_like(data.target)
+    error = prior.features.values(data.inputs, prior.mean) - data.target
     for k in np.unique(data.fold):
-        error[data.fold == k] = posterior.held_out(data.fold == k)[0]
-    error -= data.target
+        error[data.fold == k] += posterior.held_out(data.fold == k)[0]
     mean = np.zeros(len(counts), error.dtype)
     np.add.at(mean, data.pose, error)
     mean /= counts
@@ -308,48 +311,20 @@ def _own(find: Callable[..., _Prior], data: _Data) -> float:
     return max(within, PARAMS.own_min * float((np.abs(mean) ** 2).mean()))
 
 
-def _weigh(
-    find: Callable[..., _Prior],
-    data: _Data,
-    group: Index,
-    names: Sequence[str],
-    symmetry: Symmetry,
-    *,
-    few: bool,
-) -> tuple[_Weighed, Complex, Array]:
-    """What the data say of the weights; and `_held_out`."""
-    prior = data.prior(find, data.some_each(PARAMS.repeats))
-    members = list(_members(partial(find, start=prior.start), data, group, few=few))
-    if few:
-        weighed = _mean_of([one.weighed() for _, one in members], names, data, symmetry)
-    else:
-        weighed = _Posterior(prior, data).weighed()
-    return weighed, *_held_out(members, data)
-
-
-def _members(
-    find: Callable[..., _Prior], data: _Data, group: Index, *, few: bool
-) -> Iterator[tuple[Mask, _Posterior]]:
-    """Rows that settings have not seen, a group or (few poses) a third of the groups; and the weights."""
-    n = int(group.max()) + 1
-    for k in range(n):
-        unseen = (group - k) % n < max(1, n // 3 * few)
-        yield unseen, _Posterior(data.prior(find, data.some_each(PARAMS.repeats, ~unseen)), data)
-
-
-def _held_out(members: Sequence[tuple[Mask, _Posterior]], data: _Data) -> tuple[Complex, Array]:
+def _held_out(find: Callable[..., _Prior], data: _Data, group: Index) -> tuple[Complex, Array]:
     """(n,) prediction of each row, and what the weights leave open of it.
 
     Settings have not seen its group, weights not its fold. Weights that have not seen the group either would
     err more than the edge's, which all rows decide.
     """
     predicted, learnt = np.empty_like(data.target), np.empty(len(data.target))
-    for j in np.unique(data.fold):
-        rows = data.fold == j
-        those = (one for unseen, one in members if unseen[rows].all())
-        values, left = zip(*(one.held_out(rows) for one in those), strict=True)
-        predicted[rows] = np.mean(values, axis=0)
-        learnt[rows] = np.mean(left, axis=0) + np.var(values, axis=0)
+    for k in range(int(group.max()) + 1):
+        unseen = group == k
+        prior = data.prior(find, data.some_each(PARAMS.repeats, ~unseen))
+        posterior = _Posterior(prior, data)
+        for j in np.unique(data.fold[unseen]):
+            predicted[data.fold == j], learnt[data.fold == j] = posterior.held_out(data.fold == j)
+        predicted[unseen] += prior.features.values(data.inputs[unseen], prior.mean)
     return predicted, learnt
 
 
@@ -358,6 +333,7 @@ class _Errors:
 
     predicted, target  (n,) complex128
     learnt             (n,) variance of the prediction that the weights leave open
+    share              (n,) what each counts
     symmetry           turning: two outputs, whose errors are looked at along the prediction and across it
     all_round          False: the data went one way only, and say nothing of errors across it
     known              another tip's model, whose noise is where that of this one is looked for; None: none
@@ -370,13 +346,14 @@ class _Errors:
         predicted: Complex,
         target: Complex,
         learnt: Array,
+        share: Array,
         symmetry: Symmetry,
         *,
         all_round: bool,
         known: KnownModel | None,
     ) -> None:
         self._before = (None, None) if known is None else (known.noise, known.across or known.noise)
-        self._inputs, self._names, self._learnt = inputs, names, learnt
+        self._inputs, self._names, self._learnt, self._share = inputs, names, learnt, share
         self._turning, self._all_round = symmetry is Symmetry.TURNING, all_round
         self._error = predicted - target
         length = np.abs(predicted)
@@ -384,7 +361,8 @@ class _Errors:
 
     def noise(self, rows: Mask | slice = EVERY) -> tuple[NoiseModel, NoiseModel | None, float]:
         """Noise of one output, or of two along the value, and across it; and their typical variance."""
-        fitted = partial(fit_noise, self._inputs[rows], self._names, learnt=self._learnt[rows])
+        inputs, learnt, share = self._inputs[rows], self._learnt[rows], self._share[rows]
+        fitted = partial(fit_noise, inputs, self._names, learnt=learnt, share=share)
         if not self._turning or not self._all_round:
             one = fitted(squares=np.abs(self._error[rows]) ** 2, before=self._before[0])
             return one.over(one.level), None, one.level
@@ -454,13 +432,15 @@ def _prior(
     *,
     all_round: bool,
     terms_max: int,
+    few: bool,
     repeats: Repeats,
     start: int | None = None,
 ) -> _Prior:
     """The features of the likeliest kernel that are not negligible; the likelihood takes the first rows.
 
+    few      the poses do not decide a weight for each input
     repeats  how frames of one pose share their noise
-    start     the search's only one; None: all are tried
+    start    the search's only one; None: all are tried
     """
     columns = [names.index(one.name) for one in INPUTS]
     scale = np.sqrt((np.abs(inputs[:, columns]) ** 2).mean(axis=0))
@@ -469,10 +449,11 @@ def _prior(
     settings = fit_settings(
         inputs[:, [columns[i] for i in used]] / scale[used],
         np.array([one.spin for one in letters]),
-        np.array([float(max(1, one.degree)) for one in letters]),
+        np.array([float(one.degree) for one in letters]),
         target,
         symmetry,
         asymmetric=all_round,
+        few=few,
         repeats=repeats,
         start=start,
     )
@@ -578,7 +559,6 @@ class _Posterior:
 
     def __init__(self, prior: _Prior, data: _Data) -> None:
         features, inputs, moved = prior.features, data.inputs, data.moved
-        self._mean = prior.mean
         left = data.target - features.values(inputs, prior.mean)
         self._y: Any = left if features.turning else left.real
         self._features, self._data, self._noise = features, data, prior.noise
@@ -603,12 +583,11 @@ class _Posterior:
     def held_out(self, rows: Mask) -> tuple[Complex, Array]:
         """Prediction of whole poses by weights that have not seen them; what the weights leave open of it."""
         design = self._features.rows(self._data.inputs[rows])
-        mean = self._features.values(self._data.inputs[rows], self._mean)
         square, right = self._products(design, np.flatnonzero(rows).astype(np.int32))
         others = self._precision - square
         solved = np.linalg.solve(others, np.column_stack([design.conj().T, self._right - right]))
         left = self._noise * (design * solved[:, :-1].T).sum(axis=1).real
-        return mean + design @ solved[:, -1], np.maximum(left, 0.0)
+        return design @ solved[:, -1], np.maximum(left, 0.0)
 
     def _products(self, design: Any, rows: Index) -> tuple[Any, Any]:
         """(f, f), (f,) squares of whole poses' features, and their products with the truth."""
@@ -616,39 +595,24 @@ class _Posterior:
         left = both[:, :-1].conj().T
         return left @ both[:, :-1], left @ both[:, -1]
 
-    def weighed(self) -> _Weighed:
-        """The weights of the terms, and their covariance."""
+    def root(self) -> Complex:
+        """(f, f) of the weights' covariance: root root^H."""
         lower = cholesky(self._precision, lower=True)
-        root = math.sqrt(self._noise) * solve_triangular(lower, np.eye(len(lower)), lower=True).conj().T
-        weights = self._mean + self._features.of_terms(self.weights[None])[0]
-        return _Weighed(self._features, weights, root, self._second_moment)
-
-
-@dataclass(frozen=True, slots=True)
-class _Weighed:
-    """What the data say of the weights.
-
-    weights        (terms,) complex128
-    root           (f, f): root root^H is the covariance of the features' weights
-    second_moment  (f, f) of the features over the data
-    """
-
-    features: _Features
-    weights: Complex
-    root: Any
-    second_moment: Any
+        eye = np.eye(len(lower))
+        result: Complex = math.sqrt(self._noise) * solve_triangular(lower, eye, lower=True).conj().T
+        return result
 
     def factor(self) -> Complex:
         """(r, f): |row . features|^2, summed, is the variance that the weights leave open.
 
         The rows that hold most of it over the data, and over inputs that go their own ways.
         """
-        size = np.diag(np.diag(self.second_moment).real)
-        held = (1.0 - PARAMS.apart) * self.second_moment + PARAMS.apart * size
+        size = np.diag(np.diag(self._second_moment).real)
+        held = (1.0 - PARAMS.apart) * self._second_moment + PARAMS.apart * size
         e, v = np.linalg.eigh(held)
         e = np.maximum(e, 1e-12 * e[-1])
         root, inverse_root = (v * np.sqrt(e)) @ v.conj().T, (v / np.sqrt(e)) @ v.conj().T
-        covariance = self.root @ self.root.conj().T
+        covariance = self._noise * np.linalg.inv(self._precision)
         s, u = np.linalg.eigh(root @ covariance @ root)
         s, u = np.maximum(s[::-1], 0.0), u[:, ::-1]
         enough = int(np.searchsorted(np.cumsum(s), PARAMS.open_share * s.sum())) + 1
@@ -658,30 +622,11 @@ class _Weighed:
 
     def share_held(self, inputs: Complex, factor: Complex) -> Array:
         """(n,) of what the weights leave open of these rows, the share that the factor's rows hold."""
-        covariance = self.root @ self.root.conj().T
+        covariance = self._noise * np.linalg.inv(self._precision)
         shares = []
         for rows in blocks(len(inputs)):
-            design = self.features.rows(inputs[rows])
+            design = self._features.rows(inputs[rows])
             whole = (design @ covariance * design.conj()).sum(axis=1).real
             held = (np.abs(design @ factor.T) ** 2).sum(axis=1)
             shares.append(np.minimum(held / np.maximum(whole, 1e-300), 1.0))
         return np.concatenate(shares)
-
-
-def _mean_of(members: Sequence[_Weighed], names: Sequence[str], data: _Data, symmetry: Symmetry) -> _Weighed:
-    """The mean of what several settings make of the data: how they differ is part of what is open."""
-    terms = [list(term) for term in dict.fromkeys(tuple(t) for one in members for t in one.features.terms)]
-    n, place = len(members), {tuple(term): i for i, term in enumerate(terms)}
-    weights, roots = np.zeros((n, len(terms)), np.complex128), []
-    for row, one in zip(weights, members, strict=True):
-        columns = [place[tuple(term)] for term in one.features.terms]
-        row[columns] = one.weights
-        root = one.features.of_terms(np.eye(len(one.root)))
-        roots.append(np.zeros((len(root), len(terms)), np.complex128))
-        roots[-1][:, columns] = root
-    mean = weights.mean(axis=0)
-    features = _Features(names, terms, np.vstack([*roots, weights - mean]).T, symmetry)
-    root = block_diag(*(one.root for one in members), np.eye(n)) / math.sqrt(n)
-    rows = features.rows(data.inputs)
-    share = share_of_pose(data.pose)[:, None]
-    return _Weighed(features, mean, root, (rows * share).conj().T @ rows / share.sum())

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-from scipy.linalg import LinAlgError, cho_solve, cholesky
+from scipy.linalg import LinAlgError, block_diag, cho_solve, cholesky
 from scipy.linalg.blas import dsyr, zher
 from scipy.linalg.lapack import dpotri, zpotri
 from scipy.optimize import minimize
@@ -268,31 +268,36 @@ def fit_settings(
     symmetry: Symmetry,
     *,
     asymmetric: bool,
+    few: bool = False,
     repeats: Repeats | None = None,
     start: int | None = None,
 ) -> Settings:
     """The settings of largest likelihood: several starts on part of the rows, the best one on more.
 
-    degrees  (k,) of each input's polynomial: high ones start with a smaller weight
+    degrees  (k,) of each input's polynomial: high ones start with a smaller weight; 0: it is in none
+    few      the data do not decide each weight: those of the polynomials move together, more or less with
+             their degree, and so do the others
     repeats  how frames of one pose share their noise; None: none does
     start    the only one of STARTS, at once on more rows; None: all are tried
     """
+    mode = degrees > 0
+    together = np.column_stack([mode, degrees / max(1.0, degrees.max()), ~mode])
+    ways = block_diag(together if few else np.eye(len(degrees)), np.eye(6))  # that logarithms may move
 
     def search(first: Array, rows: int) -> tuple[float, Array]:
         some = repeats and repeats.first(rows)
         likelihood = Likelihood(x[:rows], spins, y[:rows], symmetry, asymmetric=asymmetric, repeats=some)
 
-        def penalised(logs: Array) -> tuple[float, Array]:
-            value, slope = likelihood(logs)
-            off = logs - first
-            return value + PARAMS.prior * float(off @ off), slope + 2.0 * PARAMS.prior * off
+        def penalised(moved: Array) -> tuple[float, Array]:
+            value, slope = likelihood(first + ways @ moved)
+            return value + PARAMS.prior * float(moved @ moved), slope @ ways + 2.0 * PARAMS.prior * moved
 
-        bounds = [(-PARAMS.bound, PARAMS.bound)] * len(first)
+        bounds = [(-PARAMS.bound, PARAMS.bound)] * ways.shape[1]
         found = minimize(
-            penalised, first, jac=True, method="L-BFGS-B", bounds=bounds,
+            penalised, np.zeros(ways.shape[1]), jac=True, method="L-BFGS-B", bounds=bounds,
             options={"maxiter": PARAMS.steps, "maxcor": 20},
         )  # fmt: skip
-        return float(found.fun), found.x
+        return float(found.fun), first + ways @ found.x
 
     if start is None:
         tried = [search(_start(degrees, *one), PARAMS.rows_first) for one in STARTS]
@@ -306,5 +311,6 @@ def fit_settings(
 
 def _start(degrees: Array, scale: float, noise: float, *symmetric: float) -> Array:
     asymmetric = [PARAMS.asymmetry] * 2
-    start: Array = np.log(np.concatenate([scale * 0.7**degrees, symmetric, asymmetric, [noise]]))
+    weights = scale * 0.7 ** np.maximum(1.0, degrees)
+    start: Array = np.log(np.concatenate([weights, symmetric, asymmetric, [noise]]))
     return start

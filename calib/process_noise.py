@@ -17,7 +17,7 @@ from calib.terms import evaluate_terms, term_columns
 from edge.calibration.file import Lost
 from edge.types import Array, Complex
 
-__all__ = ["TOO_FEW", "NoiseModel", "NoiseParams", "fit_lost", "fit_noise", "scale_of"]
+__all__ = ["TOO_FEW", "NoiseModel", "NoiseParams", "fit_lost", "fit_noise", "scales_of"]
 
 #: The effect of lost pins may depend on these: how much of them is not known, the load, and how far on the
 #: contact's side, or ahead of the shear, they are.
@@ -46,11 +46,9 @@ WITHIN = ((1.0, 0.6827), (2.0, 0.9545))
 TOO_FEW = int(1.0 / (1.0 - WITHIN[-1][1]))
 
 
-def scale_of(standardised: Sequence[Array]) -> Array:
-    """The factor of each part's sigma with which it covers as many errors as it should."""
-    return np.array(
-        [np.mean([np.quantile(np.abs(z), share) / k for k, share in WITHIN]) for z in standardised]
-    )
+def scales_of(standardised: Sequence[Array]) -> Array:
+    """(parts, 2) factors of each part's sigma: as many errors as should be are within one, within two."""
+    return np.array([[np.quantile(np.abs(z), share) / k for k, share in WITHIN] for z in standardised])
 
 
 def fit_lost(lossy: Complex, names: Sequence[str], change: Complex, *, turning: bool) -> Lost | None:
@@ -64,12 +62,12 @@ def fit_lost(lossy: Complex, names: Sequence[str], change: Complex, *, turning: 
     psi = evaluate_terms(lossy, term_columns(LOST_TERMS, names)).real
     design = np.column_stack([np.ones(len(gap)), np.log(gap), np.log(volume), psi])
     fitted = _fit_log_variance(
-        design, np.mean(np.square(parts), axis=0), np.zeros(len(gap)), np.ones(len(gap))
+        design, np.mean(np.square(parts), axis=0), np.zeros(len(gap)), *np.ones((2, len(gap)))
     )
     # Few losses do much, most do little: no Gaussian, so that sigma is what covers as many as it should.
     deviation = np.exp(0.5 * (design @ fitted))
     scale, gap_power, volume_power, *weights = fitted.tolist()
-    scale += 2.0 * math.log(float(np.mean(scale_of([np.concatenate([part / deviation for part in parts])]))))
+    scale += 2.0 * math.log(float(scales_of([np.concatenate([part / deviation for part in parts])]).mean()))
     return Lost(scale, gap_power, volume_power, float(gap.max()), LOST_TERMS, weights)
 
 
@@ -99,21 +97,29 @@ class NoiseModel:
 
 
 def fit_noise(
-    inputs: Complex, names: Sequence[str], squares: Array, learnt: Array, before: NoiseModel | None = None
+    inputs: Complex,
+    names: Sequence[str],
+    squares: Array,
+    learnt: Array,
+    share: Array,
+    before: NoiseModel | None = None,
 ) -> NoiseModel:
     """Likeliest for errors with these squares, of which the weights explain `learnt`.
 
-    before  another tip's, which this one departs from no further than the errors show, and is not below it
-            if they are too few to show that; None: a constant
+    share   what each counts
+    before  another tip's, which this one departs from no further than the errors show: it is a multiple of
+            it, and not below it, if they are too few to show more; None: a constant
     """
     terms = before.terms if before else [[], *NOISE_TERMS]
     psi = evaluate_terms(inputs, term_columns(terms, names)).real
     weights = before.weights if before else np.zeros(len(terms))
-    change = _fit_log_variance(psi, squares, learnt, np.exp(np.clip(psi @ weights, -60.0, 60.0)))
+    times = np.exp(np.clip(psi @ weights, -60.0, 60.0))
+    change = np.zeros(len(terms))
+    if before and share.sum() <= TOO_FEW:
+        change[0] = max(0.0, *_fit_log_variance(psi[:, :1], squares, learnt, times, share))
+    else:
+        change += _fit_log_variance(psi, squares, learnt, times, share)
     shift = float((psi @ change).mean())
-    if before and len(squares) <= TOO_FEW and shift < 0.0:
-        change[0] -= shift
-        shift = 0.0
     logs = psi @ (weights + change)
     low, high = float(logs.min()), float(logs.max())
     if before:
@@ -121,10 +127,11 @@ def fit_noise(
     return NoiseModel(terms, weights + change, low, high, math.exp(float(logs.mean())))
 
 
-def _fit_log_variance(design: Array, squares: Array, known: Array, times: Array) -> Array:
+def _fit_log_variance(design: Array, squares: Array, known: Array, times: Array, share: Array) -> Array:
     """Weights b that make errors with these squares likeliest: variance = times exp(design b) + known.
 
     design   (n, k), the first column 1
+    share    (n,) what each error counts
     Returns  (k,); 0 for a column that is the same in all rows
     """
     centre, scale = design.mean(axis=0), design.std(axis=0)
@@ -135,10 +142,10 @@ def _fit_log_variance(design: Array, squares: Array, known: Array, times: Array)
     def cost(b: Array) -> tuple[float, Array]:
         noise = times * np.exp(np.clip(unit @ b, -60.0, 60.0))
         total = noise + known
-        slope = unit.T @ ((1.0 / total - squares / total**2) * noise)
+        slope = unit.T @ (share * (1.0 / total - squares / total**2) * noise)
         slope[1:] += 2.0 * PARAMS.noise_prior * b[1:]
         penalty = PARAMS.noise_prior * float(b[1:] @ b[1:])
-        return float((np.log(total) + squares / total).sum()) + penalty, slope
+        return float(share @ (np.log(total) + squares / total)) + penalty, slope
 
     start = np.zeros(design.shape[1])
     start[0] = math.log(max(float((squares / times).mean()), 1e-300))

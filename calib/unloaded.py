@@ -24,6 +24,7 @@ import numpy as np
 
 from edge.features.modes import MODE_POWERS
 from edge.geometry.lattice import pitch_of
+from edge.geometry.parts import own_pins
 from edge.pins import detect
 from edge.tracking import Tracker
 from edge.types import Array, Image, Rest, Tracks
@@ -71,7 +72,7 @@ def unloaded(
     tracker = Tracker(rest)
     places = np.full((len(load), len(rest), 2), np.nan)
     for k, image in enumerate(images):
-        tracks = tracker.identify(detect(image, rest.pattern))
+        tracks = tracker.identify(own_pins(detect(image, rest.pattern), rest))
         if tracks.confidence >= Tracks.LOW_CONFIDENCE:
             places[k] = tracks.xy_img
     known = np.isfinite(places).any(axis=(1, 2)) & (load > 0)

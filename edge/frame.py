@@ -75,10 +75,10 @@ class _View:
         self._capture_ns: int | None = None  # of the last frame that gave features
         self._refiner = CentroidRefiner(rest)
         self._tracker = Tracker(rest, self._refiner.found, self._refiner.predicted)
-        self._tessellator = Tessellator(rest)
+        self.tessellator = Tessellator(rest)
         still = Tracks.of(rest.xy_img, rest.pins.sigma_px, np.ones(len(rest), dtype=np.bool_))
         known = rest if calibration is None else calibration.rest
-        self.rest_area_px2 = self._tessellator.cells(still).rest_area_px2
+        self.rest_area_px2 = self.tessellator.cells(still).rest_area_px2
         self._extractor = FeatureExtractor(rest, self.rest_area_px2, known.pattern.on_surface)
         self.demand: frozenset[Feature] = frozenset()
         self.plan = plan_of(self.demand, None)
@@ -94,9 +94,9 @@ class _View:
         moved = drift.correct(tracks, self.rows) if drift and drift.learnt else tracks
         holds = plan.cells and not plan.areas and self._extractor.contact_holds(moved)
         if holds:
-            self._tessellator.keep(moved)
+            self.tessellator.keep(moved)
         try:
-            cells = self._tessellator.cells(moved) if plan.cells and not holds else None
+            cells = self.tessellator.cells(moved) if plan.cells and not holds else None
         except DegenerateLayout:  # the pins that remain span no plane: treat them as lost
             return Result(frame, tracks, None, None, uncalibrated(), searched)
         features = self._extractor.extract(moved, cells, plan.features, holds, frame.capture_ns)
@@ -118,21 +118,18 @@ class _View:
         return self._tracker.identify(own_pins(detect(image, self._rest.pattern), self._rest)), True
 
     def prepare(self, plan: FramePlan) -> None:
-        self._tessellator.prepare()
+        self.tessellator.prepare()
         self._extractor.prepare(plan.features)
 
     def features(self, tracks: Tracks, plan: FramePlan) -> Features:
-        cells = self._tessellator.cells(tracks) if plan.cells else None
+        cells = self.tessellator.cells(tracks) if plan.cells else None
         self._extractor.forget_contacts()
         return self._extractor.extract(tracks, cells, plan.features)
 
     def forget(self) -> None:
         self._tracker.forget()
-        self._tessellator.forget()
+        self.tessellator.forget()
         self._extractor.forget_contacts()
-
-    def forget_cells(self) -> None:
-        self._tessellator.forget()
 
 
 class Pipeline:
@@ -173,7 +170,7 @@ class Pipeline:
         self._demand, self._plan = demand, plan_of(demand, self.calibration, self._several)
         for view in self._views:
             view.plan, view.demand = self._plan, demand
-            view.forget_cells()  # the last ones may be of long ago
+            view.tessellator.forget()  # the last cells may be of long ago
         if not self._plan.grip:
             self._grip.forget()
 

@@ -21,6 +21,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from math import inf
 from types import new_class
 from typing import Annotated, Any, Literal, Protocol, TypeVar, dataclass_transform
 
@@ -423,6 +424,8 @@ class Features:
     vibration_to_hz float, upper end of its band: half the frame rate
     gap             as `Cells.gap`; NaN: pins are lost, and there are no cells to estimate it from
     gap_img         as `Cells.gap_img`; None too if there are no cells
+    longest_px, step_px  longest motion of a pin since rest, and since the frame before; infinite: not known
+    sigma_px, sigma_max_px  mean and largest sigma of the seen pins
     """
 
     area_change: Array
@@ -441,6 +444,10 @@ class Features:
     vibration_to_hz: float | None = None
     gap: float = 0.0
     gap_img: Array | None = None
+    longest_px: float = inf
+    step_px: float = inf
+    sigma_px: float = inf
+    sigma_max_px: float = inf
 
 
 @per_frame

@@ -109,6 +109,10 @@ class JoinedViews:
             contacts=None if most.contacts is None else tuple(contact for contact, _ in contacts),
             gap=gap,
             gap_img=gap_img,
+            longest_px=max(one.longest_px for one in known),
+            step_px=max(one.step_px for one in known),
+            sigma_px=float(np.mean([one.sigma_px for one in known])),
+            sigma_max_px=max(one.sigma_max_px for one in known),
         )
 
     def _surface(self, of_views: Sequence[Features]) -> tuple[Array | None, tuple[Array, Array] | None]:

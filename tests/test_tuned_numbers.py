@@ -13,7 +13,7 @@ AT_MOST = {
     "features": 18,
     "geometry": 6,
     "link": 4,
-    "pins": 27,
+    "pins": 26,
     "recording": 2,
     "rest": 3,
     "runtime": 1,

@@ -36,11 +36,14 @@ def evaluate_command(calibration_path: Path, as_json: bool, **frames: Any) -> No
     data = given.open().seen_by(calibration)
     if data.targets.sha256 == calibration.content.data.sha256:
         log.warning("%s was fitted to these frames; errors on others tell more", calibration_path)
-    report = evaluate(calibration, *given.extract(data))
+    views = zip(calibration.views, data.views(), strict=True)
+    reports = [evaluate(own, *given.extract(view)) for own, view in views]
     if as_json:
-        click.echo(json.dumps(report))
-    else:
-        print_report(report, str(calibration_path))
+        click.echo(json.dumps(reports[0] if len(reports) == 1 else {"views": reports}))
+        return
+    for k, report in enumerate(reports):
+        which = f", view {k + 1} of {len(reports)}" if len(reports) > 1 else ""
+        print_report(report, f"{calibration_path}{which}")
 
 
 def print_report(report: dict[str, Any], of: str) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from calib.commands.evaluate import print_report
 from calib.commands.options import PATH, Frames, frames_options, overwrite_option, progress_bar
 from calib.dataset import Dataset
 from calib.extract import Extract, executor
-from calib.fit import Choice, Prefer, Search, fit, groups_of
+from calib.fit import Choice, Prefer, Search, fit, groups_of, of_views
 from calib.fit_warnings import fit_warnings
 from calib.hold_out import evaluate_held_out
 from calib.skin import extract_of_dots
@@ -30,7 +30,7 @@ from edge.errors import CalibrationError, ConfigError
 from edge.rest.sensor_match import mm_per_px as scale_by_pitch
 from edge.sensors import load_sensor
 from edge.types import Rest
-from hostlink.cli_types import FiniteFloat, WholeNumber
+from hostlink.cli_types import FiniteFloat, WholeNumber, counted
 from hostlink.output_file import check_output, writing
 
 
@@ -99,44 +99,84 @@ def fit_command(
     given = Frames(**frames)
     check_output(output, (".json",), [*given.inputs, *([prior] if prior else [])], overwrite)
     search = Search(Prefer(prefer), known={} if prior is None else _known_models(prior))
-    data, targets, extract = _of_its_skin(given, sensor_name)
-    held_out_errors = None
+    skin = None if sensor_name is None else load_sensor(sensor_name).tip.skin
+    views = given.open().read_as(on_surface=skin == "surface").views()
+    fitted: list[_Fitted] = []
+    for k, view in enumerate(views):
+        if len(views) > 1:
+            click.echo(f"view {k + 1} of {len(views)}, {counted(len(view.rest), 'pin')}", err=True)
+        data, targets, extract = _of_its_skin(given, view, skin)
+        scale = mm_per_px or scale_of(sensor_name, data.rest)
+        held_out = None if hold_out is None else (hold_out, seed)
+        fitted.append(_fitted(given, data, targets, extract, search, serial, scale, held_out))
+    calibration = of_views([one.calibration for one in fitted])
+    with writing(output, overwrite) as unfinished:
+        unfinished.write_bytes(calibration.encoded)
+    if as_json:
+        found = [one.as_json for one in fitted]
+        click.echo(json.dumps({"output": str(output)} | ({"views": found} if len(found) > 1 else found[0])))
+        return
+    for k, one in enumerate(fitted):
+        print_choices(
+            one.choices, f"{output}, view {k + 1} of {len(fitted)}" if len(fitted) > 1 else str(output)
+        )
+        if one.held_out is not None:
+            title = f"a fit to the other frames, on held-out ones ({hold_out:g}, seed {seed})"
+            print_report(one.held_out, title)
+            click.echo(f"{output} is fitted to all frames.")
+
+
+@dataclass(frozen=True, slots=True)
+class _Fitted:
+    """The calibration of one view, how each model was chosen, and what was said of it.
+
+    held_out  errors on frames held out; None: they were not asked for
+    """
+
+    calibration: Calibration
+    choices: list[Choice]
+    warnings: list[str]
+    held_out: dict[str, Any] | None
+
+    @property
+    def as_json(self) -> dict[str, Any]:
+        found = {"models": [_row(choice) for choice in self.choices], "warnings": self.warnings}
+        return found if self.held_out is None else found | {"held_out": self.held_out}
+
+
+def _fitted(
+    given: Frames,
+    data: Dataset,
+    targets: Targets,
+    extract: Extract,
+    search: Search,
+    serial: str,
+    mm_per_px: float | None,
+    hold_out: tuple[float, int] | None,
+) -> _Fitted:
+    """Fit one view; hold_out: the share of the poses, and the seed."""
+    held_out = None
     with executor(given.dask, given.workers) as pool, progress_bar(given.quiet) as bar:
         if hold_out is not None:
-            held_out_errors = evaluate_held_out(
-                data.rest, targets, extract, hold_out, seed, search=search, pool=pool
-            )
+            held_out = evaluate_held_out(data.rest, targets, extract, *hold_out, search=search, pool=pool)
         task = bar.add_task("models", total=len(groups_of(targets)))
         calibration, choices = fit(
             data.rest,
             targets,
             extract,
             serial=serial,
-            mm_per_px=mm_per_px or scale_of(sensor_name, data.rest),
+            mm_per_px=mm_per_px,
             on_part=lambda groups: bar.advance(task, groups),
             on_refused=lambda why: click.echo(f"not fitted: {why}", err=True),
             on_axes=_print_axes,
             search=search,
             pool=pool,
         )
-    warnings = _warned(list(fit_warnings(targets, extract, choices)))
-    with writing(output, overwrite) as unfinished:
-        unfinished.write_bytes(calibration.encoded)
-    if as_json:
-        fitted = {"output": str(output), "models": [_row(c) for c in choices], "warnings": warnings}
-        click.echo(json.dumps(fitted if held_out_errors is None else fitted | {"held_out": held_out_errors}))
-        return
-    print_choices(choices, output)
-    if held_out_errors is not None:
-        title = f"a fit to the other frames, on held-out ones ({hold_out:g}, seed {seed})"
-        print_report(held_out_errors, title)
-        click.echo(f"{output} is fitted to all frames.")
+    return _Fitted(calibration, choices, _warned(list(fit_warnings(targets, extract, choices))), held_out)
 
 
-def _of_its_skin(given: Frames, sensor: str | None) -> tuple[Dataset, Targets, Extract]:
+def _of_its_skin(given: Frames, data: Dataset, skin: str | None) -> tuple[Dataset, Targets, Extract]:
     """The data, the truth, and the frames read as the skin needs: the sensor's, or one that is found."""
-    skin = None if sensor is None else load_sensor(sensor).tip.skin
-    data = given.open().read_as(on_surface=skin == "surface")
     targets, extract = given.extract(data)
     of_dots = None if skin else extract_of_dots(data, targets, extract, given.measured)
     if of_dots is None:
@@ -176,10 +216,10 @@ def _known_models(prior: Path) -> dict[tuple[str, ...], KnownModel]:
 def _print_axes(axes: Axes) -> None:
     for line in axes.lines:
         click.echo(f"axes: {line}", err=True)
-    _warned(axes.warnings)
+    _warned(list(axes.warnings))
 
 
-def _warned(lines: Sequence[str]) -> Sequence[str]:
+def _warned(lines: list[str]) -> list[str]:
     """The same, printed."""
     for line in lines:
         click.echo(f"warning: {line}", err=True)
@@ -199,10 +239,10 @@ def _row(choice: Choice) -> dict[str, Any]:
     }
 
 
-def print_choices(choices: list[Choice], output: Path) -> None:
+def print_choices(choices: list[Choice], of: str) -> None:
     """A table of what was fitted."""
     # Narrow enough for 80 columns: a terminal's usual width, and that of a pipe.
-    table = Table(title=f"{output}: what was fitted", box=box.SIMPLE, padding=0, pad_edge=False)
+    table = Table(title=f"{of}: what was fitted", box=box.SIMPLE, padding=0, pad_edge=False)
     table.caption = (
         "Errors: rms on held-out frames. Of the models as good as the best, the smallest is chosen."
     )

@@ -52,6 +52,13 @@ _FRAMES: list[Callable[[Any], Any]] = [
         metavar="FILE",
         help="Lens of the frames, by `calib lens`: its distortion is removed from the pins' places.",
     ),
+    click.option(
+        "--region",
+        default="",
+        metavar="KEYS",
+        help="Where the frames show the skin, as in an address: 'roi=54,79,215,220&roi=308,91,219,216'."
+        " Parts that do not touch each other are views, as of mirrors; each is calibrated by itself.",
+    ),
     *_WORKERS,
     click.option("-q", "--quiet", is_flag=True, help="No progress bar."),
 ]
@@ -81,6 +88,7 @@ class Frames:
     folder: Path | None
     rest_image: Path | None
     lens_file: Path | None
+    region: str
     workers: int | None
     dask: str | None
     quiet: bool
@@ -95,7 +103,7 @@ class Frames:
     def open(self) -> Dataset:
         """Raises TableError, CaptureError. Unknown columns of the table are reported on stderr."""
         lens = None if self.lens_file is None else load_lens(self.lens_file)
-        data = open_dataset(self.tables, self.folder, self.rest_image, lens)
+        data = open_dataset(self.tables, self.folder, self.rest_image, lens, self.region)
         if data.rest_message:
             click.echo(f"rest frame: {data.rest_message}", err=True)
         if data.targets.unread:

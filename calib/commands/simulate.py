@@ -70,4 +70,4 @@ def simulate_command(
         )
     with writing(output, overwrite) as unfinished:
         unfinished.write_bytes(calibration.encoded)
-    print_choices(choices, output)
+    print_choices(choices, str(output))

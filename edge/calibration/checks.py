@@ -19,7 +19,6 @@ from edge.calibration.file import (
     Polynomial,
     Process,
     Sensor,
-    views_of,
 )
 from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, OF_PLACE
 from edge.geometry.neighbours import nearest_of
@@ -43,17 +42,17 @@ _POSITIVE = {"displacement_mm", "force_n", "contact_area_mm2", "contact_depth_mm
 
 def check(content: CalibrationFile) -> None:
     """Raises  BadContent: place in the file, what is wrong, what would be right"""
-    first, *others = views_of(content)
-    _check_view(first)
-    pins_n = len(first.sensor.rest_xy_px)
-    for i, view in enumerate(others):
+    _check_view(content)
+    for i, view in enumerate(content.views):
         try:
             _check_view(view)
         except BadContent as error:
             raise BadContent(f"views[{i}].{error}") from None
-        if (view.sensor.size_px, view.sensor.lens) != (first.sensor.size_px, first.sensor.lens):
+        if (view.format, view.version, view.views) != (content.format, content.version, []):
+            raise BadContent(f"views[{i}]: give the calibration of one view, of the same format and version")
+        if (view.sensor.size_px, view.sensor.lens) != (content.sensor.size_px, content.sensor.lens):
             raise BadContent(f"views[{i}].sensor: give the size_px and the lens of the first view")
-        pins_n += len(view.sensor.rest_xy_px)
+    pins_n = sum(len(view.sensor.rest_xy_px) for view in (content, *content.views))
     if pins_n > PINS_MAX:
         raise BadContent(f"views: {pins_n} pins in all; {PINS_MAX} at most are wanted")
 

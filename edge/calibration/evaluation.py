@@ -285,11 +285,13 @@ class ModelKernel:
                 outside |= {name}
         return values, sigmas, outside
 
-    def of_contact(self, contact: ContactRegion, features: Features, pattern: PinPattern) -> list[float]:
-        """Values of a contact."""
+    def of_contact(
+        self, contact: ContactRegion, features: Features, pattern: PinPattern
+    ) -> list[tuple[float, bool]]:
+        """Values of a contact, and whether each is out of range."""
         self._inputs.write_contact(contact, features, pattern)
         self._run()
-        return [self._outputs[i, 0] for i in range(self._outputs.shape[0])]
+        return [(self._outputs[i, 0], self._outputs[i, 2] != 0.0) for i in range(self._outputs.shape[0])]
 
     def of_inputs(self, z: Complex) -> Array:
         """(outputs, 3) value, sigma, and whether out of range, of (inputs,) complex128; a new array."""

@@ -15,7 +15,6 @@ anything is built from it: a frame takes at most `TERMS_MAX` products of `FACTOR
 """
 
 import math
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -70,6 +69,7 @@ UNTOUCHED: dict[str, float] = {
 CONTACT_OUTPUTS = ("contact_x_mm", "contact_y_mm", "contact_depth_mm")
 #: The same, of several contacts that were fitted to the pins' motion together.
 JOINT_OUTPUTS = ("joint_x_mm", "joint_y_mm", "joint_depth_mm")
+VIEWS_MAX = limits.PINS_MAX // limits.PINS_MIN
 MODELS_MAX = len(UNTOUCHED) + len(CONTACT_OUTPUTS) + len(JOINT_OUTPUTS)
 
 
@@ -180,22 +180,13 @@ class Data(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     created: Name
 
 
-class OtherView(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """Another view of the same skin, as a mirror gives it: what the top level says of the first one."""
-
-    sensor: Sensor
-    mm_per_px: Scale | None
-    models: Annotated[list[Model], msgspec.Meta(max_length=MODELS_MAX)]
-    without_contact: Annotated[list[Model], msgspec.Meta(max_length=MODELS_MAX)] | None = None
-
-
 class CalibrationFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """The file's top level.
 
     without_contact  models of touched frames in which no contact was found, instead of those of the same
                      outputs that depend on a contact's place, which give nothing there; None: such frames
                      were fitted with a place of 0, and the same models hold for them
-    views            of the same skin, where the image shows several: all but the first
+    views            the same of each other view of this skin, where the image shows several
     """
 
     format: Name
@@ -205,19 +196,12 @@ class CalibrationFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, o
     models: Annotated[list[Model], msgspec.Meta(max_length=MODELS_MAX)]
     data: Data
     without_contact: Annotated[list[Model], msgspec.Meta(max_length=MODELS_MAX)] | None = None
-    views: Annotated[list[OtherView], msgspec.Meta(max_length=limits.PINS_MAX // limits.PINS_MIN)] = []
+    views: "Annotated[list[CalibrationFile], msgspec.Meta(max_length=VIEWS_MAX)]" = []
 
 
 def views_of(content: CalibrationFile) -> list[CalibrationFile]:
     """A file for each view, the first one first."""
-    first = msgspec.structs.replace(content, views=[])
-    return [first, *(msgspec.structs.replace(first, **msgspec.structs.asdict(v)) for v in content.views)]
-
-
-def file_of(views: Sequence[CalibrationFile]) -> CalibrationFile:
-    """One file of those of all views."""
-    others = [OtherView(v.sensor, v.mm_per_px, v.models, v.without_contact) for v in views[1:]]
-    return msgspec.structs.replace(views[0], views=others)
+    return [msgspec.structs.replace(content, views=[]), *content.views]
 
 
 class _Header(msgspec.Struct, frozen=True):

@@ -25,6 +25,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Mapping
+from itertools import compress
 from pathlib import Path
 
 import numpy as np
@@ -193,8 +194,8 @@ class Calibration:
             values, sigmas = self._untouched.copy(), self._untouched_sigmas.copy()
         found = features.contacts if self._gives_contacts else None
         self._derive(features, found, values, sigmas, interval_s)
-        contacts = self._places(features, found, pattern, values.get("displacement_mm"))
-        return Reading(values, sigmas, contacts, saturated, True)
+        contacts, outside = self._places(features, found, pattern, values.get("displacement_mm"))
+        return Reading(values, sigmas, contacts, saturated | outside, True)
 
     def area_mm2(self, found: Contacts | None, values: Mapping[str, float]) -> float | None:
         """Area of all contacts: a model's, else that of the contacts in the image; None: not known."""
@@ -242,29 +243,34 @@ class Calibration:
 
     def _places(
         self, features: Features, found: Contacts | None, pattern: PinPattern, depth_mm: float | None
-    ) -> Array:
-        """`Reading.contacts`; a single one's depth is the frame's, if it is known; of dots its own."""
+    ) -> tuple[Array, frozenset[str]]:
+        """`Reading.contacts`, and what of them is out of range; a single one's depth is the frame's, if it is
+        known, with the frame's range; of dots its own.
+        """
+        outside: frozenset[str] = frozenset()
         if not found:
-            return np.empty((0, 3))
+            return np.empty((0, 3)), outside
+        single_mm = depth_mm if len(found) == 1 else None
         places: list[list[float]] = []
         for contact in found:
             place = [math.nan, math.nan, math.nan]
+            beyond = [False, False, False]
             if self._scale is not None:
                 (x, y), (x0, y0) = contact.xy_img.tolist(), pattern.centre_img.tolist()
                 place[:2] = (x - x0) * self._scale, (y - y0) * self._scale
             if self._of_place:
                 values = self.contact_models.of_contact(contact, features, pattern)
-                for i, value in zip(self._of_place, values, strict=True):
-                    place[i] = value
+                for i, (value, far) in zip(self._of_place, values, strict=True):
+                    place[i], beyond[i] = value, far
             if self._of_joint and len(found) > 1 and contact.fitted is not None:
                 values = self._joint.of_contact(contact, features, pattern)
-                for i, value in zip(self._of_joint, values, strict=True):
-                    place[i] = value
+                for i, (value, far) in zip(self._of_joint, values, strict=True):
+                    place[i], beyond[i] = value, far
+            if single_mm is not None and not (self.rest.pattern.on_surface and math.isfinite(place[2])):
+                place[2], beyond[2] = single_mm, False
             places.append(place)
-        of_own = self.rest.pattern.on_surface and math.isfinite(places[0][2])
-        if len(found) == 1 and depth_mm is not None and not of_own:
-            places[0][2] = depth_mm
-        return np.array(places, np.float64)
+            outside |= frozenset(compress(CONTACT_OUTPUTS, beyond))
+        return np.array(places, np.float64), outside
 
 
 def _inputs_of(model: Model) -> frozenset[str]:

@@ -15,7 +15,7 @@ import threading
 import numpy as np
 
 from edge.geometry.layout import must_span
-from edge.geometry.motion_field import PREDICTING, precision
+from edge.geometry.motion_field import PREDICTING, Precision
 from edge.types import Array, Index, Mask
 
 
@@ -32,15 +32,15 @@ class LostPins:
         self.lost: Index = np.empty(0, np.int32)
         self._weights = np.empty((0, 2 * len(rest_img)))  # of the seen pins' motion in that of the lost ones
         self.gap, self.gap_img = 0.0, None
-        self._precision: Array | None = None
+        self._precision: Precision | None = None
         self._making = threading.Lock()
 
     @property
-    def precision(self) -> Array:
+    def precision(self) -> Precision:
         """The precision of the motion of all pins; made once, by the thread that needs it first."""
         with self._making:
             if self._precision is None:
-                self._precision = precision(self._rest_img, self._pitch_px, PREDICTING)
+                self._precision = Precision(self._rest_img, self._pitch_px, PREDICTING)
             return self._precision
 
     def update(self, seen: Mask) -> None:
@@ -51,7 +51,7 @@ class LostPins:
         must_span(self._rest_img[seen], "seen pins")
         lost = np.flatnonzero(~seen).astype(np.int32)
         both = np.column_stack([2 * lost, 2 * lost + 1]).ravel()
-        rows = self.precision[both]
+        rows = self.precision.rows(both)
         inverse = np.linalg.inv(rows[:, both])
         self._weights = -inverse @ rows
         # x and y of a pin: half of the sum over both is its variance along one axis.

@@ -62,7 +62,8 @@ def expect_sensor(source: FrameSource, config: Config) -> KnownSensor | None:
     Raises  ConfigError; SourceError: the region is none of these images
     """
     if source.region is None:
-        source.region = region_of(source, config.source.roi, config.source.circle, config.source.mask)
+        parts = config.source.roi, config.source.circle, config.source.mask
+        source.region = region_of(source.name, source.size_px, *parts)
     if not config.sensor.model:
         return None
     sensor = load_sensor(config.sensor.model)
@@ -75,8 +76,8 @@ def look_as(source: FrameSource, sensor: KnownSensor) -> None:
     if source.polarity is Polarity.FOUND:
         source.polarity = sensor.polarity
     if source.region is None:
-        camera = sensor.camera
-        source.region = region_of(source, camera.roi or "", camera.circle or "", camera.mask or "")
+        parts = sensor.camera.roi or "", sensor.camera.circle or "", sensor.camera.mask or ""
+        source.region = region_of(source.name, source.size_px, *parts)
 
 
 def make_loop(stack: ExitStack, source: FrameSource, config: Config, calibration_path: Path | None) -> Loop:

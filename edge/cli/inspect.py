@@ -182,13 +182,13 @@ def _seen_of(
 
 def _in_words(entry: dict[str, Any], sensors: Sequence[KnownSensor]) -> str:
     known = next((s for s in sensors if s.name == entry["sensor"]), None)
-    message = f"{entry['n_pins']} {'dark' if entry['dark'] else 'bright'} pins, "
+    message = f"{entry['n_pins']} {'dark' if entry['dark'] else 'bright'} pins; they "
     if known is not None:
-        message += f"as of {known.title} ({known.name})"
+        message += f"fit {known.title} ({known.name})"
     elif len(sensors) == 1:
-        message += f"not as of {sensors[0].title}"
+        message += f"do not fit {sensors[0].title}"
     else:
-        message += "as of no known sensor (python -m edge sensor describes it)"
+        message += "fit no known sensor (python -m edge sensor describes yours)"
     if entry["mm_per_px"] is not None:
         message += f", {entry['mm_per_px']:.4f} mm a px"
     if entry["touched"]:

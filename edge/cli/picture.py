@@ -160,7 +160,7 @@ def settings_tried(source: FrameSource, frame: Frame, rest: Rest) -> dict[str, i
 
 def _rest_within(source: FrameSource, frame: Frame, polarity: Polarity, roi: str) -> Rest | None:
     """The pins within these rectangles; "": within the source's region; None: there are none."""
-    region = region_of(source, roi, "", "") or source.region
+    region = region_of(source.name, source.size_px, roi, "", "") or source.region
     try:
         return take_rest([frame.within(region).image], polarity, source.lens, region)
     except NoPins:
@@ -182,14 +182,15 @@ def pins(frame: Frame, rest: Rest) -> Iterator[Line]:
     finding = f"{len(rest)} found, {kind}, radius {p.pin_radius_px:.1f} px, pitch {p.pitch_px:.1f} px"
     seen = rest_as_seen(rest)
     left_n = len(left_out(frame.image, seen))
-    left = f", {left_n} spots like them left out: unlike their neighbours, or far from them" if left_n else ""
+    left = f"; {left_n} similar spots do not fit the pins next to them" if left_n else ""
     share = left_n / (len(rest) + left_n)
     choose = "look at them (--out): light all pins alike, or take the others out of view by ?roi= or ?mask="
     yield judged("pins", finding + left, (share > ASTRAY_REL, "warn", choose))
     missing_n = len(holes(rest))
     share = missing_n / (len(rest) + missing_n)
     clean = "clean lens and skin, light it evenly; is a pin torn out?"
-    yield judged("holes", f"{missing_n or 'none'} seen in the lattice", (share > ASTRAY_REL, "warn", clean))
+    missing = f"{missing_n or 'no'} places of the lattice without a pin"
+    yield judged("holes", missing, (share > ASTRAY_REL, "warn", clean))
     blur = f"edges are blurred by {p.edge_px:.1f} px, {p.edge_px / p.pin_radius_px:.0%} of a pin's radius"
     sharpen = "turn the lens until `python -m edge inspect` finds the sharpest pins"
     half = HALF_REL * p.pin_radius_px**2 / 4  # of a disc's variance
@@ -208,7 +209,8 @@ def pins(frame: Frame, rest: Rest) -> Iterator[Line]:
     x, y = seen.xy_img.T
     margin = float(np.min([x, y, width - 1 - x, height - 1 - y])) - p.pin_radius_px
     centre = f"centre the tip: pins need {p.pitch_px:.0f} px of space to move"
-    border = f"outermost pin {margin:.0f} px from the image's border"
+    border = f"the outermost pin is {margin:.0f} px from the image's border"
+    border = border if margin > 0.0 else "the image's border cuts pins"
     yield judged("margin", border, (margin < p.pitch_px, "warn", centre))
     symmetry = symmetry_of(rest)
     touch = "none seen, as far as one picture shows: not a light one, nor one straight onto the middle"

@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 
 from edge.calibration import Calibration, uncalibrated
 from edge.cells import cell_polygons
-from edge.cli.assembly import load_calibration, rest_given
-from edge.cli.options import PATH, calibration_option, overwrite_option, rest_option
+from edge.cli.assembly import expect_sensor, load_calibration, rest_given
+from edge.cli.options import PATH, calibration_option, overwrite_option, rest_option, sensor_option
 from edge.cli.progress import counting
 from edge.cli.summary import damage_of, json_line
+from edge.config import Config, SensorTable
 from edge.errors import CalibrationError, SourceError
 from edge.examples import example_calibration
 from edge.rest.tare import TareParams, TareRefused
@@ -47,6 +48,7 @@ DRAWN = frozenset(Feature) - {Feature.SURFACE}
 @click.argument("recording")
 @click.option("-o", "--out", required=True, type=PATH, help=".mp4, .webm, .mkv or .avi")
 @calibration_option
+@sensor_option
 @click.option(
     "--palette",
     type=click.Choice(["paper", "safe"]),
@@ -64,6 +66,7 @@ def render(
     recording: str,
     out: Path,
     calibration_path: Path | None,
+    sensor_name: str | None,
     palette: str,
     rate_hz: float | None,
     height: int,
@@ -81,7 +84,7 @@ def render(
     with writing(out, overwrite) as unfinished:
         made = render_recording(
             recording, unfinished, calibration, palette=palette, rate_hz=rate_hz,
-            height=height, progress=not (quiet or as_json), rest=rest,
+            height=height, progress=not (quiet or as_json), rest=rest, sensor=sensor_name,
         )  # fmt: skip
     if as_json:
         click.echo(json_line(made))
@@ -101,15 +104,18 @@ def render_recording(
     height: int = 640,
     progress: bool = False,
     rest: str | None = None,
+    sensor: str | None = None,
 ) -> dict[str, Any]:
     """Write the video, with the options of `render`; height of a panel, px.
 
     Returns  frames_n in the video; pins_n of the rest frame; rate_hz of the pictures; without_values, frames
              by the fault that explains it
-    Raises   InputError: the recording, its first frames or the calibration; SinkError; OSError: a full disk
+    Raises   ConfigError: the sensor; InputError: recording, first frames or calibration; SinkError; OSError
     """
     with closing(open_source(recording)) as source:
-        loop = Loop(source, [], calibration, LoopConfig(DRAWN))
+        known = expect_sensor(source, Config(sensor=SensorTable(model=sensor or "")))
+        on_surface = known is not None and known.on_surface
+        loop = Loop(source, [], calibration, LoopConfig(DRAWN, on_surface=on_surface))
         rest_frame, seen_in, taken_n = _rest_frame(loop, rest, calibration)
         mm_per_px = (calibration.mm_per_px if calibration else None) or 0.0
         pattern, colours = rest_frame.pattern, PALETTES[palette]

@@ -9,7 +9,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from edge.faults.frame_counts import PinCounts
 from edge.faults.image_quality import HALF_REL, ONE_LEVEL, ImageQuality
 from edge.faults.judge import Check, Facts, Judge
 from edge.faults.pin_visibility import PinVisibility
@@ -175,11 +174,12 @@ class FaultDetector:
         facts.pins_missing = bool(facts.why_missing)
         if pins.impossible and result.features is not None:
             result = replace(result, tracks=replace(result.tracks, confidence=0.0), cells=None, features=None)
-        facts.unidentified = result.features is None
+        features = result.features
+        facts.unidentified = features is None
         facts.far_share = 0.0
-        if result.features is not None:
-            self._note_motion(pins.counts, result.features, drifted_share)
-        self.judge_image(frame, facts.unidentified or pins.needs_focus_check())
+        if features is not None:
+            self._note_motion(features, drifted_share)
+        self.judge_image(frame, features is None or pins.needs_focus_check(features.sigma_px))
         blind = self.frozen or self._registry.status & _CAMERA_FAULT
         missing = facts.pins_missing and not pins.explained
         if facts.unidentified or missing or blind:
@@ -230,7 +230,7 @@ class FaultDetector:
                 for code, check in self._verdict.would_hold(facts).items():
                     self._registry.report(code, True, check.reason.format_map(vars(facts)))
 
-    def _note_motion(self, counts: PinCounts, features: Features, drifted_share: float) -> None:
+    def _note_motion(self, features: Features, drifted_share: float) -> None:
         """Whether pins moved beyond the load limit, and the camera from where it was at the rest frame.
 
         An untouched tip shows by the places of its pins whether the camera moved; under a touch, the step
@@ -240,7 +240,12 @@ class FaultDetector:
         before_px, self._motion_px = self._motion_px, features.displacement_px
         far_px, limit_px = self._load_pitches * self._pitch_px, RUNTIME.still_pitches * self._pitch_px
         least_px = limit_px * (1.0 - RUNTIME.hysteresis_rel)
-        far_n, middle_px = counts.moved(self._motion_px, far_px, least_px, in_contact)
+        far_n, middle_px = 0, 0.0  # which is not looked for where no pin has moved by enough
+        most_px = features.step_px if in_contact else features.longest_px
+        if features.longest_px > far_px or most_px >= least_px:
+            far_n = int(np.count_nonzero(np.hypot(*self._motion_px.T) > far_px))
+            moved_px = self._motion_px - before_px if in_contact else self._motion_px
+            middle_px = float(np.nanmedian(np.hypot(*moved_px.T)))
         if in_contact:
             facts.limit_px, facts.far_n = far_px, far_n  # a lost pin does not count
             facts.far_share = far_n / len(before_px)

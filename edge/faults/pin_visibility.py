@@ -17,7 +17,6 @@ from math import log, pi, sqrt
 
 import numpy as np
 
-from edge.faults.frame_counts import PinCounts
 from edge.faults.image_quality import HALF_REL
 from edge.features.params import PARAMS as FEATURES
 from edge.geometry.lattice import N_RING
@@ -37,7 +36,6 @@ BY_CONTACT = "a contact hides them"
 class PinVisibility:
     """Checks the pins of each frame against the rest frame.
 
-    counts      what is counted of each frame
     impossible  the pins moved further than skin can: the pattern was matched to itself rotated
     explained   by what the last frame's problem is, so that it has values all the same; empty: by nothing
     """
@@ -50,53 +48,58 @@ class PinVisibility:
         near = [rows[nearest_of(own.xy_img, own.xy_img, N_RING + 1)[1]] for rows, own in parts]
         self._views = [rows for rows, _ in parts]
         self._near = joined(self._views, near)
-        self.counts = PinCounts(rest.xy_img, self._near)
+        self._bad = np.zeros(len(rest), np.bool_)  # in the last frame
         self._before = rest.xy_img
         self._pitch_px = rest.pattern.pitch_px
         # Skin cannot move further: twice as far as where a pin counts as overloaded.
         self._far_px = 2.0 * RUNTIME.load_pitches * self._pitch_px
         self._n = len(rest)
         self._seen_n = 0
-        self._noise_px = 0.0
         self.impossible = False
         self.explained = ""
 
     def problem(self, tracks: Tracks, features: Features | None = None) -> str:
         """Count a frame's pins, which gave these features, if any; what is wrong with them, or empty."""
         n = self._n
-        self._seen_n, _, new_n, hole_n, far_n, self._noise_px = self.counts.seen(
-            tracks.xy_img, tracks.sigma_px, FEATURES.noise_ratio_max * self._baseline_px, self._far_px
-        )
-        self.impossible = far_n > ASTRAY_REL * n
-        self.explained = ""
-        why = self._judge(tracks, features, hole_n) if new_n or self._seen_n < n else ""
+        self._seen_n = tracks.n_seen
+        self.impossible, self.explained = False, ""
+        # Drift moves no pin by half as much.
+        if features is None or features.longest_px > 0.5 * self._far_px:
+            far = np.hypot(*(tracks.xy_img - self._rest_img).T) > self._far_px
+            self.impossible = int(np.count_nonzero(far)) > ASTRAY_REL * n
+        why, noisy_px = "", FEATURES.noise_ratio_max * self._baseline_px
+        if features is None or self._seen_n < n or features.sigma_max_px > noisy_px:
+            before, self._bad = self._bad, ~(tracks.sigma_px <= noisy_px)
+            why = self._judge(tracks, features, self._bad & ~before)
+        else:
+            self._bad[:] = False
         self._before = tracks.xy_img
         known = ASTRAY_REL**2 if why and self.explained != BY_CONTACT else 1.0
         self._baseline_share += known * (self._seen_n / n - self._baseline_share) / BASELINE_N
         return f"{why}; {self.explained}" if self.explained else why
 
-    def _judge(self, tracks: Tracks, features: Features | None, hole_n: int) -> str:
-        """The fault of a frame that lacks pins, and whether a contact or a lost view explains it."""
-        bad, new = (np.asarray(pins).view(np.bool_) for pins in (self.counts.bad, self.counts.new))
-        why = self._why(tracks, self._seen_n, hole_n, bad, new)
+    def _judge(self, tracks: Tracks, features: Features | None, new: Mask) -> str:
+        """The fault of a frame with bad pins, these newly so; and what explains it."""
+        if self._seen_n == self._n and not new.any():
+            return ""
+        bad, why = self._bad, self._why(tracks, self._seen_n, self._bad, new)
         if why and features is not None:
             hidden = self._within(features.contacts or ())
             lost = [rows for rows in self._views if not tracks.seen[rows].any()]
             for rows in lost:
                 hidden[rows] = True
             seen_n = int(np.count_nonzero(tracks.seen | hidden))
-            bad, new = bad & ~hidden, new & ~hidden
-            hole_n = int(np.count_nonzero(bad[self._near].all(axis=1)))
-            if not self._why(tracks, seen_n, hole_n, bad, new):
+            if not self._why(tracks, seen_n, bad & ~hidden, new & ~hidden):
                 self.explained = f"{len(lost)} of {len(self._views)} views lost" if lost else BY_CONTACT
         return why
 
-    def _why(self, tracks: Tracks, seen_n: int, hole_n: int, bad: Mask, new: Mask) -> str:
+    def _why(self, tracks: Tracks, seen_n: int, bad: Mask, new: Mask) -> str:
         """Why these pins allow no values; empty: they do."""
         n, share = self._n, seen_n / self._n
         counted = f"{self._seen_n} of {n} pins are seen"
         if share < SEEN_REL:
             return f"only {counted}"
+        hole_n = np.count_nonzero(bad[self._near].all(axis=1))
         if hole_n > HOLE_REL * n:
             return f"{counted}; around {hole_n} of the others no pin is seen either"
         if self._image_corrupt(tracks, bad, new):
@@ -125,13 +128,13 @@ class PinVisibility:
         length_px = length_px[np.isfinite(length_px)]
         return not length_px.size or float(np.median(length_px)) < RUNTIME.still_pitches * self._pitch_px
 
-    def needs_focus_check(self) -> bool:
-        """Whether pins are missing, or seen with more noise than the baseline."""
+    def needs_focus_check(self, sigma_px: float) -> bool:
+        """Whether pins are missing, or seen with more noise than the baseline; sigma_px: their mean sigma."""
         if self._seen_n < (1.0 - ASTRAY_REL) * self._n:
             return True
         # A centroid's sigma is as the root of the gradient's energy.
-        noisy = self._noise_px * sqrt(HALF_REL) > self._baseline_px
-        self._baseline_px += (self._noise_px - self._baseline_px) / BASELINE_N
+        noisy = sigma_px * sqrt(HALF_REL) > self._baseline_px
+        self._baseline_px += (sigma_px - self._baseline_px) / BASELINE_N
         return noisy
 
 

@@ -232,6 +232,7 @@ class FeatureExtractor:
             *of_pins,
             (0.0 if n_seen == self._n else NAN) if cells is None else cells.gap,
             None if cells is None else cells.gap_img,
+            *self._motion.extremes(),
         )
 
     @cython.cfunc

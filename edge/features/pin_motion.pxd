@@ -5,7 +5,7 @@ cimport cython
 cdef class PinMotion:
     cdef readonly double[:, ::1] xy, motion
     cdef readonly double[::1] mean
-    cdef readonly double sigma_px
+    cdef readonly double sigma_px, sigma_max_px, longest_px, step_px
     cdef readonly int[::1] pins
     cdef public Py_ssize_t n_pins
     cdef readonly double left_px2, curl  # of `fit_step`
@@ -15,6 +15,7 @@ cdef class PinMotion:
     cdef double[:, ::1] _g  # (3, 5), equations of a plane: three unknowns, two right sides
 
     cpdef Py_ssize_t since_rest(self, const double[:, ::1] xy, const double[:] sigma_px) except -1
+    cpdef tuple extremes(self)
     cpdef Py_ssize_t find_contact(self, const double[::1] area_change, double least) noexcept
     cpdef double torsion(self) noexcept
     cpdef bint is_pressing(self, const double[::1] now, const double[::1] before, double least_rel, double least) noexcept

@@ -25,7 +25,7 @@ Statistica Sinica 7, 1997), so that an untouched tip has volume zero and a press
 
 import cython
 import numpy as np
-from cython.cimports.libc.math import atan2, fabs, isnan
+from cython.cimports.libc.math import atan2, fabs, isnan, sqrt
 
 from edge.features.modes import MODE_MIRROR
 from edge.geometry.lattice import residual_stencil, slope_stencil
@@ -56,7 +56,8 @@ class PinMotion:
 
     xy, motion  (n, 2) px: the last places given to `since_rest`, and the motion since rest; NaN where lost
     mean        (2,) px: mean motion of the seen pins; NaN if none is seen
-    sigma_px    mean sigma of the seen pins; 0 if none is seen
+    sigma_px, sigma_max_px  mean and largest sigma of the seen pins; 0 if none is seen
+    longest_px, step_px  px: longest motion of a pin since rest, and since the last places
     pins        (n,) int32, ascending: the first n_pins are those in the contact, of `find_contact`
     """
 
@@ -69,7 +70,7 @@ class PinMotion:
             raise ValueError(f"a tip's radius above 0 px is wanted, not {rest.pattern.tip_radius_px:g}")
         self._n = n
         self.xy, self.motion, self.mean = np.zeros((n, 2)), np.zeros((n, 2)), np.zeros(2)
-        self.sigma_px = 0.0
+        self.sigma_px = self.sigma_max_px = self.longest_px = self.step_px = 0.0
         self._rest = np.ascontiguousarray(rest.xy_img, np.float64)
         self._disc = (self._rest - rest.pattern.centre_img) * (1.0 / rest.pattern.tip_radius_px)
         self.pins, self.n_pins = np.arange(n, dtype=np.int32), n
@@ -89,23 +90,37 @@ class PinMotion:
         x: cython.double = 0.0
         y: cython.double = 0.0
         sigma: cython.double = 0.0
+        widest: cython.double = 0.0
+        longest2: cython.double = 0.0
+        step2: cython.double = 0.0
         kept: cython.double[:, ::1] = self.xy
         out: cython.double[:, ::1] = self.motion
         rest: cython.const[cython.double][:, ::1] = self._rest
         for i in range(n):
             kept[i, 0] = xy[i, 0]
             kept[i, 1] = xy[i, 1]
-            out[i, 0] = xy[i, 0] - rest[i, 0]
-            out[i, 1] = xy[i, 1] - rest[i, 1]
-            if not isnan(xy[i, 0]):
-                x += out[i, 0]
-                y += out[i, 1]
+            u = xy[i, 0] - rest[i, 0]
+            v = xy[i, 1] - rest[i, 1]
+            du = u - out[i, 0]
+            dv = v - out[i, 1]
+            out[i, 0], out[i, 1] = u, v
+            step2 = du * du + dv * dv if du * du + dv * dv > step2 else step2
+            if not isnan(u):
+                x += u
+                y += v
+                longest2 = u * u + v * v if u * u + v * v > longest2 else longest2
+                widest = sigma_px[i] if sigma_px[i] > widest else widest
                 sigma += sigma_px[i]
                 n_seen += 1
+        self.longest_px, self.step_px, self.sigma_max_px = sqrt(longest2), sqrt(step2), widest
         self.mean[0] = x / n_seen if n_seen else NAN
         self.mean[1] = y / n_seen if n_seen else NAN
         self.sigma_px = sigma / n_seen if n_seen else 0.0
         return n_seen
+
+    def extremes(self) -> tuple[float, float, float, float]:
+        """The last fields of `Features`."""
+        return self.longest_px, self.step_px, self.sigma_px, self.sigma_max_px
 
     def find_contact(self, area_change: Array, least: float) -> int:
         """Which pins are in the contact: those in the ellipse of the compressed pins' spread; how many.

@@ -20,8 +20,8 @@ over the contact's radius: the smaller a contact, the less its curve shows.
 The path since the touch (or since it was last pressed, released or turned back) is compared with the curves
 of all x. It begins at the mean of the frames in which nothing moved. The factor between path and curve is
 fitted, and is not negative: a drag takes its surroundings along. With the noise of the pins, and an error of
-the model of half a step of x, this gives each x its likelihood. Before looking, x above one half is
-improbable.
+the model of half a step of x, this gives each x its likelihood. The model's error is one of the whole path,
+so that a fast drag, of few points, is judged as a slow one. Before looking, x above one half is improbable.
 Drag and twist each have their probability; the larger one counts.
 
 The speed is the residual of the motion over the last few frames, less what a load explains (a common
@@ -308,10 +308,11 @@ class Slip:
         weight: cython.double[::1] = self._weight_of
         curve: cython.double[::1] = self._curve
         least = HUGE_VAL
+        of_points = cython.cast(cython.double, n) / _SHARES  # a full path has the model's error once
         for p in range(n):
             of_s = q[p] / s[p] * noise_s
             of_model = 0.5 / _SHARES * q[p]
-            weight[p] = 1.0 / (noise_q * noise_q + of_s * of_s + of_model * of_model)
+            weight[p] = 1.0 / (noise_q * noise_q + of_s * of_s + of_points * of_model * of_model)
         for k in range(_SHARES):
             along: cython.double = 0.0
             across: cython.double = 0.0

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from edge.geometry.layout import affine_terms
-from edge.types import Array
+from edge.types import Array, Index
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,25 +39,58 @@ class MotionPrior:
     noise: float
 
 
+#: Rows that are worked on together: the covariance of 3,000 knots takes 280 MB, of which no copy is made.
+AT_ONCE = 128
 #: A contact that is fitted to the motion round it is sharp. The fit takes noise and curl.
 SHARP = MotionPrior(((1.0, 0.1), (2.0, 0.3), (4.0, 1.0)), curl=0.02, noise=0.01)
 #: The places of missing pins follow the smooth part too.
 PREDICTING = MotionPrior(((0.7, 0.05), (1.4, 0.2), (2.8, 0.5), (5.6, 1.0)), curl=0.2, noise=0.05)
 
 
-def precision(knots: Array, pitch: float, prior: MotionPrior) -> Array:
-    """(2 n, 2 n) float64, inverse covariance of the knots' motion with the affine part free; x and y side by
-    side.
+class Precision:
+    """Inverse covariance of the knots' motion with the affine part free; x and y side by side.
 
-    Positive definite on every set of knots whose complement has three that span a plane.
+    Positive definite on every set of knots whose complement has three that span a plane. A row is made when
+    it is first wanted, of a Cholesky factor: all rows would take eight times as long, and as much memory
+    again.
 
     knots, pitch  (n, 2), and their pitch, same unit
     """
-    x = (knots - knots.mean(axis=0)) / pitch
-    inverse = np.linalg.inv(_covariance(x, prior))
-    affine = np.kron(affine_terms(x, np.zeros(2), 1.0), np.eye(2))  # (2 n, 6) the affine motions of the knots
-    weighted = inverse @ affine
-    return np.asarray(inverse - weighted @ np.linalg.solve(affine.T @ weighted, weighted.T), np.float64)
+
+    def __init__(self, knots: Array, pitch: float, prior: MotionPrior) -> None:
+        x = (knots - knots.mean(axis=0)) / pitch
+        # Lower triangle: the factor, and the inverses of its blocks on the diagonal.
+        self._factor = _covariance(x, prior)
+        self._blocks = [slice(k, k + AT_ONCE) for k in range(0, 2 * len(x), AT_ONCE)]
+        for at in self._blocks:
+            rows = self._factor[at.start :]
+            rows[:, at] -= rows[:, : at.start] @ rows[:AT_ONCE, : at.start].T
+            rows[:AT_ONCE, at] = np.linalg.inv(np.linalg.cholesky(rows[:AT_ONCE, at]))
+            rows[AT_ONCE:, at] = rows[AT_ONCE:, at] @ rows[:AT_ONCE, at].T
+        affine = np.kron(affine_terms(x, np.zeros(2), 1.0), np.eye(2))  # (2 n, 6), the knots' affine motions
+        self._weighted = self._solve(np.array(affine, np.float64))
+        self._of_affine = np.linalg.solve(affine.T @ self._weighted, self._weighted.T)
+        self._known = np.zeros(2 * len(x), np.bool_)
+        self._rows = np.empty((2 * len(x), 2 * len(x)))  # takes memory where it is written
+
+    def rows(self, which: Index) -> Array:
+        """(m, 2 n) float64, these rows."""
+        new = which[~self._known[which]]
+        if len(new):
+            wanted = np.zeros((len(self._known), len(new)))
+            wanted[new, np.arange(len(new))] = 1.0
+            self._rows[new] = self._solve(wanted).T - self._weighted[new] @ self._of_affine
+            self._known[new] = True
+        return self._rows[which]
+
+    def _solve(self, right: Array) -> Array:
+        """(2 n, r) the inverse of the covariance alone, times these columns, which are overwritten."""
+        f = self._factor
+        for at in self._blocks:
+            right[at] = f[at, at] @ (right[at] - f[at, : at.start] @ right[: at.start])
+        for at in reversed(self._blocks):
+            right[at] = f[at, at].T @ (right[at] - f[at.stop :, at].T @ right[at.stop :])
+        return right
 
 
 def component_covariance(x: Array, prior: MotionPrior) -> Array:
@@ -78,19 +111,21 @@ def component_covariance(x: Array, prior: MotionPrior) -> Array:
 def _covariance(x: Array, prior: MotionPrior) -> Array:
     """(2 n, 2 n) covariance of the measured motion at x (n, 2), without its affine part."""
     n = len(x)
-    dx, dy = (x[:, None, k] - x[:, k] for k in (0, 1))
-    r2 = dx * dx + dy * dy
-    # A potential of covariance e = exp(-r^2 / 2 w^2) has a gradient of covariance e (1 - d d' / w^2); rotated
-    # by 90 degrees, its curl's is e (1 - r^2 / w^2 + d d' / w^2). All are alike * 1 + along * d d'.
-    alike, along = np.zeros((n, n)), np.zeros((n, n))
-    for width, variance in prior.potentials:
-        s = r2 / width**2
-        e = variance * np.exp(-0.5 * s)
-        alike += e * (1.0 + prior.curl * (1.0 - s))
-        along += e * ((prior.curl - 1.0) / width**2)
     total = np.empty((2 * n, 2 * n))
-    total[0::2, 0::2] = alike + along * dx * dx
-    total[1::2, 1::2] = alike + along * dy * dy
-    total[0::2, 1::2] = total[1::2, 0::2] = along * dx * dy
+    for begin in range(0, n, AT_ONCE):
+        rows = slice(begin, begin + AT_ONCE)
+        dx, dy = (x[rows, None, k] - x[:, k] for k in (0, 1))
+        r2 = dx * dx + dy * dy
+        # A potential of covariance e = exp(-r^2 / 2 w^2) has a gradient of covariance e (1 - d d' / w^2);
+        # rotated by 90 degrees, its curl's is e (1 - r^2 / w^2 + d d' / w^2). All are alike * 1 + along d d'.
+        alike, along = np.zeros(r2.shape), np.zeros(r2.shape)
+        for width, variance in prior.potentials:
+            s = r2 / width**2
+            e = variance * np.exp(-0.5 * s)
+            alike += e * (1.0 + prior.curl * (1.0 - s))
+            along += e * ((prior.curl - 1.0) / width**2)
+        total[0::2, 0::2][rows] = alike + along * dx * dx
+        total[1::2, 1::2][rows] = alike + along * dy * dy
+        total[0::2, 1::2][rows] = total[1::2, 0::2][rows] = along * dx * dy
     total[np.diag_indices(2 * n)] += prior.noise**2
     return total

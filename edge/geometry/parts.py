@@ -28,7 +28,8 @@ def parts_of(rest: Rest) -> list[tuple[Index, Rest]]:
     parts: list[tuple[Index, Rest]] = []
     for k in np.unique(part):
         rows = np.flatnonzero(part == k).astype(np.int32)
-        own = one_part(replace(rest, pattern=rest.views[k]), rows)
+        pattern = replace(rest.views[k], on_surface=rest.pattern.on_surface)
+        own = one_part(replace(rest, pattern=pattern), rows)
         parts.append((rows, replace(own, beside_img=rest.xy_img[part != k])))
     return parts
 
@@ -81,6 +82,11 @@ def tracks_joined(rows: Sequence[Index], of_parts: Sequence[Tracks]) -> Tracks:
     )
     confidence = min(t.confidence for t in of_parts)
     return Tracks.of(xy_img, sigma_px, joined(rows, [t.seen for t in of_parts]), confidence)
+
+
+def pins_joined(rows: Sequence[Index], of_parts: Sequence[Pins]) -> Pins:
+    """The pins of all parts."""
+    return Pins(*(joined(rows, column) for column in zip(*map(_columns, of_parts), strict=True)))
 
 
 def joined(rows: Sequence[Index], of_parts: Sequence[NDArray[T]]) -> NDArray[T]:

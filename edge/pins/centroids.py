@@ -601,8 +601,8 @@ def _check(templates: TemplateSet, kind_of: Index, rest_amplitude: Array) -> Non
         column, row, length = spans.T
         if np.abs(row).max() > half or column.min() < -half or length.min() < 1:
             raise ValueError(f"spans of a template beyond its half width {half}")
-        if (column + length).max() > half + 1 or (np.diff(row) < 1).any():
-            raise ValueError(f"spans of a template beyond its half width {half}, or out of order")
+        if (column + length).max() > half + 1 or (np.diff(row) != 1).any():
+            raise ValueError(f"spans of a template beyond its half width {half}, or with a row left out")
         if plane % BLOCK or plane < length.sum():
             raise ValueError(f"a template's plane of {plane} numbers is too short for its rows")
         if first < 0 or first + 3 * plane * PHASES * PHASES > templates.values.size:

@@ -1,6 +1,7 @@
 """The rest frame: the untouched tip, from several images; row i defines pin i from then on."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import cast
 
@@ -74,37 +75,27 @@ def _of_views(
     """The rest frame of a skin in several parts, each by itself: mirrors show pins of other sizes in other
     light. A part in which none are found has none. Raises NoPins: no part has any.
     """
-    found: list[Rest] = []
+    found: list[tuple[Sequence[Image], Rest]] = []
     complaint = ""
     for nearest_px in views:
-        x, y = nearest_px[..., 0], nearest_px[..., 1]
+        own = [grey[nearest_px[..., 1], nearest_px[..., 0]] for grey in greys]
         try:
-            found.append(take_rest([grey[y, x] for grey in greys], polarity, lens))
+            found.append((own, take_rest(own, polarity, lens)))
         except NoPins as error:
             complaint = str(error)
     if not found:
         raise NoPins(f"none of {len(views)} parts of the region shows pins; the last one: {complaint}")
-    pattern = max(found, key=len).pattern
-    if any(rest.pattern.dark != pattern.dark for rest in found):
-        return _of_views(greys, Polarity.DARK if pattern.dark else Polarity.BRIGHT, lens, views)
-    if len(found) == 1:
-        return found[0]
-    small, large = np.array([rest.pattern.radius_range_px for rest in found]).T
-    counts = [len(rest) for rest in found]
-    patterns = [rest.pattern for rest in found]
-    own = [(p.pin_radius_px, p.edge_px, p.background, p.brightness) for p in patterns]
-    radius_px, edge_px, background, brightness = np.average(own, axis=0, weights=counts).tolist()
-    pattern = replace(
-        pattern,
-        pin_radius_px=radius_px,
-        edge_px=edge_px,
-        background=background,
-        brightness=brightness,
-        radius_range_px=(float(small.min()), float(large.max())),
-        noise=float(np.median([noise_of(grey) for grey in greys])),
-        glints_img=tuple(glint for rest in found for glint in rest.pattern.glints_img),
-    )
-    return of_parts(found, pattern)
+    pattern = max((rest for _, rest in found), key=len).pattern
+    rests: list[Rest] = []
+    for seen, rest in found:
+        rests.append(rest)
+        if rest.pattern.dark != pattern.dark:  # gaps between pins may look like pins: the others decide
+            with suppress(NoPins):
+                rests[-1] = take_rest(seen, Polarity.DARK if pattern.dark else Polarity.BRIGHT, lens)
+    if len(rests) == 1:
+        return rests[0]
+    small, large = np.array([rest.pattern.radius_range_px for rest in rests]).T
+    return of_parts(rests, replace(pattern, radius_range_px=(float(small.min()), float(large.max()))))
 
 
 def _at_rest(

@@ -6,7 +6,6 @@ Rules
 - 16-bit integers, scaled so that no sum over a window overflows 32 bits. Those of d, tx and ty sum to zero,
   as the exact ones do: a level that all pixels share changes no sum.
 - Only the support circle is kept, row after row without gaps: half of the square round it is outside.
-- Of a large window every second row is kept, or every third, and so on: a sharper camera costs no more time.
 """
 
 from dataclasses import dataclass
@@ -25,7 +24,6 @@ LANES = 16  # bytes: a window's rows are copied in multiples of it
 BLOCK = 32  # a plane's length is a multiple of it: loops have no remainder
 #: px, half width of a window: two levels times it fit 16 bits, in which columns and rows are summed.
 HALF_MAX = int(np.iinfo(np.int16).max // (np.iinfo(np.uint8).max + np.iinfo(np.uint8).max))
-PIXELS_MAX = 600  # of a support are read: those of a radius of 10 px are all
 STEP_MAX = 4095  # a pixel against the window's middle, levels: 12 bits; brighter images lose their last bits
 
 #: One phase has these, in this order, which `centroid_steps.pxd` numbers. |p| is the root of
@@ -58,7 +56,7 @@ class TemplateSet:
     """Templates of k kinds of pins.
 
     half          (k,) px; a kind's window is the square of 2 half + 1 round its middle
-    spans         of each kind (r, 3) int32: of each row kept of its support, first column and row against the
+    spans         of each kind (r, 3) int32: of each row of its support, first column and row against the
                   window's middle, and number of pixels
     first, first_uv  (k,) where a kind begins in `values`, and in `uv`
     plane         (k,) length of each of its planes there: the pixels of its spans, then zeros
@@ -133,9 +131,7 @@ def _templates(radius: float, edge_px: float, pitch_px: float) -> _Kind:
     u = columns - np.tile(offset, PHASES)[:, None, None]
     v = rows - np.repeat(offset, PHASES)[:, None, None]
     r = np.hypot(u, v)
-    support_circle = np.hypot(columns, rows) <= support
-    every = -(-np.count_nonzero(support_circle) // PIXELS_MAX)
-    one = (support_circle & (rows % every == 0)).astype(np.float64)[None]
+    one = (np.hypot(columns, rows) <= support).astype(np.float64)[None]
     disc = one * 0.5 * _erfc((r - radius) / (np.sqrt(2.0) * edge_px))
     slope = one * np.exp(-0.5 * ((r - radius) / edge_px) ** 2) / np.maximum(r, 1e-9)
     slope /= edge_px * np.sqrt(2.0 * np.pi)

@@ -19,10 +19,10 @@ from edge.features.params import CELL_NOISE
 from edge.features.params import PARAMS as CONTACT
 from edge.geometry.parts import joined, own_pins, parts_of
 from edge.params import PARAMS as RUNTIME
-from edge.pins import CentroidRefiner, detect
+from edge.pins import detect
 from edge.rest.tare import PARAMS as TARE
 from edge.rest.tare import TareParams, TareRefused, take_rest_frame
-from edge.rest.tip_match import SHARED_MIN, match_rest
+from edge.rest.tip_match import SHARED_MIN, match_rest, near_rest
 from edge.tracking import Tracker
 from edge.types import Array, Frame, FrameSource, Image, Mask, Pins, Rest, Tracks
 from hostlink.wire import RestFrameReason
@@ -252,11 +252,10 @@ def _averaged(source: FrameSource, index: int) -> tuple[Rest, Frame]:
         raise SourceError(f"{source.name}: has no image {index}; give --rest a smaller number, or auto")
     chosen = frames[index - first]
     rest = TARE.of(source).take([chosen.image])
-    refiner = CentroidRefiner(rest)
 
     def rests(pins: Pins) -> bool:
         motion = np.hypot(*(pins.xy_img - rest.xy_img).T)
         return bool(np.nanquantile(motion, RUNTIME.most_rel) < TARE.steady_px)
 
-    steady = [f.image for f in frames if f is chosen or rests(refiner.refine(f.image, rest.xy_img))]
+    steady = [f.image for f in frames if f is chosen or rests(near_rest(rest, f.image))]
     return TARE.of(source).take(steady), chosen

@@ -29,9 +29,9 @@ from edge.features.params import PARAMS as CONTACT
 from edge.geometry.parts import parts_of, tracks_of
 from edge.geometry.select import SIGMA_OF_MAD
 from edge.params import PARAMS as RUNTIME
-from edge.pins import CentroidRefiner, take_rest
+from edge.pins import take_rest
 from edge.rest.symmetry import symmetry_of
-from edge.rest.tip_match import SHARED_MIN, identified, match_rest
+from edge.rest.tip_match import SHARED_MIN, identified, match_rest, near_rest
 from edge.types import FrameSource, Image, Lens, Pins, Polarity, Region, Rest, Tracks
 from hostlink.wire import RestFrameReason
 
@@ -105,8 +105,7 @@ def take_rest_frame(
                 raise problem
             problems.append(problem)
 
-    refiner = CentroidRefiner(rest)
-    first, last = (refiner.refine(images[k], rest.xy_img) for k in (0, -1))
+    first, last = (near_rest(rest, images[k]) for k in (0, -1))
     check(_unsteady(first, last, params.steady_px))
     if calibration is not None:
         try:

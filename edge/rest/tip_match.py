@@ -9,10 +9,11 @@ import numpy as np
 from edge.calibration import Calibration
 from edge.errors import CalibrationError
 from edge.geometry.neighbours import nearest_of
-from edge.geometry.parts import own_pins, parts_of, tracks_joined
+from edge.geometry.parts import own_pins, parts_of, pins_joined, tracks_joined
 from edge.params import PARAMS as RUNTIME
+from edge.pins import CentroidRefiner
 from edge.tracking import Tracker
-from edge.types import Complex, Lens, Pins, Rest, Tracks
+from edge.types import Complex, Image, Lens, Pins, Rest, Tracks
 
 #: Share of the pins of each of two rest frames of the same tip that the other has too.
 SHARED_MIN = RUNTIME.most_rel
@@ -63,6 +64,13 @@ def identified(reference: Rest, pins: Pins) -> Tracks:
     parts = parts_of(reference)
     found = [Tracker(own).identify(own_pins(pins, own)) for _, own in parts]
     return tracks_joined([rows for rows, _ in parts], found)
+
+
+def near_rest(rest: Rest, image: Image) -> Pins:
+    """What an image shows where each pin is at rest, each view read by its own light; NaN: nothing."""
+    parts = parts_of(rest)
+    found = [CentroidRefiner(own).refine(image, own.xy_img) for _, own in parts]
+    return pins_joined([rows for rows, _ in parts], found)
 
 
 def _check_lens(made_with: Lens | None, now: Lens | None) -> None:

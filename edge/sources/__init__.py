@@ -119,7 +119,8 @@ def open_source(spec: str, **settings: Any) -> FrameSource:
     source.polarity = plain.options.pins
     try:
         source.lens = lens_for(source, plain.options.lens)
-        source.region = region_of(source, plain.options.roi, plain.options.circle, plain.options.mask)
+        parts = plain.options.roi, plain.options.circle, plain.options.mask
+        source.region = region_of(source.name, source.size_px, *parts)
     except SourceError:
         source.close()
         raise

@@ -18,17 +18,27 @@ from numpy.typing import NDArray
 from edge.errors import SourceError
 from edge.limits import PINS_MIN
 from edge.sources.files import read_image
-from edge.sources.options import PARTS
-from edge.types import FrameSource, Mask, Region
+from edge.sources.options import PARTS, Options, parse_spec
+from edge.types import Mask, Region
 
 _FORMS = {"roi": "x,y,w,h", "circle": "x,y,r"}
 
 
-def region_of(source: FrameSource, roi: str, circle: str, mask: str) -> Region | None:
+def region_named(name: str, size_px: tuple[int, int], text: str) -> Region | None:
+    """The region that a text names as an address does: "roi=0,0,99,99&mask=a.png"; "": all of the images."""
+    keys = parse_spec(f"?{text}", Options()).options
+    if text and keys != Options(roi=keys.roi, circle=keys.circle, mask=keys.mask):
+        raise SourceError(
+            f"{name}: region {text}: give roi=x,y,w,h, circle=x,y,r or mask=FILE, with & between"
+        )
+    return region_of(name, size_px, keys.roi, keys.circle, keys.mask)
+
+
+def region_of(name: str, size_px: tuple[int, int], roi: str, circle: str, mask: str) -> Region | None:
     """The region of a source's images; None: all of them. Raises SourceError."""
     if not (roi or circle or mask):
         return None
-    name, (width, height) = source.name, source.size_px
+    width, height = size_px
     y, x = np.mgrid[:height, :width]
     skin = np.ones((height, width), bool)
     if roi:
@@ -40,7 +50,8 @@ def region_of(source: FrameSource, roi: str, circle: str, mask: str) -> Region |
     if mask:
         skin &= _white(name, (width, height), mask)
     if np.count_nonzero(skin) < PINS_MIN:
-        raise SourceError(f"{name}: the region holds no skin in images of {width}x{height}; give another")
+        where = f"{name}: the region holds no skin in images of {width}x{height}"
+        raise SourceError(f"{where}; give roi or circle within them, or white in the mask")
     _, part, table, _ = cv2.connectedComponentsWithStats(skin.astype(np.uint8))
     # A speck of a mask has no room for pins of a dozen pixels.
     views = [k for k in range(1, len(table)) if table[k, cv2.CC_STAT_AREA] >= PINS_MIN**2]

@@ -9,6 +9,9 @@ residual, changes little from one frame to the next. Motion and matrix are in si
 
     found -> residual and its innovation -> two on one blob -> photometric outliers -> positions of all pins
 
+In most frames all pins are found, each so near to its last place that no residual can have changed by too
+much. Then only those of pins with an anomalous brightness or sigma are computed.
+
 A rejected pin counts as lost, not as moved: it moves with its neighbours, and of its residual as much is left
 as of the others', which the frame tells: their autocorrelation with those of the last one.
 
@@ -55,8 +58,9 @@ class Follower:
     # These belong to the tip.
     rest: cython.const[cython.double][:, ::1]
     pitch2: cython.const[cython.double][::1]  # px2, square of the local pitch
-    change2: cython.double  # limit of the square of a residual's change, in these
-    leap2: cython.double  # of an innovation: a leap, and so far that pins are others' neighbours, in these
+    pitch_min: cython.double  # px
+    change2: cython.double  # limit of the square of a residual's change, in `pitch2`
+    leap2: cython.double  # of an innovation: a leap, and so far that pins are others' neighbours, likewise
     gate2: cython.double
     full_share_min: cython.double
     baseline_share_min: cython.double
@@ -65,6 +69,7 @@ class Follower:
     start: cython.int[::1]  # of `weighted_rows`, where all neighbours are known
     near: cython.ushort[::1]
     weight: cython.float[::1]
+    gain: cython.double  # a residual changes by so many times the longest step of a pin, at most
     closest: cython.int[:, ::1]
     pairs: cython.int[:, ::1]
     distance_min: cython.double[::1]
@@ -72,7 +77,10 @@ class Follower:
     # These belong to the last frame that was accepted.
     last: cython.double[:, ::1]
     expected: cython.double[:, ::1]
-    last_residual: cython.float[::1]  # (2 n,)
+    last_residual: cython.float[::1]  # (2 n,), unless it was not needed
+    is_recalled: cython.bint  # `last_residual` is that frame's
+    residual_most: cython.double  # px, no residual is longer
+    step_most: cython.double  # px, the longest step of a pin; infinite: one was not seen
     last_seen: cython.uchar[::1]
     baseline_share: cython.double  # of the pins, seen lately
     doubted_n: cython.Py_ssize_t  # pins that a search did not find where a blob is, the fewest since
@@ -93,8 +101,6 @@ class Follower:
     autocorrelation: cython.double  # of the residuals with those of the last frame
     predicted: cython.float[::1]  # (2 n,) motion since rest, by the neighbours
     known: cython.float[::1]  # (2 n,) motion that they predict from
-    some: cython.double[::1]
-    limits: cython.double[::1]  # of the residuals' squares, px2
 
     def __init__(
         self,
@@ -115,6 +121,7 @@ class Follower:
         self.photometric = photometric
         self.rest = np.ascontiguousarray(lattice.rest_xy, np.float64)
         self.pitch2 = np.square(lattice.local_pitch_px)
+        self.pitch_min = float(np.min(lattice.local_pitch_px, initial=HUGE_VAL))
         self.change2 = params.innovation_max**2
         self.leap2, self.gate2 = params.leap_innovation**2, params.gate**2
         self.full_share_min, self.baseline_share_min = params.full_share_min, params.baseline_share_min
@@ -122,6 +129,7 @@ class Follower:
         self.baseline_frames = params.baseline_frames
         full = np.take_along_axis(photometric.affine.matrix(), lattice.near, 1)
         full[lattice.weight <= 0.0] = 0.0
+        self.gain = 1.0 + np.abs(full).sum(axis=1).max(initial=0.0)
         self.start, self.near, self.weight = weighted_rows(lattice.near, full)
         self.closest = np.array(lattice.closest, np.int32, order="C")
         self.pairs = np.array(lattice.pairs, np.int32, order="C")
@@ -132,7 +140,6 @@ class Follower:
         self.now, self.residual = np.empty((n, 2)), np.empty(2 * n, np.float32)
         self.predicted, self.known = np.empty((2, 2 * n), np.float32)
         self.last_seen, self.seen = np.empty(n, np.uint8), np.empty(n, np.uint8)
-        self.some, self.limits = np.empty(n), np.empty(n)
         self.results = xy, sigma, seen = np.empty((n, 2)), np.empty(n), np.empty(n, np.bool_)
         self.result_xy, self.result_sigma, self.result_seen = xy, sigma, seen.view(np.uint8)
         self.all_seen = np.ones(n, np.bool_)
@@ -145,6 +152,7 @@ class Follower:
         self.expected[:] = self.rest
         self.last_residual[:] = 0
         self.last_seen[:] = False
+        self.is_recalled, self.residual_most, self.step_most = True, 0.0, HUGE_VAL
         self.baseline_share = 0.0
         self.doubted_n = 0
 
@@ -156,7 +164,7 @@ class Follower:
         """Evaluate one frame, and make it the last one if the identities are held in it.
 
         Returns  (n, 2) px and (n,) px, place and sigma of the seen pins, NaN elsewhere; (n,) bool, seen,
-                 read-only if all are; how many are seen; the autocorrelation of the residuals, 0 if no pin is
+                 perhaps read-only; how many are seen; the autocorrelation of the residuals, 0 if no pin is
                  lost; whether each pin went on to its own place and not its neighbour's, of which most pins
                  are to tell; whether the identities are held: that, and enough pins
         """
@@ -166,14 +174,13 @@ class Follower:
         strayed: cython.bint
         goes_on: cython.bint
         is_held: cython.bint
+        if self._follow_short_steps(self.found):
+            return self.pins.xy_img.copy(), self.pins.sigma_px.copy(), self.all_seen, n, 0.0, True, True
+        self._recall()
         self._find_residuals(self.found)
         self._keep_apart(self.found)
-        self._filter(self.found, self.sigma, self.brightness)
+        self._filter(self.found, True)
         seen_n = self._place(self.found, self.sigma)
-        self.autocorrelation = 0.0
-        if seen_n < n:  # of no use to pins that are seen
-            self.autocorrelation = self._correlate(self.residual, self.seen)
-            self._place_lost()
         self.share = cython.cast(cython.double, seen_n) / n
         strayed = leapt = self._is_median_beyond(self.now, self.leap2)
         if leapt:
@@ -183,8 +190,6 @@ class Follower:
         self.baseline_share += (self.share - self.baseline_share) / self.baseline_frames
         if is_held:
             self._accept()
-        if seen_n == n:
-            return self.pins.xy_img.copy(), self.pins.sigma_px.copy(), self.all_seen, n, 0.0, goes_on, is_held
         xy, of_xy, seen = self.results
         return xy.copy(), of_xy.copy(), seen.copy(), seen_n, self.autocorrelation, goes_on, is_held
 
@@ -203,6 +208,8 @@ class Follower:
         if xy.shape != (self.n, 2) or residual.shape != (self.n, 2) or seen.shape != (self.n,):
             raise ValueError(f"xy ({self.n}, 2), residual ({self.n}, 2) and seen ({self.n},) are wanted")
         is_seen = np.array(seen, np.bool_).view(np.uint8)
+        self._recall()
+        self.step_most = HUGE_VAL
         self.autocorrelation = self._correlate(residual.astype(np.float32).ravel(), is_seen)
         where: cython.const[cython.double][:, ::1] = np.ascontiguousarray(xy, np.float64)
         self.last[:, :] = where
@@ -219,6 +226,59 @@ class Follower:
         if xy.shape != (self.n, 2):
             raise ValueError(f"xy ({self.n}, 2) is wanted, not {xy.shape}")
         return self._is_median_beyond(np.ascontiguousarray(xy, np.float64), self.gate2)
+
+    @cython.cfunc
+    def _follow_short_steps(self, found: cython.const[cython.double][:, ::1]) -> cython.bint:
+        """Make the frame in hand the last one if all pins are seen in both, too near to their last places for
+        a residual to be out of bounds, or for two to be on one blob; else `follow` decides with residuals.
+        """
+        last: cython.double[:, ::1] = self.last
+        expected: cython.double[:, ::1] = self.expected
+        longest2: cython.double = 0.0
+        total: cython.double = 0.0  # NaN where a pin was not found
+        damping: cython.double = self.damping
+        if self.step_most == HUGE_VAL:
+            return False
+        for i in range(self.n):
+            dx = found[i, 0] - last[i, 0]
+            dy = found[i, 1] - last[i, 1]
+            step2 = dx * dx + dy * dy
+            total += step2
+            longest2 = step2 if step2 > longest2 else longest2
+        step = sqrt(longest2)
+        change = self.gain * step
+        if not (
+            total == total
+            and change * change < self.change2 * self.pitch_min * self.pitch_min
+            and self.residual_most + change < self.pitch_min
+            and step + damping * self.step_most < sqrt(self.leap2) * self.pitch_min
+        ):
+            return False
+        self.seen[:] = True
+        self._keep_apart(found)
+        self._filter(found, False)
+        if _any_missing(self.seen):
+            return False
+        for i in range(self.n):
+            for d in range(2):
+                at = found[i, d]
+                expected[i, d] = at + damping * (at - last[i, d])
+                last[i, d] = at
+        self.is_recalled, self.residual_most, self.step_most = False, self.residual_most + change, step
+        self.baseline_share += (1.0 - self.baseline_share) / self.baseline_frames
+        self.doubted_n = 0
+        return True
+
+    @cython.cfunc
+    def _recall(self) -> cython.void:
+        """Compute the residuals of the last frame, if they were not needed then; all its pins were seen."""
+        if self.is_recalled:
+            return
+        self.is_recalled = True
+        self.seen[:] = True
+        self._predict_from_neighbours(self.last, True)
+        for i in range(self.n):
+            self._set_residual(self.last, self.last_residual, i)
 
     @cython.cfunc
     def _find_residuals(self, found: cython.const[cython.double][:, ::1]) -> cython.void:
@@ -240,19 +300,26 @@ class Follower:
         """Motion of each pin as predicted by its neighbours. A neighbour that is not seen takes part with its
         own prediction; first: there is none yet in this frame.
         """
-        rest: cython.const[cython.double][:, ::1] = self.rest
         known: cython.float[::1] = self.known
         for i in range(self.n):
             for d in range(2):
-                known[2 * i + d] = cython.cast(cython.float, found[i, d] - rest[i, d])
-        if _any_missing(self.seen):
-            for i in range(self.n):
-                for d in range(2):
-                    if not self.seen[i] and first:
-                        known[2 * i + d] = self.expected[i, d] - rest[i, d]
-                    elif not self.seen[i]:
-                        known[2 * i + d] = self.predicted[2 * i + d] + self.last_residual[2 * i + d]
+                if self.seen[i]:
+                    known[2 * i + d] = cython.cast(cython.float, found[i, d] - self.rest[i, d])
+                elif first:
+                    known[2 * i + d] = self.expected[i, d] - self.rest[i, d]
+                else:
+                    known[2 * i + d] = self.predicted[2 * i + d] + self.last_residual[2 * i + d]
         weighted_sums(self.start, self.near, self.weight, known, self.predicted)
+
+    @cython.cfunc
+    @cython.inline
+    def _set_residual(
+        self, xy: cython.const[cython.double][:, ::1], residual: cython.float[::1], i: cython.Py_ssize_t
+    ) -> cython.void:
+        """The motion of pin i since rest beside what its neighbours predict."""
+        for d in range(2):
+            own = xy[i, d] - self.rest[i, d] - self.predicted[2 * i + d]
+            residual[2 * i + d] = cython.cast(cython.float, own)
 
     @cython.cfunc
     def _reject_by_residual(self, found: cython.const[cython.double][:, ::1]) -> cython.bint:
@@ -263,35 +330,30 @@ class Follower:
         prediction as well, which makes the variance of its change twice as large; the pin returns where most
         of its nearest were seen.
         """
-        most2: cython.const[cython.double][::1] = self.pitch2
-        change2: cython.const[cython.double][::1] = self.pitch2
-        if _any_missing(self.last_seen):
-            for i in range(self.n):
-                self.limits[i] = self.some[i] = self.pitch2[i]
-                if not self.last_seen[i]:
-                    self.limits[i] *= 0.5**2
-                    self.some[i] *= 2.0 if 2 * self._seen_near(i) >= self.closest.shape[1] else 0.0
-            most2, change2 = self.limits, self.some
-        rest: cython.const[cython.double][:, ::1] = self.rest
-        predicted: cython.float[::1] = self.predicted
         residual: cython.float[::1] = self.residual
         last: cython.float[::1] = self.last_residual
         seen: cython.uchar[::1] = self.seen
         is_within: cython.uchar
         changed: cython.uchar = 0
+        longest2: cython.double = 0.0
         x: cython.double
         y: cython.double
         for i in range(self.n):
-            residual[2 * i] = cython.cast(cython.float, found[i, 0] - rest[i, 0] - predicted[2 * i])
-            residual[2 * i + 1] = cython.cast(cython.float, found[i, 1] - rest[i, 1] - predicted[2 * i + 1])
+            most2 = change2 = self.pitch2[i]
+            if not self.last_seen[i]:
+                most2 *= 0.5**2
+                change2 *= 2.0 if 2 * self._seen_near(i) >= self.closest.shape[1] else 0.0
+            self._set_residual(found, residual, i)
             x = residual[2 * i]
             y = residual[2 * i + 1]
             dx = x - last[2 * i]
             dy = y - last[2 * i + 1]
+            longest2 = x * x + y * y if x * x + y * y > longest2 else longest2
             # NaN, not found, is not within.
-            is_within = (x * x + y * y < most2[i]) & (dx * dx + dy * dy < self.change2 * change2[i])
+            is_within = (x * x + y * y < most2) & (dx * dx + dy * dy < self.change2 * change2)
             changed |= is_within ^ seen[i]
             seen[i] = is_within
+        self.residual_most = sqrt(longest2)
         return changed != 0
 
     @cython.cfunc
@@ -320,20 +382,22 @@ class Follower:
         return dx * dx + dy * dy
 
     @cython.cfunc
-    def _filter(
-        self,
-        found: cython.const[cython.double][:, ::1],
-        sigma: cython.const[cython.double][::1],
-        brightness: cython.const[cython.double][::1],
-    ) -> cython.void:
-        """Reject the photometric outliers among the seen pins."""
-        if not self.photometric.find_suspects(self.residual, self.seen):
+    def _filter(self, found: cython.const[cython.double][:, ::1], has_residuals: cython.bint) -> cython.void:
+        """Reject the photometric outliers among the seen pins; has_residuals: these are computed."""
+        if not self.photometric.find_doubts(self.brightness, self.sigma, self.seen, False):
             return
         motion: cython.double[:, ::1] = self.now  # which is written after this
+        known: cython.float[::1] = self.known
         for i in range(self.n):
-            motion[i, 0] = found[i, 0] - self.rest[i, 0]
-            motion[i, 1] = found[i, 1] - self.rest[i, 1]
-        self.photometric.filter(brightness, sigma, motion, self.seen, False)
+            for d in range(2):
+                motion[i, d] = found[i, d] - self.rest[i, d]
+                known[2 * i + d] = cython.cast(cython.float, motion[i, d])
+        for i in range(0 if has_residuals else self.n):
+            if not self.photometric.trusted[i]:
+                row = self.start[i : i + 2]
+                weighted_sums(row, self.near, self.weight, known, self.predicted[2 * i : 2 * i + 2])
+                self._set_residual(found, self.residual, i)
+        self.photometric.filter(self.brightness, self.sigma, self.residual, motion, self.seen)
 
     @cython.cfunc
     def _correlate(
@@ -358,33 +422,26 @@ class Follower:
         found: cython.const[cython.double][:, ::1],
         sigma: cython.const[cython.double][::1],
     ) -> cython.Py_ssize_t:
-        """Place the seen pins where they were found, and write `results` if one is not; how many are seen."""
+        """Write `results`, and place the pins that are not seen where their neighbours predict them; how many
+        are seen.
+        """
         seen: cython.uchar[::1] = self.seen
-        xy: cython.double[:, ::1] = self.result_xy
-        sigma_out: cython.double[::1] = self.result_sigma
-        is_seen: cython.uchar[::1] = self.result_seen
         seen_n: cython.Py_ssize_t = 0
-        self.now[:, :] = found  # of those not seen `_place_lost` takes care
         for i in range(self.n):
             seen_n += seen[i]
-        if seen_n < self.n:
-            xy[:, :] = found
-            for i in range(self.n):
-                is_seen[i] = seen[i]
-                sigma_out[i] = sigma[i]
-                if not seen[i]:
-                    xy[i, 0] = xy[i, 1] = sigma_out[i] = NAN
-        return seen_n
-
-    @cython.cfunc
-    def _place_lost(self) -> cython.void:
-        """Place the pins that are not seen where their neighbours predict them."""
+        # Of no use to pins that are seen.
+        self.autocorrelation = self._correlate(self.residual, seen) if seen_n < self.n else 0.0
         for i in range(self.n):
-            if not self.seen[i]:
-                for d in range(2):
+            self.result_seen[i] = seen[i]
+            self.result_sigma[i] = sigma[i] if seen[i] else NAN
+            for d in range(2):
+                self.now[i, d] = self.result_xy[i, d] = found[i, d]
+                if not seen[i]:
                     left = self.autocorrelation * cython.cast(cython.double, self.last_residual[2 * i + d])
                     self.residual[2 * i + d] = cython.cast(cython.float, left)
                     self.now[i, d] = self.rest[i, d] + self.predicted[2 * i + d] + left
+                    self.result_xy[i, d] = NAN
+        return seen_n
 
     @cython.cfunc
     def _is_median_beyond(
@@ -439,9 +496,14 @@ class Follower:
         now: cython.double[:, ::1] = self.now
         last: cython.double[:, ::1] = self.last
         expected: cython.double[:, ::1] = self.expected
+        longest2: cython.double = HUGE_VAL if _any_missing(self.seen) else 0.0
         for i in range(self.n):
-            for d in range(2):
-                expected[i, d] = now[i, d] + self.damping * (now[i, d] - last[i, d])
+            dx = now[i, 0] - last[i, 0]
+            dy = now[i, 1] - last[i, 1]
+            expected[i, 0] = now[i, 0] + self.damping * dx
+            expected[i, 1] = now[i, 1] + self.damping * dy
+            longest2 = max(longest2, dx * dx + dy * dy)
+        self.step_most = sqrt(longest2)
         self.last, self.now = self.now, self.last
         # The next frame writes what is exchanged.
         self.last_residual, self.residual = self.residual, self.last_residual

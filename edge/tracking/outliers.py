@@ -210,8 +210,8 @@ class PhotometricFilter:
         self.rest_brightness = np.array(at_rest.brightness, np.float64)
         self.radius = np.array(at_rest.radius_px, np.float64)
         self.rest_sigma_ratio = np.maximum(at_rest.sigma_px / np.median(at_rest.sigma_px), 1.0)
-        self.off, self.values = np.empty(n), np.empty(n)
-        self.suspect, self.trusted = np.empty(n, np.uint8), np.empty(n, np.uint8)
+        self.off, self.values, self.gain = np.empty(n), np.empty(n), 1.0
+        self.trusted = np.empty(n, np.uint8)
 
     def accepted(self, pins: Pins, motion: Array, residual: Array, seen: Mask, searched: bool) -> Mask:
         """(n,) the seen pins that are no outliers.
@@ -227,71 +227,39 @@ class PhotometricFilter:
         if sizes != {n} or motion.shape != (n, 2) or residual.shape != (n, 2):
             raise ValueError(f"arrays of {n} pins are wanted, not of {sorted(sizes)}")
         is_seen = np.array(seen, np.bool_).view(np.uint8)
-        if self.find_suspects(residual.astype(np.float32).ravel(), is_seen):
-            self.filter(
-                np.ascontiguousarray(pins.brightness, np.float64),
-                np.ascontiguousarray(pins.sigma_px, np.float64),
-                np.ascontiguousarray(motion, np.float64),
-                is_seen,
-                searched,
-            )
+        brightness = np.ascontiguousarray(pins.brightness, np.float64)
+        sigma = np.ascontiguousarray(pins.sigma_px, np.float64)
+        if self.find_doubts(brightness, sigma, is_seen, searched):
+            off, moved = residual.astype(np.float32).ravel(), np.ascontiguousarray(motion, np.float64)
+            self.filter(brightness, sigma, off, moved, is_seen)
         return is_seen.view(np.bool_)
 
-    def find_suspects(
-        self, residual: cython.const[cython.float][::1], seen: cython.const[cython.uchar][::1]
-    ) -> cython.bint:
-        """The seen pins whose residual is so large that they must not be outliers; whether there are any."""
-        most2: cython.double[::1] = self.most2
-        suspect: cython.uchar[::1] = self.suspect
-        some: cython.uchar = 0
-        x: cython.double
-        y: cython.double
-        for i in range(self.n):
-            x = residual[2 * i]
-            y = residual[2 * i + 1]
-            suspect[i] = (x * x + y * y > most2[i]) & seen[i]
-            some |= suspect[i]
-        return some != 0
-
-    def filter(
-        self,
-        brightness: cython.const[cython.double][::1],
-        sigma: cython.const[cython.double][::1],
-        motion: cython.const[cython.double][:, ::1],
-        seen: cython.uchar[::1],
-        searched: cython.bint,
-    ) -> cython.void:
-        """`accepted` where `find_suspects` found any, for arrays of the right size; updates seen."""
-        gain = self._find_trusted(brightness, sigma, seen, HUGE_VAL if searched else self.sigma_ratio_max)
-        for i in range(self.n):
-            self.off[i] = UNKNOWN
-        for i in range(self.n):
-            if self.suspect[i] and not self.trusted[i]:
-                # Light moves a disc by its radius times the share that is not the disc's, at most; sigma is
-                # the radius times the square of the share that the disc does not explain.
-                change = self.radius[i] * (brightness[i] / (gain * self.rest_brightness[i]) - 1.0)
-                seen[i] = self._fits(motion, i, change * change + self.radius[i] * sigma[i])
-
-    def _find_trusted(
+    def find_doubts(
         self,
         brightness: cython.const[cython.double][::1],
         sigma: cython.const[cython.double][::1],
         seen: cython.const[cython.uchar][::1],
-        sigma_ratio_max: cython.double,
-    ) -> cython.double:
-        """The seen pins, one at least, of normal brightness and sigma; returns the gain that all share."""
+        searched: cython.bint,
+    ) -> cython.bint:
+        """Find the seen pins, one at least, that are not trusted: of anomalous brightness or sigma; whether
+        there are any.
+        """
         off: cython.double[::1] = self.off
         values: cython.double[::1] = self.values
         at_rest: cython.double[::1] = self.rest_brightness
         sigma_ratio: cython.double[::1] = self.rest_sigma_ratio
         trusted: cython.uchar[::1] = self.trusted
+        some: cython.uchar = 0
         sigmas: cython.double = self.ratio * _SIGMA_OF_MAD  # that count, in median absolute deviations
+        sigma_ratio_max: cython.double = HUGE_VAL if searched else self.sigma_ratio_max
         m: cython.Py_ssize_t = 0
         within: cython.Py_ssize_t = 0
         for i in range(self.n):
             off[i] = brightness[i] / at_rest[i]
             values[m] = off[i]
             m += seen[i]
+        if self._are_alike(sigma, m, sigma_ratio_max):
+            return False
         gain = select_kth(values, m, m // 2)
         change_max = self.brightness_change_min * gain
         for i in range(m):
@@ -308,7 +276,64 @@ class PhotometricFilter:
             trusted[i] = (
                 seen[i] & (not fabs(off[i] - gain) > change_max) & (not sigma[i] > sigma_max * sigma_ratio[i])
             )
-        return gain
+            some |= seen[i] ^ trusted[i]
+        self.gain = gain
+        return some != 0
+
+    def _are_alike(
+        self, sigma: cython.const[cython.double][::1], m: cython.Py_ssize_t, sigma_ratio_max: cython.double
+    ) -> cython.bint:
+        """Whether the m seen pins, of whose brightness are `values`, are to be trusted by the least limits.
+
+        No median is needed for it: half of the pins or more are so near to the brightest one, as many to the
+        dimmest and to the one with the largest sigma, that these are near enough to the median.
+        """
+        values: cython.double[::1] = self.values
+        sigma_ratio: cython.double[::1] = self.rest_sigma_ratio
+        low: cython.double = HUGE_VAL
+        high: cython.double = 0.0
+        widest: cython.double = 0.0
+        above: cython.Py_ssize_t = 0
+        below: cython.Py_ssize_t = 0
+        narrow: cython.Py_ssize_t = 0
+        for i in range(m):
+            low = values[i] if values[i] < low else low
+            high = values[i] if values[i] > high else high
+        low, high = low / (1.0 - self.brightness_change_min), high / (1.0 + self.brightness_change_min)
+        for i in range(m):
+            above += values[i] > low
+            below += values[i] < high
+        if above >= m - m // 2 or below > m // 2:
+            return False
+        for i in range(self.n):  # NaN is neither wide nor narrow
+            share = sigma[i] / sigma_ratio[i]
+            widest = share if share > widest else widest
+        for i in range(self.n):
+            narrow += sigma_ratio_max * sigma[i] < widest
+        return narrow <= m // 2
+
+    def filter(
+        self,
+        brightness: cython.const[cython.double][::1],
+        sigma: cython.const[cython.double][::1],
+        residual: cython.const[cython.float][::1],
+        motion: cython.const[cython.double][:, ::1],
+        seen: cython.uchar[::1],
+    ) -> cython.void:
+        """`accepted` where `find_doubts` found any, for arrays of the right size; updates seen."""
+        x: cython.double
+        y: cython.double
+        for i in range(self.n):
+            self.off[i] = UNKNOWN
+        for i in range(self.n):
+            if seen[i] and not self.trusted[i]:
+                x = residual[2 * i]
+                y = residual[2 * i + 1]
+                if x * x + y * y > self.most2[i]:
+                    # Light moves a disc by its radius times the share that is not the disc's, at most; sigma
+                    # is the radius times the square of the share that the disc does not explain.
+                    change = self.radius[i] * (brightness[i] / (self.gain * self.rest_brightness[i]) - 1.0)
+                    seen[i] = self._fits(motion, i, change * change + self.radius[i] * sigma[i])
 
     def _fits(
         self, motion: cython.const[cython.double][:, ::1], i: cython.Py_ssize_t, light2: cython.double

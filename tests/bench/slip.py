@@ -214,9 +214,8 @@ class Dome(Skin):
         return math.sqrt(pull.depth_mm / curved)
 
     def pins(self, pull: Pull, depth_mm: float, way_mm: float) -> Solved:
-        pose = ToolPose(pull.tool, depth_mm=depth_mm, tilt_x_deg=2.0 * pull.x_mm, tilt_y_deg=2.0 * pull.y_mm)
-        if pull.tool.kind != "flat":
-            pose = ToolPose(pull.tool, depth_mm=depth_mm, x_mm=pull.x_mm, y_mm=pull.y_mm)
+        x, y = pull.x_mm, pull.y_mm  # a flat tool's place follows from its tilt alone, a ball's from these
+        pose = ToolPose(pull.tool, x, y, depth_mm, 2.0 * x, 2.0 * y)
         x, y = way_mm * math.cos(pull.angle_rad), way_mm * math.sin(pull.angle_rad)
         moved = replace(pose, shear_x_mm=x, shear_y_mm=y)
         if pull.twists:
@@ -266,8 +265,7 @@ def watch(path: Path) -> dict[str, object]:
     rate_hz = cv2.VideoCapture(str(path)).get(cv2.CAP_PROP_FPS)
     images = read(path)
     pipeline = Pipeline(untouched(images), demand=DEMAND)
-    frames = {False: 0, True: 0}
-    alarms = {False: 0, True: 0}
+    frames, alarms = [0, 0], [0, 0]  # untouched, touched
     before = False
     for k, image in enumerate(images):
         features = pipeline.process(Frame(image, round(k * 1e9 / rate_hz), k)).features

@@ -167,8 +167,8 @@ def test_a_value_does_not_follow_what_differs_within_a_pose() -> None:
     assert within < 0.05
 
 
-def test_few_repeated_poses_are_read_by_a_mean_of_settings() -> None:
-    """It errs less than settings of one frame a pose, of which it has no mean, and sigma follows."""
+def test_few_repeated_poses_decide_few_weights() -> None:
+    """They err less than a weight for each input, which one frame a pose is given, and sigma follows."""
     errors, within = [], []
     for seed in range(2):
         inputs, fresh = _inputs(30, seed), _inputs(300, seed + 50)

@@ -1,5 +1,6 @@
 """One skin in several views: each has a lattice, cells and contacts of its own, and none lies on the seam."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,14 +11,19 @@ import pytest
 
 from calib.fit import tip_of
 from calib.sim import Camera, Simulator, Tip, Tool, ToolPose
+from edge.calibration import Calibration
 from edge.errors import NoPins
 from edge.faults.pin_visibility import PinVisibility
+from edge.fingertip import Fingertip
 from edge.frame import Pipeline
+from edge.geometry.parts import parts_of
 from edge.pins import take_rest
 from edge.rest.choice import rest_of_source
 from edge.rest.tip_match import in_order_of
 from edge.sources import open_source
 from edge.types import Frame, FrameSource, Image, Rest, Tracks
+from tests.support.captures import write_table
+from tests.support.commands import run_calib
 from tests.support.layouts import only
 
 SIDE_PX = 240
@@ -198,3 +204,40 @@ def test_two_mirrors_of_a_published_sensor_show_one_touch_each(real_dir: Path) -
     x = sorted(float(contact.xy_img[0]) for contact in touched.features.contacts)
     assert len(x) == 2
     assert x[0] < 285 - 60 < 285 + 60 < x[1]
+
+
+def test_each_view_has_a_calibration_and_the_lost_one_is_not_missed(tip: Simulator, tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    places = np.column_stack([rng.uniform(-4.0, 4.0, (20, 2)), np.linspace(0.5, 3.0, 20)])
+    balls = [ToolPose(Tool("sphere", 5.0), x_mm=x, y_mm=y, depth_mm=z) for x, y, z in places.tolist()]
+    images = [_both(tip.frame((ball,)).image) for ball in balls]
+    columns = dict(zip(("contact_x", "contact_y", "pose_z"), places.T, strict=True))
+    table = write_table(tmp_path, images, columns)
+    cv2.imwrite(str(tmp_path / "rest.png"), _both(tip.frame().image))
+    words = table, "--frames", tmp_path, "--rest", tmp_path / "rest.png", "--workers", "1", "-q", "--json"
+    region = "--region", "&".join(SEAM)
+    path = tmp_path / "two.json"
+    assert run_calib("fit", *words, *region, "-o", path).code == 0
+    printed = run_calib("evaluate", path, *words, *region).printed
+    for report in json.loads(printed)["views"]:
+        assert report["displacement_mae_mm"] < 0.1
+        assert report["contact_place_mean_mm"] < 0.5
+    finger = Fingertip([_both(tip.frame().image)] * 3, path, region="&".join(SEAM))
+    assert len(parts_of(finger.rest)) == len(Calibration.load(path).views) == 2
+    for hidden in (slice(0), slice(SIDE_PX), slice(SIDE_PX, None)):
+        image = images[12].copy()
+        image[:, hidden] = 20
+        reading = finger.read(image, 0.0).reading
+        assert reading.values["displacement_mm"] == pytest.approx(places[12, 2], abs=0.2)
+        assert len(reading.contacts) == (2 if hidden == slice(0) else 1)
+        assert np.hypot(*(reading.contacts[:, :2] - places[12, :2]).T).max() < 0.5
+    refusal = run_calib("fit", *words, "--region", "rio=1", "-o", tmp_path / "a.json").refusal
+    assert "region rio=1: give roi=x,y,w,h, circle=x,y,r or mask=FILE" in refusal
+
+
+def test_a_fingertip_takes_the_region_of_an_address(folder: Path) -> None:
+    images = [frame.image for frame in _source(folder)]
+    finger = Fingertip(images[:3], region="&".join(SEAM))
+    for k, alike in enumerate(_results(folder, *SEAM)[1]):
+        result: Any = finger.read(images[k], 0.1 * k)
+        assert (result.features.displacement_px == alike.features.displacement_px).all()

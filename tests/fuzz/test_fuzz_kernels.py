@@ -153,12 +153,9 @@ def play() -> None:
     assert features.contacts
     frame_inputs(features, rest.pattern)
     contact_inputs(features.contacts[0], features, rest.pattern)
-    image, motion = frames[-1].image, result.tracks.xy_img - rest.xy_img
+    image = frames[-1].image
     frame_counts.sample_levels(image, 8, 255)
     frame_counts.which_reach((0.1, 0.9, True), [0.2, 0.5], 1)
-    counts = frame_counts.PinCounts(rest.xy_img, np.arange(len(rest), dtype=np.int32)[:, None])
-    counts.seen(result.tracks.xy_img, result.tracks.sigma_px, 0.05, 1.0)
-    counts.moved(motion, 1.0, 0.0, True)
     corners = np.rint(rest.xy_img[20:24]).astype(np.int32)
     frame_counts.FocusWindows(corners, 7, 20).measure(image, np.empty((4, 2)))
     StatePacker().pack(vars(State(displacement_mm=1.0, contacts=(Contact(1.0, -1.0),))))

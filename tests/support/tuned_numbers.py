@@ -51,7 +51,7 @@ NOT_TUNED: dict[str, dict[str, str]] = {
         "features/modes": "INDEPENDENT_REL", "features/pin_motion": "_RIDGE _FLAT",
         "features/contact_field": "_WEIGHT_MAX _VALUE_MAX _ROW_MAX _ROUND BLOCK",
         "features/contacts": "_VARIANCE_MIN", "features/several/contact_fit": "_POINT",
-        "geometry/lattice": "RANK_TOLERANCE", "geometry/layout": "",
+        "geometry/lattice": "RANK_TOLERANCE", "geometry/layout": "", "geometry/motion_field": "AT_ONCE",
         "faults/image_quality": "ONE_LEVEL", "tracking/outliers": "NO_NEIGHBOUR",
         "tracking/motion_model": "UNDETERMINED", "recording/reader": "_TIME_MAX_NS _SEQUENCE_MAX",
         "view/panels": "_SHIFT _ONE",

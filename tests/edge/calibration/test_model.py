@@ -16,6 +16,7 @@ from tests.support.calibrations import PATTERN, calibration_content, damaged, pa
 from tests.support.fields import contact_region
 
 R = PATTERN.tip_radius_px / 200.0
+UNSCALED = parsed(damaged("mm_per_px", value=None))
 
 
 def test_values_follow_the_models() -> None:
@@ -72,6 +73,17 @@ def test_contacts_have_places_in_the_tip_frame_and_a_single_one_the_frame_s_dept
     assert math.isnan(one.values["orientation_deg"])
 
 
+@pytest.mark.parametrize(("far", "outside"), [(4.0, set()), (8.0, {"contact_x_mm"})])
+def test_a_contact_beyond_the_calibrated_area_is_out_of_range(far: float, outside: set[str]) -> None:
+    table = calibration_content()
+    names = ["contact_x_mm", "contact_y_mm"]
+    table["models"][1] |= {"outputs": names, "terms": [["p"]], "weights": [[far, 0.0]], "spread": []}
+    spot = contact_region((340.0, 230.0), 0.3, 100.0)
+    reading = parsed(table).apply(touched_features(0.05, (0.0, 0.0), (spot,)), PATTERN)
+    np.testing.assert_allclose(reading.contacts[0, :2], np.minimum(far * np.array([20.0, -10.0]) / 46.0, 2.0))
+    assert reading.saturated == outside
+
+
 def _forced() -> Calibration:
     """With a force model: 2 N at a volume of 0.05, and a scale of 0.1 mm/px."""
     table = calibration_content()
@@ -98,8 +110,7 @@ def test_slip_speed_needs_a_scale_and_the_time_between_two_frames() -> None:
     assert reading.values["slip_probability"] == 0.9
     for interval in (None, 0.0, -0.01):
         assert "slip_speed_mm_s" not in calibrated.apply(slipping, PATTERN, interval).values
-    bare = damaged("mm_per_px", value=None)
-    assert "slip_speed_mm_s" not in parsed(bare).apply(slipping, PATTERN, 0.01).values
+    assert "slip_speed_mm_s" not in UNSCALED.apply(slipping, PATTERN, 0.01).values
 
 
 @pytest.mark.parametrize("vibration_px", [None, 0.0, 0.25, math.nan])
@@ -109,17 +120,14 @@ def test_a_length_that_a_feature_names_is_scaled_to_mm(vibration_px: float | Non
     values = parsed(calibration_content()).apply(shaking, PATTERN).values
     expected = None if vibration_px is None else pytest.approx(0.1 * vibration_px, nan_ok=True)
     assert values.get("vibration_mm") == expected
-    bare = damaged("mm_per_px", value=None)
-    assert "vibration_mm" not in parsed(bare).apply(shaking, PATTERN).values
+    assert "vibration_mm" not in UNSCALED.apply(shaking, PATTERN).values
 
 
 def test_an_uncalibrated_tip_counts_its_contacts_and_places_none() -> None:
     spot = contact_region((340.0, 230.0), 0.3, 100.0, math.nan, 1.0)
     reading = uncalibrated(touched_features(0.1, (0.0, 0.0), (spot, spot)))
-    assert len(reading.contacts) == 2
-    assert np.isnan(reading.contacts).all()
-    assert not reading.values
-    assert not reading.calibrated
+    np.testing.assert_array_equal(reading.contacts, np.full((2, 3), np.nan))
+    assert (reading.values, reading.calibrated) == ({}, False)
     assert len(uncalibrated().contacts) == 0
 
 

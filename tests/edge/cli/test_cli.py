@@ -56,9 +56,9 @@ def test_inspect_lists_the_pins_and_names_the_sensor(tip_image: Path, tmp_path: 
     assert found["image"] == str(tip_image)
     assert found["n_pins"] == len(found["xy_px"]) == 127
     assert (tmp_path / "seen" / "tip_pins.png").is_file()
-    assert "127 bright pins, as of TacTip, 127 pins (tactip-127), 0." in command("inspect", tip_image).out
+    assert "127 bright pins; they fit TacTip, 127 pins (tactip-127), 0." in command("inspect", tip_image).out
     other = command("inspect", tip_image, "--sensor", "tactip-331").printed
-    assert "not as of TacTip, 331 pins: 127 pins found" in other
+    assert "do not fit TacTip, 331 pins: 127 pins found" in other
 
 
 def test_a_sensor_of_ones_own_is_made_from_one_image_and_one_length(tip_image: Path, tmp_path: Path) -> None:

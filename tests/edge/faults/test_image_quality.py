@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from edge.faults.detector import common_step_px, fault_checks
-from edge.faults.frame_counts import FocusWindows, PinCounts
+from edge.faults.frame_counts import FocusWindows
 from edge.faults.image_quality import ImageQuality
 from edge.faults.judge import Facts, Judge
 from edge.faults.registry import FaultRegistry
@@ -15,48 +15,8 @@ from tests.support.layouts import rest_of
 pytestmark = pytest.mark.kernels
 
 
-@pytest.mark.parametrize("n", [1, 8, 9])
-def test_the_median_motion_is_given_where_half_of_the_pins_move(n: int) -> None:
-    random = np.random.default_rng(n)
-    counts = PinCounts(np.zeros((n + 1, 2)), np.zeros((n + 1, 1), np.int32))
-    before = np.zeros((n + 1, 2))
-    for least_px in (0.0, 0.5, 1.0, 2.0, 1e9):
-        motion = random.normal(0.0, 1.0, (n + 1, 2))
-        motion[0] = np.nan  # a lost pin
-        for since_last in (False, True):
-            step = np.hypot(*(motion - before * since_last).T)[1:]
-            median = np.median(step) if 2 * np.sum(step >= least_px) >= n else 0.0
-            far_n, middle_px = counts.moved(motion, 1.5, least_px, since_last)
-            assert far_n == np.sum(np.hypot(*motion.T) > 1.5)
-            assert middle_px == pytest.approx(median, rel=1e-12)
-            before = motion
-            motion = motion + random.normal(0.0, 0.5, (n + 1, 2))
-    with pytest.raises(ValueError, match="vectors"):
-        counts.moved(before[1:], 1.0, 1.0, True)
-
-
-@pytest.mark.parametrize("n", [1, 2, 7, 330, 331])
-@pytest.mark.parametrize("lost", [0, 1, 5])
-def test_counts_of_pins_are_numpy_s(n: int, lost: int) -> None:
-    rng = np.random.default_rng(n + lost)
-    before = rng.uniform(0.0, 600.0, (n, 2))
-    now = before + rng.normal(0.0, 3.0, (n, 2))
-    now[:lost] = np.nan
-    length, seen = np.hypot(*(now - before).T), ~np.isnan(now[:, 0])
-    sigma = np.where(seen, rng.uniform(0.02, 0.1, n), np.nan)
-    near = np.stack([np.arange(n), (np.arange(n) + 1) % n, (np.arange(n) + 2) % n], axis=1).astype(np.int32)
-    counts, were_bad = PinCounts(before, near), np.zeros(n, np.bool_)
-    for noisy in (0.05, 0.08, 0.03):
-        seen_n, bad_n, new_n, hole_n, far_n, noise = counts.seen(now, sigma, noisy, 3.0)
-        bad = ~(sigma <= noisy)
-        assert [seen_n, bad_n, far_n] == [seen.sum(), bad.sum(), np.count_nonzero(length > 3.0)]
-        assert [new_n, hole_n] == [(bad & ~were_bad).sum(), bad[near].all(axis=1).sum()]
-        assert noise == pytest.approx(sigma[seen].mean() if seen.any() else np.nan, nan_ok=True)
-        were_bad = bad
-
-
 @pytest.mark.parametrize(("kind", "top"), [(np.uint8, 256), (np.uint16, 4096)])
-@pytest.mark.parametrize("side", [7, 20, 21, 40])
+@pytest.mark.parametrize("side", [7, 20, 21, 39])
 def test_windows_are_numpy_s(kind: type, top: int, side: int) -> None:
     rng = np.random.default_rng(side)
     image: Image = rng.integers(0, top, (120, 160)).astype(kind)
@@ -67,7 +27,7 @@ def test_windows_are_numpy_s(kind: type, top: int, side: int) -> None:
     out = np.empty((32, 2))
     level = FocusWindows(corners, side, 20).measure(image, out)
     cut = np.array([image[y : y + side, x : x + side] for x, y in corners]).astype(np.float64)
-    cut = cut[:, :: max(1, side // 20), :: max(1, side // 20)]
+    cut = cut[:, :: max(1, round(side / 20)), :: max(1, round(side / 20))]
     energy = (np.diff(cut, axis=1) ** 2).mean(axis=(1, 2)) + (np.diff(cut, axis=2) ** 2).mean(axis=(1, 2))
     ordered = np.sort(cut.reshape(32, -1), axis=1)
     k = ordered.shape[1] // 20

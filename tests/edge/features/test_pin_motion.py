@@ -31,6 +31,17 @@ def contact_of(rest: Rest, change: Array) -> Index:
     return np.asarray(made.pins)[:found]
 
 
+def test_the_longest_motion_and_step_and_the_largest_sigma_are_those_of_seen_pins() -> None:
+    rest, rng = tip(127), np.random.default_rng(1)
+    made, (before, now), sigma = PinMotion(rest), rng.normal(size=(2, 127, 2)), rng.uniform(0.1, 1.0, 127)
+    now[3] = before[5] = np.nan
+    made.since_rest(rest.xy_img + before, sigma)
+    assert made.since_rest(rest.xy_img + now, sigma) == 126
+    found = made.longest_px, made.step_px, made.sigma_max_px
+    step_px = np.nanmax(np.hypot(*(now - before).T))
+    assert found == pytest.approx((np.nanmax(np.hypot(*now.T)), step_px, np.delete(sigma, 3).max()))
+
+
 @pytest.mark.parametrize("angle", [-1.2, -0.05, 0.0, 0.003, 0.4])
 def test_torsion_is_the_angle_of_a_rigid_turn_wherever_it_is(angle: float) -> None:
     rest = tip(331)
