@@ -214,11 +214,17 @@ def _log_ratio(value: Array, near: Index) -> Array:
 
 
 def _connected(xy_img: Array) -> Mask:
-    """Which belong to a large group; two are linked if neither is far by its own nearest distance."""
+    """Which belong to a large group; two are linked if neither is far by its own nearest distance.
+
+    Where nearest distances differ as those of strewn pins, some of which nearly touch, the mean of two counts.
+    """
     n = len(xy_img)
-    if n < 2:
+    if n <= N_RING:
         return np.zeros(n, bool)
-    own = nearest_of(xy_img, xy_img, 2)[0][:, 1]
+    distance, near = nearest_of(xy_img, xy_img, 1 + N_RING)
+    own = distance[:, 1]
+    if SIGMA_OF_MAD * np.median(np.abs(_log_ratio(own, near[:, 1:]))) > PARAMS.scatter_max[2]:
+        own = distance[:, 1:3].mean(axis=1)
     a, b = pairs_within(xy_img, LATTICE.longest_edge * float(np.quantile(own, 0.95))).T
     linked = np.hypot(*(xy_img[a] - xy_img[b]).T) < LATTICE.longest_edge * np.minimum(own[a], own[b])
     label = groups_of(n, a[linked], b[linked])

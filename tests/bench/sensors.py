@@ -29,7 +29,7 @@ from tests.bench.recordings import real_option
 
 PAGE = ROOT / "docs" / "sensors.md"
 CASES = "cases/sensors"
-MIRRORS = "?roi=54,79,215,220&roi=308,91,219,216"
+VPTAC, MIRRORS = f"{CASES}/mirror_two_views", "?roi=54,79,215,220&roi=308,91,219,216"
 PRESSED, BINARY = f"{CASES}/press_hides_dots_gelslim", "real/tactip331_binary"
 DOME = "real/fingervision_dome/frames"
 HEAD = "| recording | pins by eye | found | more than by eye | held | touched |"
@@ -64,17 +64,11 @@ CATALOGUE = (
     Row("GelSlim, small dots", 530, "", f"{CASES}/false_gelsight_mini/000.png"),
     Row("Tactile insertion, ghosted dots", 330, "", f"{CASES}/ghosted_dots_one_marker_two_pins/000.png"),
     Row("FingerVision, flat", 180, "", f"{CASES}/pin_split_by_glint/whole.png"),
-    Row(
-        "Vptac, two mirrors",
-        120,
-        f"{CASES}/mirror_two_views{MIRRORS}",
-        f"{CASES}/mirror_two_views/001.png{MIRRORS}",
-    ),
+    Row("Vptac, two mirrors", 120, f"{VPTAC}{MIRRORS}", f"{VPTAC}/001.png{MIRRORS}"),
     Row("UM-FingerVision dome", 36, "", f"{CASES}/size_jump_umfv/000.png"),
     Row("AllSight, spokes", 100, "", f"{CASES}/tube_perspective_allsight/000.png"),
     Row("TacLINK, along a tube", 0, "", f"{CASES}/tube_perspective_taclink/000.png"),
 )
-STILLS_N = 20  # of a folder of stills, evenly
 
 
 def _rest_of(shared: Path, row: Row) -> Rest:
@@ -88,13 +82,11 @@ def _rest_of(shared: Path, row: Row) -> Rest:
 def _results(shared: Path, row: Row, rest: Rest) -> Iterator[Result]:
     """Of a video's images, each followed from the one before; of a folder's stills, each a jump from rest."""
     source = open_source(str(shared / row.images)) if row.images else ()
-    step = max(1, source.frames_n // STILLS_N) if isinstance(source, FolderSource) else 1
     pipeline = Pipeline(rest)
-    for n, frame in enumerate(source):
-        if n % step == 0:
-            if isinstance(source, FolderSource):
-                pipeline.forget()
-            yield pipeline.process(frame)
+    for frame in source:
+        if isinstance(source, FolderSource):
+            pipeline.forget()
+        yield pipeline.process(frame)
 
 
 def _row(shared: Path, row: Row) -> tuple[str, NDArray[np.uint8] | None]:

@@ -56,7 +56,7 @@ def test_skin_that_creeps_is_learnt_as_noise_of_rings_and_a_touch_still_begins()
 
 
 @pytest.mark.parametrize(("height", "noise"), [(0.0, 0.05), (0.0, 0.15), (0.015, 0.05)])
-def test_quieter_pins_than_expected_show_a_press_in_the_first_frame(height: float, noise: float) -> None:
+def test_quiet_pins_show_a_press_in_the_first_frame(height: float, noise: float) -> None:
     rest = tip(127)
     rest = replace(rest, pins=replace(rest.pins, sigma_px=np.full(127, 0.15 / 2**0.5)))
     rest_area = areas(rest.xy_img, rest)

@@ -94,9 +94,7 @@ def test_a_long_contact_is_one_with_a_direction(degrees: float) -> None:
         (Tool("two", 1.5, 70.0, 8.0), {"depth_mm": 1.5, "x_mm": 2.0}, 2),
     ],
 )
-def test_simulated_tools_make_as_many_contacts_as_they_have_places(
-    tool: Tool, pose: dict[str, float], expected: int
-) -> None:
+def test_simulated_tools_make_a_contact_a_place(tool: Tool, pose: dict[str, float], expected: int) -> None:
     camera = Camera(tip=Tip())
     motion = camera.project(deform(camera.tip, (ToolPose(tool, **pose),)).tips_mm)
     rest_xy = camera.project(camera.tip.tips_mm)

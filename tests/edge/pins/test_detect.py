@@ -61,9 +61,8 @@ def test_glare_rim_specks_vignetting_and_gain_are_no_pins() -> None:
     clean *= 1.0 - 0.5 * (r / 320) ** 2
     clean += 220.0 / (1.0 + np.exp(-(r - 205.0) / 2.0))
     for angle in np.arange(6) * np.pi / 3 + 0.2:
-        clean += 250.0 * np.exp(
-            -0.5 * (np.hypot(x - 320 - 196 * np.cos(angle), y - 240 - 196 * np.sin(angle)) / 5) ** 2
-        )
+        away = np.hypot(x - 320 - 196 * np.cos(angle), y - 240 - 196 * np.sin(angle))
+        clean += 250.0 * np.exp(-0.5 * (away / 5) ** 2)
     specks = np.stack([320 + 186 * np.cos(np.arange(15.0)), 240 + 186 * np.sin(np.arange(15.0))], axis=1)
     clean += draw((640, 480), specks, 1.6, 0.6, 200.0, 0.0)
     image = expose(clean, 2.0, rng)
@@ -79,11 +78,9 @@ def test_thresholded_image_with_merged_pins_and_specks() -> None:
     rng = np.random.default_rng(3)
     image = ((clean > 110) * 255).astype(np.uint8)
     angle = rng.uniform(0, 2 * np.pi, 80)
-    image[np.rint(220 + 205 * np.sin(angle)).astype(int), np.rint(220 + 205 * np.cos(angle)).astype(int)] = (
-        255
-    )
-    missed, false = missed_and_false(learn(image)[1], truth, 2.0)
-    assert (missed, false) == (0, 0)
+    y, x = np.rint(220 + 205 * np.stack([np.sin(angle), np.cos(angle)])).astype(int)
+    image[y, x] = 255
+    assert missed_and_false(learn(image)[1], truth, 2.0) == (0, 0)
 
 
 def textures() -> dict[str, Image]:
@@ -116,16 +113,14 @@ def test_an_image_without_a_tip_raises_one_line(name: str, image: Image) -> None
 def test_rest_has_the_same_rows_whatever_the_noise() -> None:
     truth = hexagon(6, 24.0, (220.0, 220.0))
     clean = draw((440, 440), truth, 6.0, 0.9, 120.0, 40.0)
-    rests = [
-        take_rest([expose(clean, 3.0, np.random.default_rng(s + k)) for k in range(4)]) for s in (10, 20)
-    ]
+    rng = np.random.default_rng
+    rests = [take_rest([expose(clean, 3.0, rng(s + k)) for k in range(4)]) for s in (10, 20)]
     assert len(rests[0]) == len(rests[1]) == len(truth)
     assert np.abs(rests[0].xy_img - rests[1].xy_img).max() < 0.1
     assert rests[0].pattern.noise == pytest.approx(3.0, rel=0.2)
-    with pytest.raises(NoPins):
-        take_rest([])
-    with pytest.raises(NoPins):
-        take_rest([np.zeros((4, 4), np.uint8), np.zeros((5, 4), np.uint8)])
+    for sizes in ([], [(4, 4), (5, 4)]):
+        with pytest.raises(NoPins):
+            take_rest([np.zeros(size, np.uint8) for size in sizes])
 
 
 def test_rest_is_taken_from_the_images_in_which_nothing_moves() -> None:
@@ -220,9 +215,7 @@ VIDEOS = {"Movement4": (110, 135), "north": (80, 135), "west": (80, 135), "flatS
 
 @pytest.mark.real
 @pytest.mark.parametrize(("name", "count"), VIDEOS.items())
-def test_real_videos_give_a_rest_frame_that_can_be_followed(
-    real_dir: Path, name: str, count: tuple[int, int]
-) -> None:
+def test_the_rest_of_a_video_can_be_followed(real_dir: Path, name: str, count: tuple[int, int]) -> None:
     images = [frame.image for frame in islice(open_source(str(real_dir / "video" / f"{name}.avi")), 3)]
     rest = take_rest(images)
     assert count[0] <= len(rest) <= count[1]
@@ -339,21 +332,16 @@ def test_a_marker_with_a_ghost_is_one_pin(away_px: float, every: int) -> None:
     assert np.hypot(*(later.xy_img - rest.xy_img).T).max() < 0.5  # no pin jumps to its other lobe
 
 
-@pytest.mark.parametrize(
-    ("spokes", "ratio", "largest_px"), [(18, 0.82, 7.0), (22, 0.86, 8.0), (14, 0.8, 11.0)]
-)
-def test_pins_in_spokes_along_a_tube_are_found_whatever_their_size(
-    spokes: int, ratio: float, largest_px: float
-) -> None:
+@pytest.mark.parametrize(("spokes", "ratio", "most_px"), [(18, 0.82, 7.0), (22, 0.86, 8.0), (14, 0.8, 11.0)])
+def test_pins_of_any_size_along_a_tube_are_found(spokes: int, ratio: float, most_px: float) -> None:
     """From ring to ring inwards their size, distance and brightness fall by one ratio."""
     rng = np.random.default_rng(8)
-    rings = largest_px * ratio ** np.arange(20)
-    rings = rings[rings > 2.2]
+    rings = [radius for radius in most_px * ratio ** np.arange(20) if radius > 2.2]
     angle = 2 * np.pi * np.arange(spokes) / spokes + 0.1
     spoke = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     truth, clean = [], np.full((480, 640), 50.0)
     for radius in rings:
-        at = 200.0 * radius / largest_px * spoke + np.array([320.0, 240.0])
+        at = 200.0 * radius / most_px * spoke + np.array([320.0, 240.0])
         truth.append(at + rng.uniform(-0.5, 0.5, at.shape))
         clean += draw((640, 480), truth[-1], radius, 0.8, 60.0 + 5.0 * radius, 0.0)
     pins = take_rest([expose(clean, 2.0, rng)]).pins
