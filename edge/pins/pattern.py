@@ -214,8 +214,9 @@ def _log_ratio(value: Array, near: Index) -> Array:
 
 
 def _connected(xy_img: Array) -> Mask:
-    """Which belong to a large group; two are linked if neither is far by its own nearest distance; by the mean of
-    two where nearest distances differ as those of strewn pins do, of which some nearly touch.
+    """Which belong to a large group; two are linked if neither is far by its own nearest distance.
+
+    Where nearest distances differ as those of strewn pins, some of which nearly touch, two count.
     """
     n = len(xy_img)
     if n <= N_RING:
