@@ -10,7 +10,7 @@ cdef class ContactDetector:
     cdef double[:, :, ::1] _slope
     cdef double _pitch_px, _cell_noise, _ring_noise, _median_noise, _raise_sigma, _clear_sigma
     cdef double _noise_ratio_max, _noise_frames_n
-    cdef double _usual  # noise of a pin's motion, seen as at rest, pitches
+    cdef double _rest_noise  # noise of a pin's motion, seen as at rest, pitches
     cdef double _noise_ratio  # of a cell: measured over predicted noise
     cdef double _ring_noise_ratio  # of a ring's mean
     cdef Py_ssize_t _turn  # which rings it is learnt from next

@@ -54,7 +54,7 @@ class ContactDetector:
         self._rest = np.ascontiguousarray(rest.xy_img, np.float64)
         self._ring, self._slope = short_rows(ring), slope
         self._pitch_px = rest.pattern.pitch_px
-        self._usual = sqrt(2.0) * float(np.median(rest.pins.sigma_px)) / self._pitch_px
+        self._rest_noise = sqrt(2.0) * float(np.median(rest.pins.sigma_px)) / self._pitch_px
         self._noise_ratio = self._ring_noise_ratio = 1.0
         self._turn = self._learnt_n = 0
         self._in_contact = False
@@ -245,10 +245,10 @@ class ContactDetector:
             if isfinite(area_change[i]):
                 self._values[known] = fabs(area_change[i])
                 known += 1
-        if known == 0 or not self._usual > 0.0:
+        if known == 0 or not self._rest_noise > 0.0:
             return 1.0
         highest = 1.0 + self._clear_sigma / sqrt(2.0 * known)
-        ratio = highest * sigma_of(self._values, known) / (self._cell_noise * self._usual)
+        ratio = highest * sigma_of(self._values, known) / (self._cell_noise * self._rest_noise)
         return min(max(ratio, 1.0 / self._noise_ratio_max) / self._noise_ratio, 1.0)
 
     def _learn(self, area_change: Array, predicted: float) -> None:

@@ -216,7 +216,7 @@ def _log_ratio(value: Array, near: Index) -> Array:
 def _connected(xy_img: Array) -> Mask:
     """Which belong to a large group; two are linked if neither is far by its own nearest distance.
 
-    Where nearest distances differ as those of strewn pins, some of which nearly touch, the mean of two counts.
+    Where nearest distances differ as those of strewn pins, some of which nearly touch, the two nearest count.
     """
     n = len(xy_img)
     if n <= N_RING:

@@ -38,8 +38,7 @@ def test_one_push_is_one_contact_in_its_place(pins: int, at: tuple[float, float]
 
 
 def test_dots_that_a_tool_drags_along_do_not_draw_its_contact_aside() -> None:
-    rest, at = tip(331), np.array([20.0, -30.0])
-    pitch = rest.pattern.pitch_px
+    rest, at, pitch = tip(331), np.array([20.0, -30.0]), 19.0
     motion = push(rest, (20.0, -30.0), 2.0 * pitch, 0.06)
     motion[:, 0] -= 0.4 * pitch * np.exp(-0.5 * ((rest.xy_img - CENTRE - at) ** 2).sum(axis=1) / pitch**2)
     (found,) = contacts(rest, motion)
