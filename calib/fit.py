@@ -351,7 +351,7 @@ def _scale(targets: Targets, extract: Extract, rest: Rest) -> float | None:
 
 
 @dataclass(frozen=True)
-class _Seen:
+class _Observed:
     """What was seen of some frames. All problems of these share it; an array is made when it is wanted.
 
     which     (n,) the frames of the extract
@@ -361,7 +361,7 @@ class _Seen:
     extract: Extract
     which: Index
     possible: InputNoise
-    parts: dict[bytes, _Seen] = field(default_factory=dict)
+    parts: dict[bytes, _Observed] = field(default_factory=dict)
 
     @cached_property
     def inputs(self) -> Complex:
@@ -378,12 +378,12 @@ class _Seen:
         """(draws, n, k) complex128."""
         return self.possible.draws()
 
-    def rows(self, chosen: Mask) -> _Seen:
+    def rows(self, chosen: Mask) -> _Observed:
         """Of some of the frames."""
         key = chosen.tobytes()
         if key not in self.parts:
             possible = replace(self.possible, rows=self.possible.rows[chosen])
-            self.parts[key] = _Seen(self.extract, self.which[chosen], possible)
+            self.parts[key] = _Observed(self.extract, self.which[chosen], possible)
         return self.parts[key]
 
 
@@ -402,7 +402,7 @@ class _Problem:
     """
 
     groups: tuple[Group, ...]
-    seen: _Seen
+    seen: _Observed
     contact: Complex | None
     y: Complex
     fold: Index
@@ -543,14 +543,14 @@ def _problems(rest: Rest, targets: Targets, extract: Extract, usable: Mask) -> I
     # The error of a mode's coefficient is a mean over the errors of the pins, along x and along y.
     pattern = rest.pattern
     off = PARAMS.pin_noise * pattern.pitch_px / pattern.tip_radius_px * np.sqrt(2.0 / len(rest))
-    shared: dict[bytes, _Seen] = {}
+    shared: dict[bytes, _Observed] = {}
     for (_, of_contact, _, chosen), members in alike.items():
         groups, (rows, *_), columns = zip(*members, strict=True)
         if chosen not in shared:
             which = np.flatnonzero(rows).astype(np.int32)
             every = np.arange(len(which), dtype=np.int32)
             possible = InputNoise((len(which), extract.inputs.shape[1]), off, every)
-            shared[chosen] = _Seen(extract, which, possible)
+            shared[chosen] = _Observed(extract, which, possible)
         yield _Problem(
             groups=groups,
             seen=shared[chosen],
