@@ -61,8 +61,7 @@ class JoinedViews:
         cells = [one.cells for one in kept if one.cells is not None]
         whole = self._cells(cells) if len(cells) == len(kept) else None
         tracks = tracks_joined(self._rows, [one.tracks for one in kept])
-        searched = any(one.searched for one in kept)
-        return Result(frame, tracks, whole, features, _reading(kept), searched)
+        return Result(frame, tracks, whole, features, _reading(kept), any(one.searched for one in kept))
 
     def _cells(self, of_views: Sequence[Cells]) -> Cells:
         """The cells of all views; their boundary points, one after the other, follow all pins."""
@@ -148,8 +147,7 @@ class JoinedViews:
 def _nothing_of(rest: Rest, rest_area_px2: Array) -> tuple[Tracks, Cells, Features]:
     """What is known of a view that is lost."""
     nowhere, middle_img = np.full_like(rest.xy_img, np.nan), rest.xy_img.mean(axis=0)
-    none = nowhere[:, 0]
-    triangles, boundary = np.empty((0, 3), np.int32), np.empty((0, 2))
+    none, triangles, boundary = nowhere[:, 0], np.empty((0, 3), np.int32), np.empty((0, 2))
     cells = Cells(none, rest_area_px2, nowhere, triangles, boundary, none, math.inf, middle_img)
     tracks = Tracks.of(nowhere, none, np.zeros(len(rest), np.bool_))
     return tracks, cells, Features(none, nowhere, in_contact=False, gap=math.inf, gap_img=middle_img)
