@@ -120,7 +120,7 @@ def open_source(spec: str, **settings: Any) -> FrameSource:
     try:
         source.lens = lens_for(source, plain.options.lens)
         parts = plain.options.roi, plain.options.circle, plain.options.mask
-        source.region = region_of(source.name, source.size_px, *parts)
+        source.region = region_of(source.name, source.size_px, *parts) if any(parts) else None
     except SourceError:
         source.close()
         raise

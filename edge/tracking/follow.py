@@ -429,7 +429,7 @@ class Follower:
         seen_n: cython.Py_ssize_t = 0
         for i in range(self.n):
             seen_n += seen[i]
-        # Of no use to pins that are seen.
+        # Pins that are seen have no use for it.
         self.autocorrelation = self._correlate(self.residual, seen) if seen_n < self.n else 0.0
         for i in range(self.n):
             self.result_seen[i] = seen[i]
