@@ -101,9 +101,9 @@ def _compare(images: Sequence[Image], rest: Rest) -> _Comparison:
         noise = CELL_NOISE * np.hypot(sigma[known], sigma[k]) / rest.pattern.pitch_px
         agrees[k, known] = _rms(area[known] - area[k]) < CONTACT.noise_ratio_max * noise
     agree_n = agrees.sum(axis=1) - 1
-    candidates = known
-    if agree_n.max() >= _agree_min_n(int(known.sum()) - 1):
-        candidates = known & (agree_n >= RUNTIME.most_rel * agree_n.max())
+    # A press that is held for long is shown by more images than the untouched tip.
+    shared = known & (agree_n >= _agree_min_n(int(known.sum()) - 1))
+    candidates = shared if shared.any() else known
     candidates = candidates & (seen >= SHARED_MIN * np.median(seen[candidates]))
     return _Comparison(int(np.argmin(np.where(candidates, deformation, np.inf))), deformation, agrees)
 

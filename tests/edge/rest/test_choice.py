@@ -44,6 +44,13 @@ def test_the_untouched_images_are_found_behind_a_touch() -> None:
     assert "3 of 19 others" in choice.message
 
 
+def test_a_press_that_is_held_for_longer_than_the_tip_rests_is_not_the_rest() -> None:
+    one = simulator()
+    choice = choose_rest([one.frame((ToolPose(depth_mm=2.0),) * (4 <= k < 20)).image for k in range(24)])
+    assert choice.index not in range(4, 20)
+    assert choice.trusted
+
+
 def test_without_an_untouched_image_the_shallowest_is_taken_and_marked_untrusted() -> None:
     depths = np.array([2.5, 3.0, 1.8, 2.2, 0.5, 2.8, 1.5, 2.0, 3.2, 2.6])
     choice = choose_rest(touches(depths))
