@@ -19,7 +19,7 @@ if [ ! -d root ]; then
     mv root.new root
 fi
 
-# Of the dependencies those that `edge run` imports with a CAN FD sink.
+# `edge run` with a CAN FD sink imports these of the dependencies.
 if [ ! -d site ]; then
     rm -rf site.new
     "$python" -m pip install -q --disable-pip-version-check --target site.new -c "$here/../../constraints.txt" \

@@ -203,7 +203,7 @@ def pins(frame: Frame, rest: Rest) -> Iterator[Line]:
     top = (1 << frame.bits) - 1
     noise = f"of full scale, noise is {p.noise / top:.1%}"
     contrast = f"pins differ from the skin by {p.brightness / top:.0%} {noise}"
-    # By ratios, nearer to the noise, of which levels have as much as rounding leaves, than to full scale.
+    # The contrast is nearer, by ratios, to the noise (rounding's at least) than to full scale.
     faint = p.brightness**2 < max(p.noise, 12**-0.5) * top
     yield judged("contrast", contrast, (faint, "warn", "light the pins better, then raise gain"))
     x, y = seen.xy_img.T

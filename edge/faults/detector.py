@@ -245,7 +245,9 @@ class FaultDetector:
         if features.longest_px > far_px or most_px >= least_px:
             far_n = int(np.count_nonzero(np.hypot(*self._motion_px.T) > far_px))
             moved_px = self._motion_px - before_px if in_contact else self._motion_px
-            middle_px = float(np.nanmedian(np.hypot(*moved_px.T)))
+            length_px = np.hypot(*moved_px.T)
+            length_px = length_px[np.isfinite(length_px)]  # none: no pin was seen in the frame before, too
+            middle_px = float(np.median(length_px)) if len(length_px) else 0.0
         if in_contact:
             facts.limit_px, facts.far_n = far_px, far_n  # a lost pin does not count
             facts.far_share = far_n / len(before_px)

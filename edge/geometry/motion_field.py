@@ -59,7 +59,7 @@ class Precision:
 
     def __init__(self, knots: Array, pitch: float, prior: MotionPrior) -> None:
         x = (knots - knots.mean(axis=0)) / pitch
-        # Lower triangle: the factor, and the inverses of its blocks on the diagonal.
+        # The lower triangle becomes the factor, with the inverses of its blocks on the diagonal.
         self._factor = _covariance(x, prior)
         size = 2 * len(x)
         self._blocks = [slice(k, min(k + AT_ONCE, size)) for k in range(0, size, AT_ONCE)]

@@ -85,7 +85,7 @@ def test_motion_alone_gives_the_same_values_without_cells(
         for name in ("displacement_mm", "shear_x_mm", "shear_y_mm"):
             assert result.reading.values[name] == expected.reading.values[name]
         n_cells += result.features.in_contact and result.cells is not None
-    # Where a pin is lost, its neighbours' cells predict it.
+    # The cells of its neighbours predict that of a lost pin.
     assert (n_cells < 0.2 * len(frames)) == (dark == 0)
 
 
