@@ -21,13 +21,15 @@ _LEVELS = np.dtype(np.uint8), np.dtype(np.uint16)
 _SAMPLE_N = cython.declare(cython.Py_ssize_t, PARAMS.sample_n)
 
 
-def level_of(image: Image, bits: int) -> tuple[float, float]:
+def level_of(image: Image, bits: cython.int) -> tuple[float, float]:
     """Mean level and share of saturated pixels, of full scale; 0 of an image without pixels.
 
     image   (h, w) uint8 or uint16, of which `bits` of each pixel are significant
     Raises  ValueError: no such image
     """
     _check_image(image)
+    if not 1 <= bits <= 16:
+        raise ValueError(f"1 to 16 bits are wanted, not {bits}")
     size: cython.Py_ssize_t = image.size
     top: cython.long = (1 << bits) - 1
     if size == 0:
