@@ -13,7 +13,8 @@ import numpy as np
 
 from edge.cli.checks import Line, judged
 from edge.errors import NoPins
-from edge.faults.image_quality import HALF_REL, ONE_LEVEL, level_of
+from edge.faults.frame_counts import level_of
+from edge.faults.image_quality import HALF_REL, ONE_LEVEL
 from edge.geometry.lattice import N_RING, groups_of, inside_hull, nearest
 from edge.geometry.lattice import PARAMS as LATTICE
 from edge.geometry.neighbours import nearest_of
