@@ -5,7 +5,7 @@
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 
@@ -227,7 +227,7 @@ class FaultDetector:
                 facts = Facts()
                 self._image.brightness(waiting, facts)
                 for code, check in self._verdict.would_hold(facts).items():
-                    self._registry.report(code, True, check.explained(facts))
+                    self._registry.report(code, True, check.reason.format_map(asdict(facts)))
 
     def _note_motion(self, features: Features, drifted_share: float) -> None:
         """Whether pins moved beyond the load limit, and the camera from where it was at the rest frame.

@@ -64,10 +64,6 @@ class Check:
     unit: str = ""  # of the number and of the limit
     below: bool = False  # the fault is below the limit
 
-    def explained(self, facts: Facts) -> str:
-        """The reason, by these facts."""
-        return self.reason.format_map(asdict(facts))
-
     def limit(self, holds: bool) -> float:
         """The level that a number has to reach for the fault to appear, or to go on."""
         assert self.raise_at is not None
@@ -100,7 +96,7 @@ class Judge:
         first = self._first(reached)
         for code in self._codes:
             check = first.get(code)
-            reason = partial(check.explained, facts) if check else ""
+            reason = partial(check.reason.format_map, asdict(facts)) if check else ""
             self._registry.report(code, check is not None, reason)
 
     def would_hold(self, facts: Facts) -> dict[FaultCode, Check]:
