@@ -195,6 +195,7 @@ class ModelKernel:
     """
 
     names = cython.declare(tuple, visibility="readonly")
+    _unknown: dict[str, float]  # of each output
     sigmas = cython.declare(tuple, visibility="readonly")
     _inputs: InputRow
     _models: list[Process]
@@ -229,6 +230,7 @@ class ModelKernel:
             _check_sizes(part)
         self._models, self._inputs = parts, InputRow(inputs)
         self.names = tuple(name for part in parts for name in part.outputs)
+        self._unknown = dict.fromkeys(self.names, NAN)
         self.sigmas = tuple(sigma for part in parts for sigma in part.sigma)
         lost = [_lost_of(part) for part in parts]
         knots = [model.knots if isinstance(model, Curve) else [] for model in models]
@@ -279,8 +281,8 @@ class ModelKernel:
         """Values and sigmas of a frame, and the names of the known values that are out of range; all new."""
         self._inputs.write_frame(features, pattern)
         self._run()
-        values: dict[str, float] = {}
-        sigmas: dict[str, float] = {}
+        values: dict[str, float] = self._unknown.copy()
+        sigmas: dict[str, float] = self._unknown.copy()
         outside = _NONE
         for i in range(self._outputs.shape[0]):
             name = self.names[i]

@@ -50,7 +50,7 @@ from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, MOMENTS
 from edge.errors import CalibrationError
 from edge.geometry.parts import of_parts
 from edge.limits import BadContent
-from edge.types import Array, ContactRegion, Feature, Features, PinPattern, Reading
+from edge.types import NOWHERE, Array, ContactRegion, Feature, Features, PinPattern, Reading
 from hostlink.output_file import writing
 
 #: Forces along the surface. The torque that a contact can carry depends on its area.
@@ -255,7 +255,7 @@ class Calibration:
         """
         outside: frozenset[str] = frozenset()
         if not found:
-            return np.empty((0, 3)), outside
+            return NOWHERE, outside
         single_mm = depth_mm if len(found) == 1 else None
         places: list[list[float]] = []
         for contact in found:

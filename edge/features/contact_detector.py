@@ -93,13 +93,15 @@ class ContactDetector:
         xy           (n, 2) float64, px, where the pins are; finite
         sigma_px     noise of one coordinate of a pin's motion since rest
         """
-        highest = self._highest_mean(area_change)
-        if isnan(highest):
-            return self._in_contact  # a dark frame is no evidence
         predicted = sigma_px / self._pitch_px
         noise = self._ring_noise * predicted * self._ring_noise_ratio
         limit = self._limit_sigma() * noise
         self._begins = self._raise_sigma * noise
+        if self._in_contact and self._goes_on(area_change, xy, limit):
+            return True
+        highest = self._highest_mean(area_change)
+        if isnan(highest):
+            return self._in_contact  # a dark frame is no evidence
         self._in_contact = highest > limit and self._is_coherent(xy, limit)
         if not self._in_contact and self._untouched_n < self._noise_frames_n:
             limit *= self._quietness(area_change)
@@ -256,6 +258,13 @@ class ContactDetector:
             for k in range(self._width):
                 total += values[self._ring[i, k]]
         return total
+
+    def _goes_on(self, area_change: Array, xy: Array, limit: float) -> bool:
+        """Whether the ring that had the highest mean shows by itself that the contact goes on."""
+        if not self._ring_sum(area_change, self._peak_row) > limit * self._width:
+            return False
+        self._middle[:, 0] = NAN  # those there are of another frame
+        return self._median_area_change(xy, self._peak_row) > limit
 
     def _is_coherent(self, xy: Array, limit: float) -> bool:
         """Whether the area still grows by enough when each pin moves as the median of its ring does.

@@ -40,11 +40,13 @@ if cython.compiled:
     from cython.cimports.edge.features.contacts import ContactFinder
     from cython.cimports.edge.features.pin_motion import AreaChange, ModeProduct, PinMotion
     from cython.cimports.edge.features.slip_and_vibration import Slip, Vibration
+    from cython.cimports.edge.geometry.copies import Copies
 else:
     from edge.features.contact_detector import ContactDetector
     from edge.features.contacts import ContactFinder
     from edge.features.pin_motion import AreaChange, ModeProduct, PinMotion
     from edge.features.slip_and_vibration import Slip, Vibration
+    from edge.geometry.copies import Copies
 
 NAN = cython.declare(cython.double, float("nan"))
 #: Fields of `Features` that follow from areas: volume, surface, grid, contacts; and from the pins in the
@@ -122,10 +124,11 @@ class FeatureExtractor:
     _filled_px: cython.double[:, ::1]  # motion since rest, with lost pins predicted
     _change: cython.double[::1]
     _filled_change: cython.double[::1]
-    # Each frame's features have a copy of these.
-    _motion_array: Array
-    _change_array: Array
-    _mean_array: Array
+    # These are of each frame's features.
+    _motions: Copies
+    _changes: Copies
+    _means: Copies
+    _motion_array: Array  # of the frame in hand
     _largest_noise: cython.double
     _rest_variance: cython.double
     _contact_sigma: cython.double
@@ -144,8 +147,9 @@ class FeatureExtractor:
         self._slip = Slip(rest, self._motion)
         self._rest_xy = np.ascontiguousarray(rest.xy_img)
         self._filled_px, self._filled_change = np.empty((n, 2)), np.empty(n)
-        self._change = self._change_array = np.empty(n)
-        self._motion_array, self._mean_array = np.asarray(self._motion.motion), np.asarray(self._motion.mean)
+        self._motion_array, self._change = np.asarray(self._motion.motion), np.empty(n)
+        self._motions, self._changes = Copies(self._motion_array), Copies(np.asarray(self._change))
+        self._means = Copies(np.asarray(self._motion.mean))
         self._largest_noise = largest_noise(n)
         self._rest_variance = float(np.median(rest.pins.sigma_px)) ** 2
         self._contact_sigma, self._min_area_change = PARAMS.contact_sigma, PARAMS.min_area_change
@@ -238,10 +242,10 @@ class FeatureExtractor:
             of_pins = 0.0 if plan.torsion else None, slip, slip, slip, vibration, None
         # The fields are given by place: names cost 3,000 instructions.
         return Features(
-            self._change_array.copy(),
-            self._motion_array.copy(),
+            self._changes.take(),
+            self._motions.take(),
             in_contact,
-            self._mean_array.copy() if plan.shear else None,
+            self._means.take() if plan.shear else None,
             modes_px,
             *of_areas,
             *of_pins,
