@@ -478,7 +478,8 @@ class Reading:
 class Result:
     """The result of one frame.
 
-    cells, features  None if identities are not trusted, or nothing in demand depends on them
+    cells, features  None if identities are not trusted, or nothing in demand depends on them; cells also
+                     where nobody watches and the pins' motion alone shows whether something touches
     reading          empty if nothing is calibrated or trusted
     searched         True: the whole frame was searched, not only the windows; of several views, one that is
                      searched for without success while others are followed does not count

@@ -99,12 +99,10 @@ class PinMotion:
         out: cython.double[:, ::1] = self.motion
         rest: cython.const[cython.double][:, ::1] = self._rest
         for i in range(n):
-            kept[i, 0] = xy[i, 0]
-            kept[i, 1] = xy[i, 1]
-            u = xy[i, 0] - rest[i, 0]
-            v = xy[i, 1] - rest[i, 1]
-            du = u - out[i, 0]
-            dv = v - out[i, 1]
+            at_x, at_y = xy[i, 0], xy[i, 1]  # all is read before anything is written: in vectors of two
+            u, v = at_x - rest[i, 0], at_y - rest[i, 1]
+            du, dv = u - out[i, 0], v - out[i, 1]
+            kept[i, 0], kept[i, 1] = at_x, at_y
             out[i, 0], out[i, 1] = u, v
             step2 = du * du + dv * dv if du * du + dv * dv > step2 else step2
             if not isnan(u):
