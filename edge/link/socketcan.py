@@ -41,11 +41,11 @@ class SocketCanMedium(Medium):
     def write(self, item: CanFrame) -> None:
         if self.bus_off:
             raise MediumFull("bus-off")
-        can_id, data, fd = item
-        if fd:
-            frame = _FD.pack(can_id, len(data), CANFD_FDF | CANFD_BRS, data)
+        data = item.data
+        if item.fd:
+            frame = _FD.pack(item.can_id, len(data), CANFD_FDF | CANFD_BRS, data)
         else:
-            frame = _CLASSIC.pack(can_id, len(data), data)
+            frame = _CLASSIC.pack(item.can_id, len(data), data)
         try:
             self._bus.send(frame)
         except OSError as error:
