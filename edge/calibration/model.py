@@ -117,6 +117,7 @@ class Calibration:
             self._of_processes = [outputs for view in self._views for outputs in view._of_processes]
         self._demand: frozenset[Feature] | None = None
         self._gives_contacts = True  # the demand includes them
+        self._at_rest: tuple[object, Reading] | None = None  # what is known of an untouched frame gives that
 
     def __reduce__(self) -> tuple[type[Calibration], tuple[CalibrationFile]]:
         return Calibration, (self.content,)
@@ -175,7 +176,7 @@ class Calibration:
         interval_s: float | None = None,
         demand: frozenset[Feature] | None = None,
     ) -> Reading:
-        """Values of one frame in mechanical units.
+        """Values of one frame in mechanical units; without a touch the same object in frame after frame.
 
         pattern     of the running tip; gives the place and size of the tip's circle
         interval_s  time since the frame before this one; None: not known, no speed can be given
@@ -186,6 +187,16 @@ class Calibration:
             for kernel in (self.frame_models, self.light_models):
                 kernel.want(None if demand is None else _outputs_in(demand))
             self._gives_contacts = demand is None or not demand.isdisjoint(OF_CONTACTS)
+            self._at_rest = None
+        if features.in_contact or features.contacts:
+            return self._reading_of(features, pattern, interval_s)
+        f = features
+        known = f.contacts, f.slip_px, f.slip_probability, f.twist_slip_probability, f.vibration_px
+        if self._at_rest is None or self._at_rest[0] != known:
+            self._at_rest = known, self._reading_of(features, pattern, interval_s)
+        return self._at_rest[1]
+
+    def _reading_of(self, features: Features, pattern: PinPattern, interval_s: float | None) -> Reading:
         saturated: frozenset[str] = frozenset()
         if features.in_contact:
             # None: not looked for, as nothing in demand depends on them.
