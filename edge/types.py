@@ -40,6 +40,9 @@ Index = NDArray[np.int32]
 Image = NDArray[np.uint8] | NDArray[np.uint16]
 T = TypeVar("T")
 
+#: `Reading.contacts` where there is none.
+NOWHERE: Array = np.empty((0, 3))
+
 
 @dataclass_transform(frozen_default=True, field_specifiers=(field,))
 def per_frame(cls: type[T]) -> type[T]:

@@ -6,6 +6,7 @@ from edge.cells.boundary import make_boundary, make_fence, rim_motion
 from edge.cells.mesh import Mesh
 from edge.cells.missing import LostPins
 from edge.errors import DegenerateLayout
+from edge.geometry.copies import Copies
 from edge.geometry.layout import circumcentres, must_span, spans
 from edge.types import Array, Cells, Rest, Tracks
 
@@ -29,6 +30,7 @@ class Tessellator:
         # The last frame's. The points are the pins, the boundary and the fence.
         self._points, self._area = rest_img.copy(), np.empty(len(xy))
         self._of_pins, self._around = self._points[: len(xy)], self._points[len(xy) : len(xy) + len(boundary)]
+        self._areas, self._arounds = Copies(self._area), Copies(self._around)
         self._lost = LostPins(xy, pitch_px)
         self._mesh = Mesh(len(xy), len(boundary), len(fence))
         motion = rim_motion(xy[rim], boundary, fence, pitch_px)
@@ -68,7 +70,7 @@ class Tessellator:
             self._must_not_have_collapsed(tracks)
         if changes != self._changes:
             self._triangles, self._changes = self._mesh.triangles(), changes
-        area, around, whole = self._area.copy(), self._around.copy(), None
+        area, around, whole = self._areas.take(), self._arounds.take(), None
         if not are_lost:
             return Cells(area, self.rest_area_px2, xy, self._triangles, around)
         whole = area.copy()

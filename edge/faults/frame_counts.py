@@ -6,8 +6,10 @@ A kernel (`CONTRIBUTING.md`, "Kernels"). Meaning and limits are explained by the
 
 import cython
 import numpy as np
+from cython.cimports.libc.math import sqrt
 
 from edge.limits import IMAGE_SIDE_PX
+from edge.params import PARAMS
 from edge.types import Image, Index
 
 if cython.compiled:
@@ -16,30 +18,36 @@ else:
     from edge.geometry.select import select_kth
 
 _LEVELS = np.dtype(np.uint8), np.dtype(np.uint16)
+_SAMPLE_N = cython.declare(cython.Py_ssize_t, PARAMS.sample_n)
 
 
-def sample_levels(image: Image, step: int, top: int) -> tuple[int, int, int]:
-    """Sum of every step-th pixel of every step-th row, how many reach `top`, how many were sampled.
+def level_of(image: Image, bits: cython.int) -> tuple[float, float]:
+    """Mean level and share of saturated pixels, of full scale; 0 of an image without pixels.
 
-    image   (h, w) uint8 or uint16
-    Raises  ValueError: no such image, a step below 1
+    image   (h, w) uint8 or uint16, of which `bits` of each pixel are significant
+    Raises  ValueError: no such image
     """
     _check_image(image)
-    if step < 1:
-        raise ValueError(f"a step of {step}: 1 or more is wanted")
+    if not 1 <= bits <= 16:
+        raise ValueError(f"1 to 16 bits are wanted, not {bits}")
+    size: cython.Py_ssize_t = image.size
+    top: cython.long = (1 << bits) - 1
+    if size == 0:
+        return 0.0, 0.0
+    step = max(1, cython.cast(cython.Py_ssize_t, sqrt(size)) // _SAMPLE_N)
     if image.itemsize == 1:
-        return _sum_bytes(image, step, top)
+        return _level_of_bytes(image, step, top)
     samples = image[::step, ::step]
-    return int(samples.sum()), int(np.count_nonzero(samples >= top)), samples.size
+    return int(samples.sum()) / (samples.size * top), np.count_nonzero(samples >= top) / samples.size
 
 
 @cython.cfunc
-def _sum_bytes(
+def _level_of_bytes(
     image: cython.const[cython.uchar][:, :], step: cython.Py_ssize_t, top: cython.long
-) -> tuple[int, int, int]:
+) -> tuple[float, float]:
     level: cython.long
-    total: cython.longlong = 0
-    full: cython.Py_ssize_t = 0
+    total: cython.double = 0.0
+    full: cython.double = 0.0
     rows: cython.Py_ssize_t = (image.shape[0] + step - 1) // step
     columns: cython.Py_ssize_t = (image.shape[1] + step - 1) // step
     for y in range(rows):
@@ -47,7 +55,7 @@ def _sum_bytes(
             level = cython.cast(cython.long, image[y * step, x * step])
             total += level
             full += level >= top
-    return total, full, rows * columns
+    return total / (rows * columns * top), full / (rows * columns)
 
 
 def which_reach(values: tuple[float, ...], limits: list[float], below_n: cython.Py_ssize_t) -> int:
@@ -61,10 +69,13 @@ def which_reach(values: tuple[float, ...], limits: list[float], below_n: cython.
     n: cython.Py_ssize_t = len(limits)
     if not n <= len(values) <= 62:
         raise ValueError(f"{n} to 62 values are wanted, not {len(values)}")
-    for i in range(len(values)):
+    for i in range(n):
         value: cython.double = values[i]
-        limit: cython.double = limits[i] if i < n else 1.0
+        limit: cython.double = limits[i]
         if value <= limit if i < below_n else value >= limit:
+            bits |= one << i
+    for i in range(n, len(values)):
+        if values[i]:
             bits |= one << i
     return bits
 
@@ -177,6 +188,7 @@ class FocusWindows:
         return high - low
 
 
+@cython.cfunc
 def _check_image(image: Image) -> None:
     if image.ndim != 2 or image.dtype not in _LEVELS:
         raise ValueError(f"an image (h, w) of uint8 or uint16 is wanted, not {image.shape} of {image.dtype}")
