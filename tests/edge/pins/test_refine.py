@@ -15,7 +15,7 @@ SIZE = (300, 300)
 # radius, blur, brightness, ground, noise
 DISCS = [
     (2.8, 0.6, 90, 60, 2), (3.0, 1.2, 60, 110, 2), (5.3, 0.8, 110, 27, 2), (6.0, 1.2, 110, 27, 4),
-    (9.5, 1.0, 120, 60, 2),
+    (9.5, 1.0, 120, 60, 2), (20.0, 1.4, 120, 60, 2),
 ]  # fmt: skip
 
 
@@ -29,10 +29,10 @@ def plain(brightness: float, noise: float = 1.0) -> tuple[Array, CentroidRefiner
 def test_noise_is_near_the_bound_and_matches_sigma(
     radius: float, blur: float, brightness: float, ground: float, noise: float
 ) -> None:
-    pitch = 3.8 * radius
-    truth = hexagon(3, pitch, (150.0, 150.0))
-    clean = draw(SIZE, truth, radius, blur, brightness, ground)
-    refiner = CentroidRefiner(known_rest(truth, radius, blur, brightness, noise, pitch, SIZE))
+    pitch, size = 3.8 * radius, (640, 640) if radius > 10 else SIZE
+    truth = hexagon(3, pitch, (size[0] / 2, size[1] / 2))
+    clean = draw(size, truth, radius, blur, brightness, ground)
+    refiner = CentroidRefiner(known_rest(truth, radius, blur, brightness, noise, pitch, size))
     rng = np.random.default_rng(2)
     errors, normal = [], []
     for _ in range(40):
@@ -113,23 +113,23 @@ def test_pins_with_a_glint_keep_their_place_wherever_they_were_predicted() -> No
     assert np.hypot(*np.moveaxis(places - truth, -1, 0)).max() < 0.5
 
 
-def scattered(bits: int, dark: bool) -> tuple[CentroidRefiner, Image, Array]:
+def scattered(bits: int, dark: bool, zoom: int = 1) -> tuple[CentroidRefiner, Image, Array]:
     """Pins of five radii, some cut by the border, half of them poorly predicted: refiner, image, predictions.
 
-    One has no pin near it, one is beyond the image, one is NaN.
+    One has no pin near it, one is beyond the image, one is NaN. All is `zoom` times as large.
     """
     rng = np.random.default_rng(11)
     truth = np.stack(np.meshgrid(np.arange(4.0, 240, 26), np.arange(5.0, 160, 26)), axis=-1).reshape(-1, 2)[
         2:
     ]
-    truth += rng.uniform(-2, 2, truth.shape)
-    scale = 2 ** (bits - 8)
-    rest = known_rest(truth, 6.0, 0.9, 120.0 * scale, 2.0 * scale, 26.0, (240, 160))
-    radius: Array = 6.0 * 1.05 ** rng.integers(-2, 3, len(truth)).astype(np.float64)
+    truth = zoom * (truth + rng.uniform(-2, 2, truth.shape))
+    scale, size = 2 ** (bits - 8), (240 * zoom, 160 * zoom)
+    rest = known_rest(truth, 6.0 * zoom, 0.9 * zoom, 120.0 * scale, 2.0 * scale, 26.0 * zoom, size)
+    radius: Array = zoom * 6.0 * 1.05 ** rng.integers(-2, 3, len(truth)).astype(np.float64)
     rest = replace(rest, pins=replace(rest.pins, radius_px=radius), pattern=replace(rest.pattern, dark=dark))
-    clean = scale * (draw((240, 160), truth[1:], 6.0, 0.9, 120, 30) + 0.2 * np.arange(240.0))
+    clean = scale * (draw(size, truth[1:], 6.0 * zoom, 0.9 * zoom, 120, 30) + np.linspace(0, 48, size[0]))
     image = expose(clean, 2.0 * scale, rng, bits)
-    predicted = truth + rng.uniform(-2, 2, truth.shape) * (rng.random((len(truth), 1)) < 0.5)
+    predicted = truth + zoom * rng.uniform(-2, 2, truth.shape) * (rng.random((len(truth), 1)) < 0.5)
     predicted[3:5] = [[-50.0, 1e9], [np.nan, 20.0]]
     return CentroidRefiner(rest), 2**bits - 1 - image if dark else image, predicted
 
@@ -146,6 +146,15 @@ def test_pins_of_all_radii_are_found_from_poor_predictions(bits: int, dark: bool
         np.testing.assert_array_equal(alone.xy_img[seen], together.xy_img[seen])
         np.testing.assert_array_equal(alone.sigma_px[seen], together.sigma_px[seen])
         assert np.isnan(alone.xy_img[~few]).all()
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_large_pins_are_read_by_blocks_as_pixel_by_pixel(dark: bool) -> None:
+    refiner, image, predicted = scattered(8, dark, zoom=4)
+    fast, slow = (refiner.refine(shown, predicted) for shown in (image, image.astype(np.uint16)))
+    assert np.isfinite(fast.xy_img[:, 0]).mean() > 0.9
+    for name in ("xy_img", "sigma_px", "brightness"):
+        np.testing.assert_allclose(getattr(fast, name), getattr(slow, name), rtol=1e-9)
 
 
 @pytest.mark.parametrize("layout", ["cropped", "flipped", "transposed", "repeated"])
