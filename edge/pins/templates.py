@@ -10,7 +10,7 @@ Rules
 
 from dataclasses import dataclass
 from functools import lru_cache
-from math import erfc
+from math import erfc, isqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -21,11 +21,11 @@ from edge.types import Array, Index, Mask
 PHASES = 4  # subpixel offsets along each axis
 FAR_PX = 2.0**0.5 / PHASES  # a phase's diagonal: a longer step goes beyond the middles of those next to it
 LANES = 16  # bytes: a window's rows are copied in multiples of it
-SIDE = 4  # px, of the blocks that large pins are read by, 2 LANES at once
 BLOCK = 32  # a plane's length is a multiple of it: loops have no remainder
 #: px, half width of a window: two levels times it fit 16 bits, in which columns and rows are summed.
 HALF_MAX = int(np.iinfo(np.int16).max // (np.iinfo(np.uint8).max + np.iinfo(np.uint8).max))
 STEP_MAX = 4095  # a pixel against the window's middle, levels: 12 bits; brighter images lose their last bits
+SIDE = isqrt(STEP_MAX // np.iinfo(np.uint8).max)  # px, of the blocks that large pins are read by; C knows 4
 
 #: One phase has these, in this order, which `centroid_steps.pxd` numbers. |p| is the root of
 #: the sum of p^2 over the support, u and v are columns and rows from its middle, u' and v' these less their
