@@ -37,7 +37,7 @@ PROSE = [path for path in files("*.py", "*.md", "*.toml", "*.sh", "*.js") if pat
 def names_in(path: Path) -> set[str]:
     """Every name in a module."""
     with tokenize.open(path) as text:
-        return {token.string for token in tokenize.generate_tokens(text.readline) if token.type == tokenize.NAME}
+        return {word for kind, word, *_ in tokenize.generate_tokens(text.readline) if kind == tokenize.NAME}
 
 
 def parts_of(name: str) -> set[str]:

@@ -30,6 +30,7 @@ class Tessellator:
         # The last frame's. The points are the pins, the boundary and the fence.
         self._points, self._area = rest_img.copy(), np.empty(len(xy))
         self._of_pins, self._around = self._points[: len(xy)], self._points[len(xy) : len(xy) + len(boundary)]
+        self._last_img: Array = self._of_pins  # of the last frame, with predictions for lost pins
         self._areas, self._arounds = Copies(self._area), Copies(self._around)
         self._lost = LostPins(xy, pitch_px)
         self._mesh = Mesh(len(xy), len(boundary), len(fence))
@@ -60,8 +61,8 @@ class Tessellator:
         if are_lost:
             self._lost.update(tracks.seen)
             autocorrelation = tracks.autocorrelation if self._last_counts else 0.0
-            xy = self._lost.fill(xy, self._of_pins, autocorrelation)
-        self._last_counts = True
+            xy = self._lost.fill(xy, self._last_img, autocorrelation)
+        self._last_img, self._last_counts = self._of_pins, True
         try:
             changes = self._mesh.follow(xy)
         except DegenerateLayout as error:
@@ -81,8 +82,7 @@ class Tessellator:
 
     def keep(self, tracks: Tracks) -> None:
         """Make a frame whose cells nobody needs the last one; all of its pins are seen."""
-        self._of_pins[:] = tracks.xy_img
-        self._last_counts = True
+        self._last_img, self._last_counts = tracks.xy_img, True
 
     def forget(self) -> None:
         """Let the next frame's areas depend on that frame alone, to the last bit."""

@@ -17,7 +17,6 @@ cdef class PinMotion:
     cdef double[:, ::1] _g  # (3, 5), equations of a plane: three unknowns, two right sides
 
     cpdef Py_ssize_t since_rest(self, const double[:, ::1] xy, const double[:] sigma_px) except -1
-    cpdef tuple extremes(self)
     cpdef Py_ssize_t find_contact(self, const double[::1] area_change, double least) noexcept
     cpdef double torsion(self) noexcept
     cpdef bint is_pressing(self, const double[::1] now, const double[::1] before, double least_rel, double least) noexcept

@@ -118,10 +118,6 @@ class PinMotion:
         self.sigma_px = sigma / n_seen if n_seen else 0.0
         return n_seen
 
-    def extremes(self) -> tuple[float, float, float, float]:
-        """The last fields of `Features`."""
-        return self.longest_px, self.step_px, self.sigma_px, self.sigma_max_px
-
     def find_contact(self, area_change: Array, least: float) -> int:
         """Which pins are in the contact: those in the ellipse of the compressed pins' spread; how many.
 

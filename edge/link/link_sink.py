@@ -156,7 +156,7 @@ class LinkSink(ABC):
             self._count("dropped")
             return False
         items = self.encode(state, number)
-        if medium.instant and not self._queue.sample_ahead and self._writing.acquire(blocking=False):
+        if medium.instant and not self._queue.sample_ahead and self._writing.acquire(False):
             try:
                 sent = self._write(medium, items)
             finally:

@@ -69,19 +69,20 @@ class StatePacker:
 
     def pack(self, values: dict[str, Any]) -> bytes:
         """values  `vars(State(...))`: all fields in the order of the table, then the contacts."""
-        given = list(values.values())
         n: cython.Py_ssize_t
         i: cython.Py_ssize_t
         k: cython.Py_ssize_t
         at: cython.Py_ssize_t = 1
         raw: cython.longlong
-        for n in range(self.place.shape[0]):
+        for n, given in enumerate(values.values()):
+            if n == self.place.shape[0]:
+                break
             i = self.place[n]
             if self.plain[i]:
-                self.raws[i] = low_bits(given[n]) & self.mask[i]
+                self.raws[i] = low_bits(given) & self.mask[i]
             else:
-                self.values[i] = given[n]
-        placed: cython.longlong = self._place(given[self.place.shape[0]])
+                self.values[i] = given
+        placed: cython.longlong = self._place(values["contacts"])
         self.raws[self.count] = min(max(values["contact_n"], placed), self.raw_high[self.count])
         for i in range(self.size.shape[0]):
             raw = self.raws[i] if self.plain[i] else self._quantise(i)

@@ -28,7 +28,17 @@ from hostlink.wire.fields import (
 from hostlink.wire.generated_state import StateFields
 from hostlink.wire.status import status_of
 
-__all__ = ["Contact", "State", "check_of", "frame_of", "pack_state", "quantise", "restore", "unpack_state"]
+__all__ = [
+    "Contact",
+    "State",
+    "all_fields",
+    "check_of",
+    "frame_of",
+    "pack_state",
+    "quantise",
+    "restore",
+    "unpack_state",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,25 +127,24 @@ class State(StateFields, FromFrame):
     if not TYPE_CHECKING:  # a type checker reads the fields
 
         def __init__(self, **values):
-            object.__setattr__(self, "__dict__", _all_fields(values))
+            object.__setattr__(self, "__dict__", all_fields(values))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Serves copies and other processes."""
         return (State.of, (vars(self),)) if self.body is None else (restore, (self.body,))
 
     @classmethod
-    def of(cls, *parts: dict[str, Any]) -> State:
-        """The sample with the fields of these parts, in a third of the time."""
+    def of(cls, fields: dict[str, Any]) -> State:
+        """The sample with these fields, which are all (`all_fields`); it keeps the dictionary."""
         state = cls.__new__(cls)
-        object.__setattr__(state, "__dict__", _all_fields(*parts))
+        object.__setattr__(state, "__dict__", fields)
         return state
 
 
-def _all_fields(*parts: dict[str, Any]) -> dict[str, Any]:
-    """All fields in the order of the table, then the contacts."""
+def all_fields(given: dict[str, Any]) -> dict[str, Any]:
+    """All fields in the order of the table, then the contacts. Raises  as of `State`"""
     values = _DEFAULTS.copy()
-    for part in parts:
-        values.update(part)
+    values.update(given)
     if len(values) > len(_DEFAULTS):
         raise TypeError(f"a sample has no field {', '.join(sorted(values.keys() - _DEFAULTS.keys()))}")
     if len(values["contacts"]) > CONTACTS_MAX:
