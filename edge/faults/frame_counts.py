@@ -180,16 +180,16 @@ class FocusWindows:
                 for x in range(m):
                     own[m * y + x] = image[top + every * y, left + every * x]
             for i in range(1, n):
-                step = own[i] - own[i - 1]
+                step = cython.cast(cython.int, own[i]) - cython.cast(cython.int, own[i - 1])
                 energy += step * step
             for i in range(m, n):
-                step = own[i] - own[i - m]
+                step = cython.cast(cython.int, own[i]) - cython.cast(cython.int, own[i - m])
                 energy += step * step
             for y in range(1, m):  # not along a row: from its end to the next one's
-                step = own[m * y] - own[m * y - 1]
+                step = cython.cast(cython.int, own[m * y]) - cython.cast(cython.int, own[m * y - 1])
                 energy -= step * step
             for i in range(n):
-                sum_ += own[i]
+                sum_ += cython.cast(cython.int, own[i])
             out[w, 0] = cython.cast(cython.double, energy) / (m * (m - 1))
             out[w, 1] = self._span(n)
             total += cython.cast(cython.double, sum_) / n
