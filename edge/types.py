@@ -40,6 +40,9 @@ Index = NDArray[np.int32]
 Image = NDArray[np.uint8] | NDArray[np.uint16]
 T = TypeVar("T")
 
+#: `Reading.contacts` where there is none.
+NOWHERE: Array = np.empty((0, 3))
+
 
 @dataclass_transform(frozen_default=True, field_specifiers=(field,))
 def per_frame(cls: type[T]) -> type[T]:
@@ -195,7 +198,8 @@ class PinPattern:
     brightness       grey level of a pin over the background
     noise            standard deviation of the grey level between the pins, after removal of gradients
     size_px          (width, height) of the image it was learnt from
-    edge_px          standard deviation of the blur of a pin's edge, pixel included
+    edge_px          standard deviation of the blur of a pin's edge, pixel included; twice that of pins with
+                     a ghost, if discs so blurred explain plainly more of them
     radius_range_px  smallest and largest radius (2nd and 98th percentile); (0, 0) means as pin_radius_px
     dark             the pins are darker than the skin; levels are those of the inverted image
     count            pins of the untouched tip; 0: not known, and pins cut by the view's border are not

@@ -50,7 +50,7 @@ from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, MOMENTS
 from edge.errors import CalibrationError
 from edge.geometry.parts import of_parts
 from edge.limits import BadContent
-from edge.types import Array, ContactRegion, Feature, Features, PinPattern, Reading
+from edge.types import NOWHERE, Array, ContactRegion, Feature, Features, PinPattern, Reading
 from hostlink.output_file import writing
 
 #: Forces along the surface. The torque that a contact can carry depends on its area.
@@ -118,6 +118,7 @@ class Calibration:
             self._processes = [process for view in self._views for process in view._processes]
         self._demand: frozenset[Feature] | None = None
         self._gives_contacts = True  # the demand includes them
+        self._at_rest: tuple[object, Reading] | None = None  # what is known of an untouched frame gives that
 
     def __reduce__(self) -> tuple[type[Calibration], tuple[CalibrationFile]]:
         return Calibration, (self.content,)
@@ -171,7 +172,7 @@ class Calibration:
         interval_s: float | None = None,
         demand: frozenset[Feature] | None = None,
     ) -> Reading:
-        """Values of one frame in mechanical units.
+        """Values of one frame in mechanical units; without a touch the same object in frame after frame.
 
         pattern     of the running tip; gives the place and size of the tip's circle
         interval_s  time since the frame before this one; None: not known, no speed can be given
@@ -182,6 +183,16 @@ class Calibration:
             for kernel in (self.frame_models, self.light_models):
                 kernel.want(None if demand is None else _outputs_in(demand))
             self._gives_contacts = demand is None or not demand.isdisjoint(OF_CONTACTS)
+            self._at_rest = None
+        if features.in_contact or features.contacts:
+            return self._reading_of(features, pattern, interval_s)
+        f = features
+        known = f.contacts, f.slip_px, f.slip_probability, f.twist_slip_probability, f.vibration_px
+        if self._at_rest is None or self._at_rest[0] != known:
+            self._at_rest = known, self._reading_of(features, pattern, interval_s)
+        return self._at_rest[1]
+
+    def _reading_of(self, features: Features, pattern: PinPattern, interval_s: float | None) -> Reading:
         saturated: frozenset[str] = frozenset()
         if features.in_contact:
             # None: not looked for, as nothing in demand depends on them.
@@ -251,7 +262,7 @@ class Calibration:
         """
         outside: frozenset[str] = frozenset()
         if not found:
-            return np.empty((0, 3)), outside
+            return NOWHERE, outside
         single_mm = depth_mm if len(found) == 1 else None
         places: list[list[float]] = []
         for contact in found:

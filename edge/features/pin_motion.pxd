@@ -1,5 +1,7 @@
 cimport cython
 
+from edge.geometry.copies cimport Copies
+
 
 @cython.final
 cdef class PinMotion:
@@ -15,7 +17,6 @@ cdef class PinMotion:
     cdef double[:, ::1] _g  # (3, 5), equations of a plane: three unknowns, two right sides
 
     cpdef Py_ssize_t since_rest(self, const double[:, ::1] xy, const double[:] sigma_px) except -1
-    cpdef tuple extremes(self)
     cpdef Py_ssize_t find_contact(self, const double[::1] area_change, double least) noexcept
     cpdef double torsion(self) noexcept
     cpdef bint is_pressing(self, const double[::1] now, const double[::1] before, double least_rel, double least) noexcept
@@ -29,7 +30,7 @@ cdef class ModeProduct:
     cdef float[:, ::1] _rows  # (n, ROW), real part where a >= b in a mode's powers, there imaginary part of (b, a)
     cdef int[::1] _mirror
     cdef double complex[::1] _result
-    cdef object _result_array  # the same memory
+    cdef Copies _results
 
     cpdef object fit(self, const double[:, ::1] motion)
 

@@ -6,11 +6,11 @@ status bits and time, no values.
 
 from itertools import starmap
 from math import nan
-from typing import Any
 
 from edge.types import Result, Tracks
 from hostlink.wire import Contact, State, Status
 from hostlink.wire.fields import CONTACTS_MAX
+from hostlink.wire.state import all_fields
 from hostlink.wire.status import status_of
 
 #: Standard deviations that are sent, each with the values that it is of: of two axes the larger one.
@@ -44,16 +44,12 @@ def to_state(
     latency_us        from capture to sending
     Raises            TypeError: a value that the wire has no field for (a programming error)
     """
-    frame: dict[str, Any] = {
-        "sample": sample,
-        "capture_time_us": capture_time_us,
-        "latency_us": latency_us,
-        "temperature_degc": temperature_degc,
-    }
+    frame = all_fields({} if measured is None else measured.reading.values)
+    frame["sample"], frame["capture_time_us"], frame["latency_us"] = sample, capture_time_us, latency_us
+    frame["temperature_degc"] = temperature_degc
     if measured is not None:
         reading, tracks = measured.reading, measured.tracks
         sigmas, found, n = reading.sigmas, reading.contacts, len(tracks.seen)
-        frame.update(reading.values)
         for name, one, other in SIGMAS:
             if one in sigmas:
                 sigma, of_other = sigmas[one], sigmas[other]

@@ -28,7 +28,17 @@ from hostlink.wire.fields import (
 from hostlink.wire.generated_state import StateFields
 from hostlink.wire.status import status_of
 
-__all__ = ["Contact", "State", "check_of", "frame_of", "pack_state", "quantise", "restore", "unpack_state"]
+__all__ = [
+    "Contact",
+    "State",
+    "all_fields",
+    "check_of",
+    "frame_of",
+    "pack_state",
+    "quantise",
+    "restore",
+    "unpack_state",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,31 +127,33 @@ class State(StateFields, FromFrame):
     if not TYPE_CHECKING:  # a type checker reads the fields
 
         def __init__(self, **values):
-            _check(values)
-            object.__setattr__(self, "__dict__", values)
+            object.__setattr__(self, "__dict__", all_fields(values))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Serves copies and other processes."""
         return (State.of, (vars(self),)) if self.body is None else (restore, (self.body,))
 
     @classmethod
-    def of(cls, values: dict[str, Any]) -> State:
-        """The sample with these fields, in a third of the time; the sample keeps the dictionary."""
-        _check(values)
+    def of(cls, fields: dict[str, Any]) -> State:
+        """The sample with these fields, which are all (`all_fields`); it keeps the dictionary."""
         state = cls.__new__(cls)
-        object.__setattr__(state, "__dict__", values)
+        object.__setattr__(state, "__dict__", fields)
         return state
 
 
-def _check(values: dict[str, Any]) -> None:
-    if not _FIELDS.issuperset(values):
-        raise TypeError(f"a sample has no field {', '.join(sorted(values.keys() - _FIELDS))}")
-    if len(values.get("contacts", ())) > CONTACTS_MAX:
+def all_fields(given: dict[str, Any]) -> dict[str, Any]:
+    """All fields in the order of the table, then the contacts. Raises  as of `State`"""
+    values = _DEFAULTS.copy()
+    values.update(given)
+    if len(values) > len(_DEFAULTS):
+        raise TypeError(f"a sample has no field {', '.join(sorted(values.keys() - _DEFAULTS.keys()))}")
+    if len(values["contacts"]) > CONTACTS_MAX:
         n = len(values["contacts"])
         raise ValueError(f"{n} contacts, at most {CONTACTS_MAX} fit: give the strongest")
+    return values
 
 
-_FIELDS: Final = frozenset(f.name for f in fields(cast("Any", State)))
+_DEFAULTS: Final[dict[str, Any]] = {f.name: f.default for f in fields(cast("Any", State))}
 
 
 def quantise(state: State) -> Sequence[int]:

@@ -29,5 +29,5 @@ def test_values_at_and_beside_the_middle_of_two_steps_are_rounded_alike(f: Field
     for n in range(f.raw_low, f.raw_high, 97):
         value = (n + 0.5) * f.scale
         for near in (nextafter(value, -inf), value, nextafter(value, inf)):
-            state = State.of({f.name: near})
+            state = State(**{f.name: near})
             assert packed(state, 0) == pack_state(state, 0), near
