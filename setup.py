@@ -37,6 +37,7 @@ KERNELS = {
     "edge.features.extract": SMALL,
     "edge.features.pin_motion": FAST,
     "edge.features.slip_and_vibration": FAST,
+    "edge.geometry.copies": SMALL,
     "edge.geometry.neighbours": FAST,
     "edge.geometry.select": FAST,
     "edge.pins.centroids": FAST,

@@ -127,6 +127,7 @@ def play(recording: Path, calibration: Calibration) -> Received:
         source = open_source(str(recording))
         stack.callback(source.close)
         loop = Loop(source, [], calibration, LoopConfig(demand=frozenset(Feature)))
+        loop.measurement.watch("video")
         device = LoopDevice(loop, "demo")
         for address in (addresses["can"], f"serial:{near}"):
             sink = open_sink(address, node=NODE)

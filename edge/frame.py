@@ -37,28 +37,34 @@ class FramePlan:
     """The steps of a frame, as a demand needs them of a calibration.
 
     cells     whether cells are made
-    areas     whether they are needed in each frame; else not while the pins' motion shows that a contact
-              goes on
+    areas, untouched  whether they are needed of each frame in contact, and of each without one; else not
+              while the pins' motion shows that it goes on, or that nothing touches
     features  what is computed of them
     grip      whether friction and slip margin are made of the forces
     """
 
     cells: bool
     areas: bool
+    untouched: bool
     features: FeaturePlan
     grip: bool
 
 
-def plan_of(demand: frozenset[Feature], calibration: Calibration | None, several: bool = True) -> FramePlan:
-    """The one place where a demand becomes steps; several: contacts of one frame are fitted together."""
+def plan_of(
+    demand: frozenset[Feature], calibration: Calibration | None, several: bool = True, watched: bool = True
+) -> FramePlan:
+    """The one place where a demand becomes steps; several: contacts of one frame are fitted together;
+    watched: somebody looks at the cells of an untouched tip, too.
+    """
     if calibration is None:
         features = FeaturePlan(demand, fits=Fits.ALL if several else Fits.NONE)
-        return FramePlan(not OF_CELLS.isdisjoint(demand), True, features, False)
+        return FramePlan(not OF_CELLS.isdisjoint(demand), True, True, features, False)
     needed = calibration.needed(demand)
     fits = Fits.SEVERAL if several and calibration.of_fits else Fits.NONE
     return FramePlan(
         cells=not OF_CELLS.isdisjoint(needed),
         areas=calibration.of_volume or not needed <= OF_MODES,
+        untouched=watched,
         features=FeaturePlan(needed, moments=calibration.of_moments, fits=fits, modes_at_rest=False),
         grip=Feature.FORCE in demand and calibration.outputs >= OF_GRIP,
     )
@@ -92,14 +98,14 @@ class _View:
         if tracks.confidence < Tracks.LOW_CONFIDENCE and not (even_untrusted and tracks.n_seen >= 3):
             return Result(frame, tracks, None, None, uncalibrated(), searched)
         moved = drift.correct(tracks, self.rows) if drift and drift.learnt else tracks
-        holds = plan.cells and not plan.areas and self._extractor.contact_holds(moved)
-        if holds:
+        touched = self._extractor.touched(moved, plan.areas, plan.untouched) if plan.cells else None
+        if touched is not None:
             self.tessellator.keep(moved)
         try:
-            cells = self.tessellator.cells(moved) if plan.cells and not holds else None
+            cells = self.tessellator.cells(moved) if plan.cells and touched is None else None
         except DegenerateLayout:  # the pins that remain span no plane: treat them as lost
             return Result(frame, tracks, None, None, uncalibrated(), searched)
-        features = self._extractor.extract(moved, cells, plan.features, holds, frame.capture_ns)
+        features = self._extractor.extract(moved, cells, plan.features, touched, frame.capture_ns)
         if self._calibration is None:
             reading = uncalibrated(features)
         else:
@@ -151,7 +157,7 @@ class Pipeline:
         smooth_s: float = 0.0,
     ) -> None:
         self.rest, self.calibration = rest, calibration
-        self.drift, self._several = drift, several
+        self.drift, self._several, self._watched = drift, several, True
         self._grip = Grip()
         self._smoother = Smoother(smooth_s) if smooth_s > 0.0 else None
         parts = parts_of(rest)
@@ -167,12 +173,19 @@ class Pipeline:
 
     @demand.setter
     def demand(self, demand: frozenset[Feature]) -> None:
-        self._demand, self._plan = demand, plan_of(demand, self.calibration, self._several)
+        self._demand = demand
+        self._plan = plan_of(demand, self.calibration, self._several, self._watched)
         for view in self._views:
             view.plan, view.demand = self._plan, demand
             view.tessellator.forget()  # the last cells may be of long ago
         if not self._plan.grip:
             self._grip.forget()
+
+    def watch(self, watched: bool) -> None:
+        """Whether cells of an untouched tip are wanted as well; from the next frame on."""
+        if watched != self._watched:
+            self._watched = watched
+            self.demand = self._demand
 
     def step(self, frame: Frame, judge: FaultDetector) -> Result:
         """One image to what may be sent of it."""

@@ -40,6 +40,9 @@ Index = NDArray[np.int32]
 Image = NDArray[np.uint8] | NDArray[np.uint16]
 T = TypeVar("T")
 
+#: `Reading.contacts` where there is none.
+NOWHERE: Array = np.empty((0, 3))
+
 
 @dataclass_transform(frozen_default=True, field_specifiers=(field,))
 def per_frame(cls: type[T]) -> type[T]:
@@ -195,7 +198,8 @@ class PinPattern:
     brightness       grey level of a pin over the background
     noise            standard deviation of the grey level between the pins, after removal of gradients
     size_px          (width, height) of the image it was learnt from
-    edge_px          standard deviation of the blur of a pin's edge, pixel included
+    edge_px          standard deviation of the blur of a pin's edge, pixel included; twice that of pins with
+                     a ghost, if discs so blurred explain plainly more of them
     radius_range_px  smallest and largest radius (2nd and 98th percentile); (0, 0) means as pin_radius_px
     dark             the pins are darker than the skin; levels are those of the inverted image
     count            pins of the untouched tip; 0: not known, and pins cut by the view's border are not
@@ -418,8 +422,8 @@ class Features:
     in_contact      False: nothing above the noise; surface and contacts were not computed
     torsion_rad     rotation of the motion field about the contact
     slip_px         float, expected rms motion within the contact since the last frame that no load explains
-    slip_probability, twist_slip_probability  0..1, that more than half of the contact's area slides: of a
-                    drag and a twist the larger one, and of the twist
+    slip_probability, twist_slip_probability  0..1, that more than two fifths of the contact's area slide:
+                    of drag and twist the larger one, and of the twist
     vibration_px    float, rms motion of the contact's pins above `features.params.vibration_from_hz`; 0: no
                     contact; NaN: not known yet
     vibration_to_hz float, upper end of its band: half the frame rate

@@ -44,8 +44,8 @@ from edge.types import Array, Complex, ContactRegion, Features, Index, PinPatter
 HUGE_VAL = cython.declare(cython.double, float("inf"))
 M_PI = cython.declare(cython.double, math.pi)
 NAN = cython.declare(cython.double, float("nan"))
-#: Rows of L that are summed together, for vector instructions.
-ROWS = 16
+#: Rows of L that are summed together: their sums stay in registers.
+ROWS = 8
 LOST_MAX = cython.declare(cython.double, 100.0)  # of the logarithm: more is no number any more
 VOLUME_MIN = cython.declare(cython.double, 1e-6)  # of the tip's circle times its radius: no load at all
 _NONE: frozenset[str] = frozenset()
@@ -195,6 +195,7 @@ class ModelKernel:
     """
 
     names = cython.declare(tuple, visibility="readonly")
+    _unknown: dict[str, float]  # of each output
     sigmas = cython.declare(tuple, visibility="readonly")
     _inputs: InputRow
     _models: list[Process]
@@ -205,11 +206,13 @@ class ModelKernel:
     _sign: cython.double[::1]  # -1 where it is the input's conjugate
     _active: cython.int[::1]
     _wanted: list[bool]
-    # (models + 1, 6) first part, noise term, output, term of `lost`, row of `_factor`, knot
+    # (models + 1, 6) first part, noise term, output, term of `lost`, block of L, knot
     _first: cython.int[:, ::1]
     _part: cython.int[::1]  # numbers in `_parts` that the models sum up
     _weight: cython.double[:, ::1]  # (n, 2) of each: for the real part of the value, and the imaginary
-    _factor: cython.double[:, ::1]  # of `_blocks_of`
+    _block: cython.int[::1]  # (blocks + 1,) where each begins in the next two
+    _factor_part: cython.int[::1]  # numbers in `_parts`
+    _factor: cython.double[:, ::1]
     _noise_node: cython.int[::1]
     _noise_weight: cython.double[:, ::1]  # (2, n) along and across
     _lost_node: cython.int[::1]
@@ -227,6 +230,7 @@ class ModelKernel:
             _check_sizes(part)
         self._models, self._inputs = parts, InputRow(inputs)
         self.names = tuple(name for part in parts for name in part.outputs)
+        self._unknown = dict.fromkeys(self.names, NAN)
         self.sigmas = tuple(sigma for part in parts for sigma in part.sigma)
         lost = [_lost_of(part) for part in parts]
         knots = [model.knots if isinstance(model, Curve) else [] for model in models]
@@ -240,12 +244,15 @@ class ModelKernel:
         self._part, self._noise_node, self._lost_node = map(_joined, (summed, noise, of_lost))
         self._parent, self._column, sign = np.array(tree.products, np.int32).T.copy()
         self._sign = sign.astype(np.float64)
-        factors = [_blocks_of(factor) for _, _, factor in sums]
-        rows = zip(summed, noise, [part.outputs for part in parts], of_lost, factors, knots, strict=True)
+        blocks = [_blocks_of(factor, numbers) for numbers, _, factor in sums]
+        rows = zip(summed, noise, [part.outputs for part in parts], of_lost, blocks, knots, strict=True)
         counts = [tuple(map(len, row)) for row in rows]
         self._first = np.cumsum([(0,) * 6, *counts], axis=0, dtype=np.int32)
         self._weight = np.concatenate([np.empty((0, 2)), *(weights.T for _, weights, _ in sums)])
-        self._factor = np.concatenate([np.empty((0, ROWS)), *factors])
+        used = [numbers for of_model in blocks for numbers, _ in of_model]
+        self._block = np.cumsum([0, *map(len, used)], dtype=np.int32)
+        self._factor_part = _joined(used)
+        self._factor = np.concatenate([np.empty((0, ROWS)), *(f for of_model in blocks for _, f in of_model)])
         along = [w for part in parts for w in part.noise_weights]
         across = [w for part in parts for w in (part.across_weights or part.noise_weights)]
         self._noise_weight = np.array([along, across], np.float64)
@@ -274,8 +281,8 @@ class ModelKernel:
         """Values and sigmas of a frame, and the names of the known values that are out of range; all new."""
         self._inputs.write_frame(features, pattern)
         self._run()
-        values: dict[str, float] = {}
-        sigmas: dict[str, float] = {}
+        values: dict[str, float] = self._unknown.copy()
+        sigmas: dict[str, float] = self._unknown.copy()
         outside = _NONE
         for i in range(self._outputs.shape[0]):
             name = self.names[i]
@@ -351,22 +358,18 @@ class ModelKernel:
     @cython.cfunc
     def _learnt(self, m: cython.Py_ssize_t) -> cython.double:
         """|L psi|^2."""
-        sums: cython.double[16] = [0.0] * 16
+        sums: cython.double[8] = [0.0] * 8
         factor: cython.double[:, ::1] = self._factor
-        begin: cython.Py_ssize_t = self._first[m, 0]
-        n: cython.Py_ssize_t = self._first[m + 1, 0] - begin
         total: cython.double = 0.0
-        row: cython.Py_ssize_t = self._first[m, 4]
-        while row < self._first[m + 1, 4]:
-            for r in range(16):
+        for b in range(self._first[m, 4], self._first[m + 1, 4]):
+            for r in range(8):
                 sums[r] = 0.0
-            for k in range(n):
-                x = self._parts[self._part[begin + k]]
-                for r in range(16):
-                    sums[r] += factor[row + k, r] * x
-            for r in range(16):
+            for k in range(self._block[b], self._block[b + 1]):
+                x = self._parts[self._factor_part[k]]
+                for r in range(8):
+                    sums[r] += factor[k, r] * x
+            for r in range(8):
                 total += sums[r] * sums[r]
-            row += n
         return total
 
     @cython.cfunc
@@ -509,11 +512,11 @@ def _sums_of(model: Process, nodes: Index, signs: Array) -> tuple[Index, Array, 
     return parts.astype(np.int32), columns[:2], columns[2:]
 
 
-def _blocks_of(factor: Array) -> Array:
-    """(blocks * n, ROWS) the rows of L (rows, n), filled up with zeros, `ROWS` together."""
+def _blocks_of(factor: Array, parts: Index) -> list[tuple[Index, Array]]:
+    """The rows of L (rows, n), `ROWS` together: the parts (k,) that they weigh, and how (k, ROWS)."""
     rows = np.pad(factor, ((0, -len(factor) % ROWS), (0, 0)))
-    n = rows.shape[1]
-    return np.ascontiguousarray(rows.reshape(-1, ROWS, n).transpose(0, 2, 1)).reshape(-1, ROWS)
+    blocks = rows.reshape(-1, ROWS, len(parts)).transpose(0, 2, 1)
+    return [(parts[used], block[used]) for block in blocks for used in [block.any(axis=1)]]
 
 
 def _limits(model: Process, lost: Lost) -> tuple[float, ...]:

@@ -50,7 +50,7 @@ from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, MOMENTS
 from edge.errors import CalibrationError
 from edge.geometry.parts import of_parts
 from edge.limits import BadContent
-from edge.types import Array, ContactRegion, Feature, Features, PinPattern, Reading
+from edge.types import NOWHERE, Array, ContactRegion, Feature, Features, PinPattern, Reading
 from hostlink.output_file import writing
 
 #: Forces along the surface. The torque that a contact can carry depends on its area.
@@ -79,7 +79,6 @@ class Calibration:
     """
 
     def __init__(self, content: CalibrationFile) -> None:
-        self.content = content
         self.encoded = encode(content)
         self.content_id = int.from_bytes(hashlib.sha256(self.encoded[:-1]).digest()[:4], "little")
         self.mm_per_px = content.mm_per_px
@@ -94,7 +93,7 @@ class Calibration:
         joint = [m for m in of_contact if not set(JOINT_OUTPUTS).isdisjoint(outputs_of(m))]
         self.contact_models = ModelKernel(CONTACT_INPUTS, [m for m in of_contact if m not in joint])
         self._joint = ModelKernel(CONTACT_INPUTS, joint)
-        self._processes = [model for model in of_frame if isinstance(model, Process)]
+        self._of_processes = [model.outputs for model in of_frame if isinstance(model, Process)]
         self.of_fits = bool(joint)
         self.outputs = frozenset((*self.frame_models.names, *self.contact_models.names, *self._joint.names))
         models = *content.models, *(content.without_contact or ())
@@ -115,12 +114,18 @@ class Calibration:
             self.of_fits = any(view.of_fits for view in self._views)
             self.of_moments = any(view.of_moments for view in self._views)
             self.of_volume = any(view.of_volume for view in self._views)
-            self._processes = [process for view in self._views for process in view._processes]
+            self._of_processes = [outputs for view in self._views for outputs in view._of_processes]
         self._demand: frozenset[Feature] | None = None
         self._gives_contacts = True  # the demand includes them
+        self._at_rest: tuple[object, Reading] | None = None  # what is known of an untouched frame gives that
 
     def __reduce__(self) -> tuple[type[Calibration], tuple[CalibrationFile]]:
         return Calibration, (self.content,)
+
+    @property
+    def content(self) -> CalibrationFile:
+        """What the file holds. It is decoded anew: as objects of Python it takes several times its size."""
+        return decode(self.encoded, "calibration")
 
     @property
     def views(self) -> tuple[Calibration, ...]:
@@ -158,7 +163,7 @@ class Calibration:
         """The demand, and the other features that its models take their inputs from."""
         outputs = _outputs_in(demand)
         needed = demand
-        if any(not outputs.isdisjoint(model.outputs) for model in self._processes):
+        if not all(map(outputs.isdisjoint, self._of_processes)):
             needed |= OF_PROCESS
         if Feature.FORCE in demand and not OF_FRICTION.isdisjoint(self.outputs):
             needed |= {Feature.CONTACT_AREA}
@@ -171,7 +176,7 @@ class Calibration:
         interval_s: float | None = None,
         demand: frozenset[Feature] | None = None,
     ) -> Reading:
-        """Values of one frame in mechanical units.
+        """Values of one frame in mechanical units; without a touch the same object in frame after frame.
 
         pattern     of the running tip; gives the place and size of the tip's circle
         interval_s  time since the frame before this one; None: not known, no speed can be given
@@ -182,6 +187,16 @@ class Calibration:
             for kernel in (self.frame_models, self.light_models):
                 kernel.want(None if demand is None else _outputs_in(demand))
             self._gives_contacts = demand is None or not demand.isdisjoint(OF_CONTACTS)
+            self._at_rest = None
+        if features.in_contact or features.contacts:
+            return self._reading_of(features, pattern, interval_s)
+        f = features
+        known = f.contacts, f.slip_px, f.slip_probability, f.twist_slip_probability, f.vibration_px
+        if self._at_rest is None or self._at_rest[0] != known:
+            self._at_rest = known, self._reading_of(features, pattern, interval_s)
+        return self._at_rest[1]
+
+    def _reading_of(self, features: Features, pattern: PinPattern, interval_s: float | None) -> Reading:
         saturated: frozenset[str] = frozenset()
         if features.in_contact:
             # None: not looked for, as nothing in demand depends on them.
@@ -251,7 +266,7 @@ class Calibration:
         """
         outside: frozenset[str] = frozenset()
         if not found:
-            return np.empty((0, 3)), outside
+            return NOWHERE, outside
         single_mm = depth_mm if len(found) == 1 else None
         places: list[list[float]] = []
         for contact in found:

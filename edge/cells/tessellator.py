@@ -6,6 +6,7 @@ from edge.cells.boundary import make_boundary, make_fence, rim_motion
 from edge.cells.mesh import Mesh
 from edge.cells.missing import LostPins
 from edge.errors import DegenerateLayout
+from edge.geometry.copies import Copies
 from edge.geometry.layout import circumcentres, must_span, spans
 from edge.types import Array, Cells, Rest, Tracks
 
@@ -29,6 +30,8 @@ class Tessellator:
         # The last frame's. The points are the pins, the boundary and the fence.
         self._points, self._area = rest_img.copy(), np.empty(len(xy))
         self._of_pins, self._around = self._points[: len(xy)], self._points[len(xy) : len(xy) + len(boundary)]
+        self._last_img: Array = self._of_pins  # of the last frame, with predictions for lost pins
+        self._areas, self._arounds = Copies(self._area), Copies(self._around)
         self._lost = LostPins(xy, pitch_px)
         self._mesh = Mesh(len(xy), len(boundary), len(fence))
         motion = rim_motion(xy[rim], boundary, fence, pitch_px)
@@ -58,8 +61,8 @@ class Tessellator:
         if are_lost:
             self._lost.update(tracks.seen)
             autocorrelation = tracks.autocorrelation if self._last_counts else 0.0
-            xy = self._lost.fill(xy, self._of_pins, autocorrelation)
-        self._last_counts = True
+            xy = self._lost.fill(xy, self._last_img, autocorrelation)
+        self._last_img, self._last_counts = self._of_pins, True
         try:
             changes = self._mesh.follow(xy)
         except DegenerateLayout as error:
@@ -68,7 +71,7 @@ class Tessellator:
             self._must_not_have_collapsed(tracks)
         if changes != self._changes:
             self._triangles, self._changes = self._mesh.triangles(), changes
-        area, around, whole = self._area.copy(), self._around.copy(), None
+        area, around, whole = self._areas.take(), self._arounds.take(), None
         if not are_lost:
             return Cells(area, self.rest_area_px2, xy, self._triangles, around)
         whole = area.copy()
@@ -79,8 +82,7 @@ class Tessellator:
 
     def keep(self, tracks: Tracks) -> None:
         """Make a frame whose cells nobody needs the last one; all of its pins are seen."""
-        self._of_pins[:] = tracks.xy_img
-        self._last_counts = True
+        self._last_img, self._last_counts = tracks.xy_img, True
 
     def forget(self) -> None:
         """Let the next frame's areas depend on that frame alone, to the last bit."""

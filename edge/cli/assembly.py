@@ -170,6 +170,7 @@ def _add_sink(
         node.report(code, True, message)
 
     def send_detail(result: Result, state: State) -> None:
+        loop.measurement.watch(node, bool(node.detail_divider))
         if node.detail_divider and result.features is not None:
             f = result.features
             node.send_detail(state.sample, np.column_stack([f.displacement_px, f.area_change]).tolist())

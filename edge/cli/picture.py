@@ -13,7 +13,8 @@ import numpy as np
 
 from edge.cli.checks import Line, judged
 from edge.errors import NoPins
-from edge.faults.image_quality import HALF_REL, ONE_LEVEL, level_of
+from edge.faults.frame_counts import level_of
+from edge.faults.image_quality import HALF_REL, ONE_LEVEL
 from edge.geometry.lattice import N_RING, groups_of, inside_hull, nearest
 from edge.geometry.lattice import PARAMS as LATTICE
 from edge.geometry.neighbours import nearest_of
@@ -192,7 +193,7 @@ def pins(frame: Frame, rest: Rest) -> Iterator[Line]:
     missing = f"{missing_n or 'no'} places of the lattice without a pin"
     yield judged("holes", missing, (share > ASTRAY_REL, "warn", clean))
     blur = f"edges are blurred by {p.edge_px:.1f} px, {p.edge_px / p.pin_radius_px:.0%} of a pin's radius"
-    sharpen = "turn the lens until `python -m edge inspect` finds the sharpest pins"
+    sharpen = "turn the lens until `python -m edge inspect` finds the sharpest pins; a ghost blurs them, too"
     half = HALF_REL * p.pin_radius_px**2 / 4  # of a disc's variance
     yield judged("focus", blur, (p.edge_px**2 - 1.0 > half, "warn", sharpen))  # a pixel blurs a sharp edge
     smear, direction = smear_px(frame, seen)

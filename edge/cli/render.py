@@ -116,6 +116,7 @@ def render_recording(
         known = expect_sensor(source, Config(sensor=SensorTable(model=sensor or "")))
         on_surface = known is not None and known.on_surface
         loop = Loop(source, [], calibration, LoopConfig(DRAWN, on_surface=on_surface))
+        loop.measurement.watch("video")
         rest_frame, seen_in, taken_n = _rest_frame(loop, rest, calibration)
         mm_per_px = (calibration.mm_per_px if calibration else None) or 0.0
         pattern, colours = rest_frame.pattern, PALETTES[palette]

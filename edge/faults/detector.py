@@ -5,7 +5,7 @@
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 
@@ -17,13 +17,12 @@ from edge.params import ASTRAY_REL
 from edge.params import PARAMS as RUNTIME
 from edge.pins.params import PARAMS as PINS
 from edge.sources.live import ThreadedSource, stalled_after_s
-from edge.types import Array, Clock, Features, Frame, FrameSource, Reading, Rest, Result
+from edge.types import NOWHERE, Array, Clock, Features, Frame, FrameSource, Reading, Rest, Result
 from hostlink.order_and_time import DRIFT_MAX
 from hostlink.wire import FaultCode as F
 from hostlink.wire import Status
 
 STEP_S = 0.5  # by which an image comes too early where its clock was set, and not late before
-_NOWHERE = np.empty((0, 3))
 NO_CALIBRATION = "values are in px; to get mm and N, calibrate (docs/from-camera-to-newtons.md)"
 _MOVED = "the pins stand {off_px:.1f} px off the rest frame, all alike; tare"
 
@@ -63,8 +62,8 @@ _STALLED = ("stalled", "frozen")
 #: Faults that a new rest frame clears.
 _OF_THE_REST = (F.TARE_IMPLAUSIBLE, F.CALIBRATION_FOREIGN, F.CAMERA_MOVED, F.TRACKER_LOST, F.PINS_LOST)
 #: Status bits as plain integers: to take a member of an enumeration, or its flags, takes long.
-_CAMERA_FAULT, _TOUCHED, _NOT_LIVE, _FRAMES_DROPPED = map(
-    int, (Status.CAMERA_FAULT, Status.TOUCHED, Status.NOT_LIVE, Status.FRAMES_DROPPED)
+_CAMERA_FAULT, _CAMERA_MOVED, _TOUCHED, _NOT_LIVE, _FRAMES_DROPPED = map(
+    int, (Status.CAMERA_FAULT, Status.CAMERA_MOVED, Status.TOUCHED, Status.NOT_LIVE, Status.FRAMES_DROPPED)
 )
 #: Why a sample has no values: the first of these that holds, causes before what follows from them.
 _BLINDING = (F.CAMERA_LOST, F.CAMERA_STALLED, F.IMAGE_DARK, F.IMAGE_BRIGHT, F.IMAGE_BLURRED, F.TRACKER_LOST)
@@ -97,7 +96,7 @@ class FaultDetector:
         self._pins: PinVisibility | None = None
         self._pitch_px = 0.0
         self._motion_px: Array = np.empty((0, 2))  # of the last frame that gave it
-        self._offset_px: Array = np.zeros(2)  # by which the camera moved, as last known
+        self._offset_px: Array | float = 0.0  # (2,), by which the camera moved, as last known; 0: it did not
         self._skipped_n = 0
         self._least_age_ns = 0.0  # of an image when work on it begins, since the capture clock last stepped
         self.gaps_n = 0  # in the frames' numbers, since the start
@@ -115,7 +114,7 @@ class FaultDetector:
         """Take `rest`, seen in `frame`, as the untouched tip from now on."""
         self._pins = PinVisibility(rest)
         self._pitch_px = rest.pattern.pitch_px
-        self._motion_px, self._offset_px = np.zeros_like(rest.xy_img), np.zeros(2)
+        self._motion_px, self._offset_px = np.zeros_like(rest.xy_img), 0.0
         self._image.learn(rest, frame)
         self._facts.forget_pins()
         self._calibrated = calibrated
@@ -184,7 +183,7 @@ class FaultDetector:
         missing = facts.pins_missing and not pins.explained
         if facts.unidentified or missing or blind:
             self._count_without_values()
-            nothing = Reading({}, {}, _NOWHERE, calibrated=self._calibrated)
+            nothing = Reading({}, {}, NOWHERE, calibrated=self._calibrated)
             result = replace(result, cells=None, features=None, reading=nothing)
         return result
 
@@ -214,7 +213,7 @@ class FaultDetector:
         facts.camera_lost, facts.camera_stalled = condition == "lost", condition in _STALLED
         if condition:
             facts.camera = f"{self._source.name}: {condition}"
-        self._verdict(facts)
+        self._verdict.judge(facts)
 
     def slow(self, begun_ns: int | None) -> None:
         """Whether the current frame takes long, and the brightness of the next one. For another thread.
@@ -228,7 +227,7 @@ class FaultDetector:
                 facts = Facts()
                 self._image.brightness(waiting, facts)
                 for code, check in self._verdict.would_hold(facts).items():
-                    self._registry.report(code, True, check.reason.format_map(vars(facts)))
+                    self._registry.report(code, True, check.reason.format_map(asdict(facts)))
 
     def _note_motion(self, features: Features, drifted_share: float) -> None:
         """Whether pins moved beyond the load limit, and the camera from where it was at the rest frame.
@@ -258,8 +257,8 @@ class FaultDetector:
             facts.off_px, drifted_share = float(np.hypot(*self._offset_px)), 0.0
         else:
             facts.off_px = middle_px
-            off = middle_px > limit_px or self._registry.holds(F.CAMERA_MOVED)
-            self._offset_px = np.nanmedian(self._motion_px, axis=0) if off else np.zeros(2)
+            off = middle_px > limit_px or self._registry.status & _CAMERA_MOVED
+            self._offset_px = np.nanmedian(self._motion_px, axis=0) if off else 0.0
         facts.off_pitches, facts.drifted_share = facts.off_px / self._pitch_px, drifted_share
 
     def status(self, result: Result | None, skipped_n: int) -> int:

@@ -5,11 +5,11 @@ so this needs no tracking. The measure is the energy of the gradient over the sq
 does not depend on brightness. It is not reported if the image is dark or overexposed: that explains it.
 """
 
-from math import isqrt, nan
+from math import nan
 
 import numpy as np
 
-from edge.faults.frame_counts import FocusWindows, sample_levels
+from edge.faults.frame_counts import FocusWindows, level_of
 from edge.faults.judge import Facts
 from edge.params import PARAMS as RUNTIME
 from edge.pins.lens import rest_as_seen
@@ -20,14 +20,6 @@ HALF_REL = 0.5  # sharpness, or pixels that are not saturated, of the rest frame
 #: One grey level of 8 bits, of full scale: an image with a lower mean is black.
 ONE_LEVEL = 1 / 255
 _SAMPLE_N = RUNTIME.sample_n
-
-
-def level_of(image: Image, bits: int) -> tuple[float, float]:
-    """Mean level and share of saturated pixels, of full scale."""
-    top = (1 << bits) - 1
-    step = max(1, isqrt(image.size) // _SAMPLE_N)
-    total, full, n = sample_levels(image, step, top)
-    return (total / (n * top), full / n) if n else (0.0, 0.0)
 
 
 class ImageQuality:

@@ -1,7 +1,7 @@
 """The table of faults that follow from measured numbers (`Facts`), and one walk over it a frame (`Judge`)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from math import nan
 from operator import attrgetter
@@ -12,7 +12,7 @@ from edge.params import PARAMS
 from hostlink.wire import FaultCode
 
 
-@dataclass
+@dataclass(slots=True)
 class Facts:
     """The newest frame as it was measured; a number that was not measured anew keeps its last value.
 
@@ -86,7 +86,7 @@ class Judge:
         self._reached = -1  # a bit a check
         self._changes_n = -1  # of the registry when it was last reported to
 
-    def __call__(self, facts: Facts) -> None:
+    def judge(self, facts: Facts) -> None:
         """Judge a frame: one walk, and where nothing has changed one comparison."""
         changes_n = self._registry.changes_n
         reached = self._compare(facts)
@@ -96,7 +96,7 @@ class Judge:
         first = self._first(reached)
         for code in self._codes:
             check = first.get(code)
-            reason = partial(check.reason.format_map, vars(facts)) if check else ""
+            reason = partial(check.reason.format_map, asdict(facts)) if check else ""
             self._registry.report(code, check is not None, reason)
 
     def would_hold(self, facts: Facts) -> dict[FaultCode, Check]:

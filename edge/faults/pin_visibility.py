@@ -48,7 +48,7 @@ class PinVisibility:
         near = [rows[nearest_of(own.xy_img, own.xy_img, N_RING + 1)[1]] for rows, own in parts]
         self._views = [rows for rows, _ in parts]
         self._near = joined(self._views, near)
-        self._bad = np.zeros(len(rest), np.bool_)  # in the last frame
+        self._bad = self._none_bad = np.zeros(len(rest), np.bool_)  # in the last frame; not written to
         self._before = rest.xy_img
         self._pitch_px = rest.pattern.pitch_px
         # Skin cannot move further: twice as far as where a pin counts as overloaded.
@@ -72,7 +72,7 @@ class PinVisibility:
             before, self._bad = self._bad, ~(tracks.sigma_px <= noisy_px)
             why = self._judge(tracks, features, self._bad & ~before)
         else:
-            self._bad[:] = False
+            self._bad = self._none_bad
         self._before = tracks.xy_img
         known = ASTRAY_REL**2 if why and self.explained != BY_CONTACT else 1.0
         self._baseline_share += known * (self._seen_n / n - self._baseline_share) / BASELINE_N

@@ -22,7 +22,9 @@ Rules
   have, is judged by their scatter: of a recording of stills the first one after the rest may be a press.
 - A mean over fewer cells averages out less noise and is scaled down accordingly.
 - While a contact lasts, the slope of the ring medians where the areas had increased most tells by itself that
-  it does, if it is above what begins one: no areas are needed for that.
+  it does, if it is above what begins one; and while nothing touches, that slope at all pins tells that no
+  areas could say otherwise. Neither needs areas. They are needed of the untouched frames that noise is learnt
+  from: the first ones, then one of as many as a ring has pins.
 - Hysteresis: a contact that is there ends below `contact_sigma`, the level of one place. To begin it must be
   the highest of n rings, and that may be noise as rarely: a higher level (6.0 of 331 pins, 5.9 of 127).
 """
@@ -32,7 +34,7 @@ import numpy as np
 from cython.cimports.libc.math import fabs, hypot, isfinite, isnan, sqrt
 
 from edge.features.params import CELL_NOISE, MEDIAN_NOISE, PARAMS, RING_NOISE, largest_noise
-from edge.geometry.lattice import slope_stencil
+from edge.geometry.lattice import N_RING, slope_stencil
 from edge.geometry.neighbours import short_rows
 from edge.types import Array, Rest
 
@@ -56,12 +58,11 @@ class ContactDetector:
         self._pitch_px = rest.pattern.pitch_px
         self._rest_noise = sqrt(2.0) * float(np.median(rest.pins.sigma_px)) / self._pitch_px
         self._noise_ratio = self._ring_noise_ratio = 1.0
-        self._turn = self._learnt_n = 0
+        self._untouched_n = 0
         self._in_contact = False
         self._peak_row, self._begins = 0, np.inf
         self._root = np.sqrt(np.arange(width + 1) / width)
         self._middle = np.full((n, 2), np.nan)
-        self._looked_up, self._n_looked_up = np.empty(n, np.int32), 0
         self._ring_x, self._ring_y = np.empty(width), np.empty(width)
         self._values, self._ring_values = np.empty(n), np.empty(n)
         self._cell_noise, self._ring_noise, self._median_noise = CELL_NOISE, RING_NOISE, MEDIAN_NOISE
@@ -70,6 +71,16 @@ class ContactDetector:
         self._min_ring_known = width // 2 + 1
         self._noise_ratio_max = PARAMS.noise_ratio_max
         self._noise_frames_n = PARAMS.noise_frames_n
+        self._rounding = 8.0 * float(np.finfo(np.float32).eps)  # of sums over a ring: 11 times half of it
+        of_x, of_y = np.abs(slope).sum(axis=2).T
+        self._most_sum, self._most_product = float((of_x + of_y).max()), float((of_x * of_y).max())
+        self._blocks_n = blocks_n = -(-n // 32) if width == N_RING + 1 else 0
+        missing = max(0, 32 * blocks_n - n)
+        self._twice = short_rows(2 * np.pad(ring, ((0, missing), (0, 0)), "edge"))
+        weights = np.pad(slope, ((0, missing), (0, 0), (0, 0))).reshape(max(1, blocks_n), -1, 2, width)
+        self._weights = np.ascontiguousarray(weights.transpose(0, 3, 1, 2), np.float32).ravel()
+        self._motion, self._medians = np.zeros((2, 2 * (n + missing)), np.float32)
+        self._gathered = np.zeros(2 * 32 * width, np.float32)
 
     def cell_noise(self, sigma_px: float) -> float:
         """One-sigma noise of a single cell's relative area change."""
@@ -82,37 +93,106 @@ class ContactDetector:
         xy           (n, 2) float64, px, where the pins are; finite
         sigma_px     noise of one coordinate of a pin's motion since rest
         """
-        highest = self._highest_mean(area_change)
-        if isnan(highest):
-            return self._in_contact  # a dark frame is no evidence
         predicted = sigma_px / self._pitch_px
         noise = self._ring_noise * predicted * self._ring_noise_ratio
         limit = self._limit_sigma() * noise
         self._begins = self._raise_sigma * noise
+        if self._in_contact and self._goes_on(area_change, xy, limit):
+            return True
+        highest = self._highest_mean(area_change)
+        if isnan(highest):
+            return self._in_contact  # a dark frame is no evidence
         self._in_contact = highest > limit and self._is_coherent(xy, limit)
-        if not self._in_contact and self._learnt_n < self._noise_frames_n:
+        if not self._in_contact and self._untouched_n < self._noise_frames_n:
             limit *= self._quietness(area_change)
             self._in_contact = highest > limit and self._is_coherent(xy, limit)
         if not self._in_contact:
-            self._learn(area_change, predicted)
+            if self._learns_next():
+                self._learn(area_change, predicted)
+            self._untouched_n += 1
         return self._in_contact
 
-    def holds(self, xy: Array) -> bool:
-        """Whether the contact of the last `by_area` is there in this frame, too; False: areas must decide.
+    def known(self, xy: Array, mean: Array, sigma_px: float, if_touched: bool, if_untouched: bool) -> int:
+        """Whether something touches, by the motion of the pins, as `by_area` would say; -1: areas decide.
 
-        xy      (n, 2) float64, px, where the pins are; NaN where lost
-        Raises  ValueError: sizes that do not fit
+        xy        (n, 2) float64, px, where the pins are; finite
+        mean      (2,) px, their mean motion since rest
+        sigma_px  noise of one coordinate of a pin's motion since rest
+        if_touched, if_untouched  whether areas are needed all the same while something touches, or nothing
         """
-        n = self._n
-        if xy.shape[0] != n or xy.shape[1] != 2:
-            raise ValueError(f"xy ({n}, 2) is wanted")
-        if not self._in_contact:
-            return False
-        for i in range(n):
-            if isnan(xy[i, 0]):
-                return False
-        self._forget_medians()
-        return self._median_area_change(xy, self._peak_row) > self._begins
+        if if_touched if self._in_contact else if_untouched:
+            return -1
+        if self._in_contact:
+            self._middle[:, 0] = NAN  # those there are of another frame
+            return 1 if self._median_area_change(xy, self._peak_row) > self._begins else -1
+        if self._blocks_n == 0 or self._learns_next():
+            return -1
+        noise = self._ring_noise * sigma_px / self._pitch_px * self._ring_noise_ratio
+        if not self._highest_slope(xy, mean) <= self._clear_sigma * noise:
+            return -1
+        self._untouched_n += 1
+        return 0
+
+    def _learns_next(self) -> bool:
+        """Whether noise is learnt from the next untouched frame."""
+        return self._untouched_n < self._noise_frames_n or self._untouched_n % self._width == 0
+
+    def _highest_slope(self, xy: Array, mean: Array) -> float:
+        """No `_median_area_change` of this frame is above this.
+
+        Medians and slopes are in single precision. An area change is the sum of the two slopes and a product
+        of them less one of the cross slopes; these are taken to be as large as they may be anywhere.
+        """
+        most: cython.double = 0.0
+        highest: cython.float = 0.0
+        total: cython.float
+        motion: cython.float[::1] = self._motion
+        medians: cython.float[::1] = self._medians
+        own: cython.float[::1] = self._gathered
+        weights: cython.float[::1] = self._weights
+        largest: cython.float[64] = [0.0] * 64
+        for i in range(self._n):
+            motion[2 * i] = cython.cast(cython.float, xy[i, 0] - self._rest[i, 0] - mean[0])
+            motion[2 * i + 1] = cython.cast(cython.float, xy[i, 1] - self._rest[i, 1] - mean[1])
+        for block in range(self._blocks_n):
+            self._gather(motion, 32 * block)
+            # Exchanges that leave the median of seven: Devillard, "Fast median search", 1998.
+            for i in range(64):
+                a, b, c, d = own[i], own[64 + i], own[128 + i], own[192 + i]
+                e, f, g = own[256 + i], own[320 + i], own[384 + i]
+                a, f = min(a, f), max(a, f)
+                a, d = min(a, d), max(a, d)
+                b, g = min(b, g), max(b, g)
+                c, e = min(c, e), max(c, e)
+                b = max(a, b)
+                d, f = min(d, f), max(d, f)
+                c, g = min(c, g), max(c, g)
+                d, e = min(max(c, d), g), min(e, f)
+                b, e = min(b, e), max(b, e)
+                medians[64 * block + i] = d = min(max(b, d), e)
+                largest[i] = max(largest[i], max(d, -d))
+        for block in range(self._blocks_n):
+            self._gather(medians, 32 * block)
+            for i in range(64):
+                total = 0.0
+                for k in range(7):
+                    total += weights[448 * block + 64 * k + i] * own[64 * k + i]
+                own[i] = total
+            for i in range(32):
+                highest = max(highest, own[2 * i] + own[2 * i + 1])
+        for i in range(64):
+            most = max(most, largest[i])
+        sizes = self._most_sum * (most + fabs(mean[0]) + fabs(mean[1]))
+        return highest + 2.0 * self._most_product * most * most + self._rounding * (sizes + self._rounding)
+
+    def _gather(self, values: cython.float[::1], first: cython.Py_ssize_t) -> None:
+        """The values of the pins of a block of rings, ring by ring."""
+        own: cython.float[::1] = self._gathered
+        for i in range(32):
+            for k in range(7):
+                j = self._twice[first + i, k]
+                x, y = values[j], values[j + 1]
+                own[64 * k + 2 * i], own[64 * k + 2 * i + 1] = x, y
 
     def by_motion(self, xy: Array, sigma_px: float) -> bool:
         """Decide without areas: do pins move against each other beyond their noise?
@@ -126,7 +206,7 @@ class ContactDetector:
             return self._in_contact
         n = self._n
         highest: cython.double = 0.0
-        self._forget_medians()
+        self._middle[:, 0] = NAN  # those there are of another frame
         for i in range(n):
             known = self._ring_median(xy, i, shift_x, shift_y)
             if known >= self._min_ring_known:
@@ -148,9 +228,7 @@ class ContactDetector:
         width = self._width
         self._peak_row = 0
         for i in range(self._n):
-            total: cython.double = 0.0
-            for k in range(width):
-                total += area_change[ring[i, k]]
+            total: cython.double = self._ring_sum(area_change, i)
             if isnan(total):
                 total = 0.0
                 known = 0
@@ -170,13 +248,31 @@ class ContactDetector:
                 self._peak_row = i
         return NAN if nothing else highest / self._width
 
+    def _ring_sum(self, values: Array, i: cython.Py_ssize_t) -> float:
+        """Sum of the values over ring i. A loop whose length is known to the compiler takes half as long."""
+        total: cython.double = 0.0
+        if self._width == 7:
+            for k in range(7):
+                total += values[self._ring[i, k]]
+        else:
+            for k in range(self._width):
+                total += values[self._ring[i, k]]
+        return total
+
+    def _goes_on(self, area_change: Array, xy: Array, limit: float) -> bool:
+        """Whether the ring that had the highest mean shows by itself that the contact goes on."""
+        if not self._ring_sum(area_change, self._peak_row) > limit * self._width:
+            return False
+        self._middle[:, 0] = NAN  # those there are of another frame
+        return self._median_area_change(xy, self._peak_row) > limit
+
     def _is_coherent(self, xy: Array, limit: float) -> bool:
         """Whether the area still grows by enough when each pin moves as the median of its ring does.
 
         The ring of the highest mean is tried first, then all of them.
         """
         at_peak = self._clear_sigma / self._raise_sigma * limit
-        self._forget_medians()
+        self._middle[:, 0] = NAN  # those there are of another frame
         for i in range(self._width):
             if self._median_area_change(xy, self._ring[self._peak_row, i]) > at_peak:
                 return True
@@ -184,12 +280,6 @@ class ContactDetector:
             if self._median_area_change(xy, i) > limit:
                 return True
         return False
-
-    def _forget_medians(self) -> None:
-        """Ring medians of an earlier frame are none of this one."""
-        for i in range(self._n_looked_up):
-            self._middle[self._looked_up[i], 0] = NAN
-        self._n_looked_up = 0
 
     def _median_area_change(self, xy: Array, i: cython.Py_ssize_t) -> float:
         """Area change at pin i by the slope of the ring medians round it."""
@@ -221,9 +311,6 @@ class ContactDetector:
             known += 1
         self._middle[i, 0] = median(self._ring_x, known)
         self._middle[i, 1] = median(self._ring_y, known)
-        if not isnan(self._middle[i, 0]):  # what is NaN is looked up again
-            self._looked_up[self._n_looked_up] = cython.cast(cython.int, i)
-            self._n_looked_up += 1
         return known
 
     def _median_motion(self, xy: Array, component: cython.Py_ssize_t) -> float:
@@ -255,33 +342,35 @@ class ContactDetector:
         """Move the learnt noise towards that of this untouched frame; `predicted`: the pins' own, pitches."""
         known: cython.Py_ssize_t = 0
         known_rings: cython.Py_ssize_t = 0
-        # Each frame takes as many rings as hold each cell about once, in turn. Their spread is about zero
-        # rather than about the median: drift is noise too.
-        self._turn = (self._turn + 1) % self._width
-        i = self._turn
+        # The first frames take as many rings as hold each cell about once, in turn; later ones, all. Their
+        # spread is about zero rather than about the median: drift is noise too.
+        every = self._width if self._untouched_n < self._noise_frames_n else 1
+        frames = self._width / every  # that this one stands for
+        i = (self._untouched_n + 1) % every
         while i < self._n:
-            total: cython.double = 0.0
-            for k in range(self._width):
-                total += area_change[self._ring[i, k]]
+            total: cython.double = self._ring_sum(area_change, i)
             if isfinite(area_change[i]):
                 self._values[known] = fabs(area_change[i])
                 known += 1
             if isfinite(total):
                 self._ring_values[known_rings] = fabs(total) / self._width
                 known_rings += 1
-            i += self._width
-        self._learnt_n += 1
-        self._noise_ratio = self._moved(self._noise_ratio, self._values, known, self._cell_noise * predicted)
+            i += every
+        self._noise_ratio = self._moved(
+            self._noise_ratio, self._values, known, self._cell_noise * predicted, frames
+        )
         self._ring_noise_ratio = self._moved(
-            self._ring_noise_ratio, self._ring_values, known_rings, self._ring_noise * predicted
+            self._ring_noise_ratio, self._ring_values, known_rings, self._ring_noise * predicted, frames
         )
 
-    def _moved(self, learnt: float, sizes: Array, n: cython.Py_ssize_t, predicted: float) -> float:
-        """A learnt ratio, moved towards that of the first n sizes to the predicted noise."""
+    def _moved(
+        self, learnt: float, sizes: Array, n: cython.Py_ssize_t, predicted: float, frames: float
+    ) -> float:
+        """A learnt ratio, moved towards that of the first n sizes to predicted noise as of so many frames."""
         ratio = 1.0
         if n == 0:
             return learnt
         if predicted > 0.0:
             ratio = sigma_of(sizes, n) / predicted
         ratio = min(max(ratio, 1.0 / self._noise_ratio_max), self._noise_ratio_max)
-        return learnt + (ratio - learnt) / self._noise_frames_n
+        return learnt + (ratio - learnt) * frames / self._noise_frames_n

@@ -1,6 +1,7 @@
 cimport cython
 from edge.features.contact_field cimport ContactField, PeakFinder
 from edge.features.pin_motion cimport PinNoise
+from edge.geometry.copies cimport Copies
 
 
 @cython.final
@@ -45,7 +46,7 @@ cdef class ContactFinder:
     cdef readonly ContactField field
     cdef readonly PeakFinder peaks
     cdef readonly Regions regions
-    cdef readonly double[:, ::1] place, divergence_moment, curl_moment
+    cdef readonly double[:, :] place, divergence_moment, curl_moment
     cdef PinNoise _pin_noise
     cdef const double[:, ::1] _rest, _xy
     cdef object _xy_array  # the same memory
@@ -53,8 +54,8 @@ cdef class ContactFinder:
     cdef int[::1] _near  # grid points round a contact, and their weights
     cdef double[::1] _weight
     cdef unsigned char[::1] _kept
-    cdef object _tables  # place, divergence_moment and curl_moment
-    cdef object _middles
+    cdef double[:, :, ::1] _table  # of each contact: place less curl moment, these three, middle
+    cdef list _copies  # of each contact: of each of these
     cdef Py_ssize_t _n_before  # regions of the last frame, before any was split or joined
     cdef double _visibility_radius_px, _place_radius_px, _place_radius_axis, _contact_sigma
     cdef double _min_area_change, _min_oriented_elongation

@@ -32,6 +32,7 @@ from edge.features.params import CONTACTS_MAX, PARAMS
 from edge.features.pin_motion import PinNoise
 from edge.features.several import Fits, FittedContacts
 from edge.features.surface import Surface
+from edge.geometry.copies import Copies
 from edge.types import Array, ContactRegion, FittedContact, Heights, Mask
 
 NAN = cython.declare(cython.double, float("nan"))
@@ -189,7 +190,8 @@ class Regions:
                 self._ridge[n, 0] = self.x0 + self.step_px * self._column[self._at[j]]
                 self._ridge[n, 1] = self.y0 + self.step_px * self._row[self._at[j]]
                 n += 1
-        return np.asarray(self._ridge_array[:n].copy())
+        ridge: Array = self._ridge_array[:n].copy()
+        return ridge
 
     def _highest(self, i: cython.Py_ssize_t) -> int:
         """Which peak is the highest of contact i."""
@@ -307,9 +309,9 @@ class ContactFinder:
         points_n = len(self.field.points)
         self._near, self._weight = np.zeros(points_n, np.int32), np.zeros(points_n)
         self._kept = np.zeros(CONTACTS_MAX, np.uint8)
-        self._tables = np.zeros((3, CONTACTS_MAX, 2))
-        self.place, self.divergence_moment, self.curl_moment = self._tables
-        self._middles = np.asarray(self.regions.middle)
+        table = np.zeros((CONTACTS_MAX, 5, 2))
+        self.place, self.divergence_moment, self.curl_moment = table[:, 1], table[:, 2], table[:, 3]
+        self._table, self._copies = table, [[Copies(of_field) for of_field in row] for row in table]
         self._n_before = 0
         self._visibility_radius_px = PARAMS.close_pitch * pitch_px
         self._place_radius_px = PARAMS.place_radius_pitch * pitch_px
@@ -359,6 +361,10 @@ class ContactFinder:
         if moments:
             self.find_moments()
         fitted = self.fitted.fit(self._xy_array, seen) if regions.n_contacts >= fits else []
+        for i in range(regions.n_contacts):
+            for d in range(2):
+                self._table[i, 0, d] = self.place[i, d] - (self.curl_moment[i, d] if moments else 0.0)
+                self._table[i, 4, d] = regions.middle[i, d]
         contacts = [self._describe(0, direction, moments, fitted)]
         for i in range(1, regions.n_contacts):
             contacts.append(self._describe(i, NAN, moments, fitted))
@@ -380,17 +386,21 @@ class ContactFinder:
         elongation = self.regions.elongation[i]
         if isnan(direction) and elongation >= self._min_oriented_elongation:
             direction = self.regions.direction[i]
-        mean, curl = self._tables[0, i].copy(), self._tables[2, i].copy()
+        copies: Copies
+        taken: list[Array] = []
+        for copies in self._copies[i]:
+            taken.append(copies.take())
+        place, mean, divergence, curl, middle = taken
         return ContactRegion(
-            mean - curl if moments else mean,
+            place,
             mean,
             self.regions.peak_height(i),
             self.regions.area_px2(i),
             direction,
             elongation,
             self.regions.ridge(i),
-            self._middles[i].copy(),
-            self._tables[1, i].copy() if moments else _UNKNOWN,
+            middle,
+            divergence if moments else _UNKNOWN,
             curl if moments else _UNKNOWN,
             fitted[i] if fitted else None,
         )

@@ -10,8 +10,8 @@ Rules
 - No contact: no surface, no peaks. Volume, torsion and slip are zero, contacts none; shear is computed all
   the same, and so are modes, unless the caller knows what an untouched tip reads, as a calibration does.
 - Without cells everything that depends on areas stays None, area change all NaN.
-- Who needs no areas needs no cells as long as the pins' motion alone shows that the contact goes on
-  (`contact_holds`). Where and when one begins and ends is for the areas to decide.
+- Who needs no areas needs no cells as long as the pins' motion alone shows that the contact goes on, or that
+  nothing touches (`touched`). Where and when a contact begins and ends is for the areas to decide.
 - State: the detector's bit and learnt noise, the last frames' motion for slip and vibration, and
   where the last frame's fits of contacts ended, from which the next ones begin. Nothing else depends on the
   frame before.
@@ -40,11 +40,13 @@ if cython.compiled:
     from cython.cimports.edge.features.contacts import ContactFinder
     from cython.cimports.edge.features.pin_motion import AreaChange, ModeProduct, PinMotion
     from cython.cimports.edge.features.slip_and_vibration import Slip, Vibration
+    from cython.cimports.edge.geometry.copies import Copies
 else:
     from edge.features.contact_detector import ContactDetector
     from edge.features.contacts import ContactFinder
     from edge.features.pin_motion import AreaChange, ModeProduct, PinMotion
     from edge.features.slip_and_vibration import Slip, Vibration
+    from edge.geometry.copies import Copies
 
 NAN = cython.declare(cython.double, float("nan"))
 #: Fields of `Features` that follow from areas: volume, surface, grid, contacts; and from the pins in the
@@ -109,6 +111,9 @@ class FeatureExtractor:
     _making: threading.Lock  # of the finder
     _plan: FeaturePlan  # of the last frame
     _motion: PinMotion
+    _tracks: Tracks | None  # whose motion that is, until their features are there
+    _n_seen: cython.Py_ssize_t  # of their pins
+    _sigma_px: cython.double  # noise of one coordinate of their motion since rest
     _area_change: AreaChange
     _detector: ContactDetector
     _modes: Modes
@@ -119,10 +124,11 @@ class FeatureExtractor:
     _filled_px: cython.double[:, ::1]  # motion since rest, with lost pins predicted
     _change: cython.double[::1]
     _filled_change: cython.double[::1]
-    # Each frame's features have a copy of these.
-    _motion_array: Array
-    _change_array: Array
-    _mean_array: Array
+    # These are of each frame's features.
+    _motions: Copies
+    _changes: Copies
+    _means: Copies
+    _motion_array: Array  # of the frame in hand
     _largest_noise: cython.double
     _rest_variance: cython.double
     _contact_sigma: cython.double
@@ -133,6 +139,7 @@ class FeatureExtractor:
         self._is_of_dots, self._dots = dots, None
         self._n, self._rest = n, rest
         self._motion = PinMotion(rest)
+        self._tracks, self._n_seen = None, 0
         self._area_change = AreaChange(rest.xy_img, rest.pattern.pitch_px, rest_area_px2)
         self._detector = ContactDetector(rest)
         self._modes, self._vibration = Modes(rest), Vibration(rest.xy_img)
@@ -140,8 +147,9 @@ class FeatureExtractor:
         self._slip = Slip(rest, self._motion)
         self._rest_xy = np.ascontiguousarray(rest.xy_img)
         self._filled_px, self._filled_change = np.empty((n, 2)), np.empty(n)
-        self._change = self._change_array = np.empty(n)
-        self._motion_array, self._mean_array = np.asarray(self._motion.motion), np.asarray(self._motion.mean)
+        self._motion_array, self._change = np.asarray(self._motion.motion), np.empty(n)
+        self._motions, self._changes = Copies(self._motion_array), Copies(np.asarray(self._change))
+        self._means = Copies(np.asarray(self._motion.mean))
         self._largest_noise = largest_noise(n)
         self._rest_variance = float(np.median(rest.pins.sigma_px)) ** 2
         self._contact_sigma, self._min_area_change = PARAMS.contact_sigma, PARAMS.min_area_change
@@ -170,43 +178,54 @@ class FeatureExtractor:
         if self._finder is not None:
             self._finder.forget()
 
-    def contact_holds(self, tracks: Tracks) -> bool:
-        """Whether the last frame's contact goes on, by the motion of its pins; False: not known."""
-        return self._detector.holds(tracks.xy_img)
+    def touched(
+        self, tracks: Tracks, if_touched: cython.bint = True, if_untouched: cython.bint = True
+    ) -> bool | None:
+        """Whether the tip is touched, by the motion of its pins alone; None: `extract` needs cells.
+
+        if_touched, if_untouched  whether areas are needed all the same while something touches, or nothing
+        """
+        motion: PinMotion = self._motion
+        self._tracks, self._n_seen = tracks, motion.since_rest(tracks.xy_img, tracks.sigma_px)
+        self._sigma_px = sqrt(motion.sigma_px * motion.sigma_px + self._rest_variance)
+        if self._n_seen < self._n:
+            return None
+        known = self._detector.known(motion.xy, motion.mean, self._sigma_px, if_touched, if_untouched)
+        return None if known < 0 else known > 0
 
     def extract(
         self,
         tracks: Tracks,
         cells: Cells | None,
         plan: FeaturePlan,
-        contact_holds: cython.bint = False,
+        touched: bool | None = None,
         capture_ns: cython.longlong = 0,
     ) -> Features:
         """The features of one frame.
 
-        cells          of the same frame; None when nobody asked for what needs areas
-        contact_holds  of this frame, as `contact_holds` says; no cells are needed then
-        capture_ns     when the frame was taken; 0: not known, and vibration neither
-        Returns        Features; fields outside of the plan are None
-        Raises         ValueError: sizes that do not fit
+        cells       of the same frame; None when nobody asked for what needs areas
+        touched     as `touched` has told of it; unless it is None, no cells are needed
+        capture_ns  when the frame was taken; 0: not known, and vibration neither
+        Returns     Features; fields outside of the plan are None
+        Raises      ValueError: sizes that do not fit
         """
         if plan is not self._plan:
             self._plan = plan
             self.forget_contacts()
-        n_seen = self._motion.since_rest(tracks.xy_img, tracks.sigma_px)
-        now_px = self._motion.sigma_px
-        sigma_px = sqrt(now_px * now_px + self._rest_variance)
+        if tracks is not self._tracks:
+            self.touched(tracks)
+        self._tracks = None  # once a frame
+        n_seen, now_px, sigma_px = self._n_seen, self._motion.sigma_px, self._sigma_px
         is_filled: cython.bint = n_seen < self._n and cells is not None and self._fill(cells.xy_img, n_seen)
         change: cython.double[::1] = self._change_since_rest(cells, is_filled)
-        in_contact: cython.bint = contact_holds
-        if not contact_holds and cells is not None:
+        in_contact: cython.bint = touched is True
+        if touched is None and cells is not None:
             in_contact = self._detector.by_area(change, self._motion.xy, sigma_px)
-        elif not contact_holds:
+        elif touched is None:
             in_contact = self._detector.by_motion(self._motion.xy, sigma_px)
-        modes_px = None
+        modes_px, of_areas, of_pins = None, _NO_AREAS, _NO_PINS
         if plan.modes and (in_contact or plan.modes_at_rest):
             modes_px = self._modes_of(None if n_seen == self._n else tracks.seen, is_filled)
-        of_areas, of_pins = _NO_AREAS, _NO_PINS
         if in_contact:
             noise = self._detector.cell_noise(sigma_px)
             if cells is not None and (plan.volume or plan.surface or plan.contacts):
@@ -217,16 +236,16 @@ class FeatureExtractor:
             self._slip.forget()
             self._vibration.forget()
             self.forget_contacts()
-            if cells is not None:
+            if cells is not None or touched is False:
                 of_areas = 0.0 if plan.volume else None, None, None, () if plan.contacts else None
             slip, vibration = 0.0 if plan.slip else None, 0.0 if plan.vibration else None
             of_pins = 0.0 if plan.torsion else None, slip, slip, slip, vibration, None
         # The fields are given by place: names cost 3,000 instructions.
         return Features(
-            self._change_array.copy(),
-            self._motion_array.copy(),
+            self._changes.take(),
+            self._motions.take(),
             in_contact,
-            self._mean_array.copy() if plan.shear else None,
+            self._means.take() if plan.shear else None,
             modes_px,
             *of_areas,
             *of_pins,
@@ -315,7 +334,7 @@ class FeatureExtractor:
         if self._plan.torsion:
             torsion = motion.torsion()
         if self._plan.slip:
-            self._slip.update(self._change, sigma_px)
+            self._slip.update(self._change, now_px)
             slip, probability, of_twist = self._slip.slip_px, self._slip.probability, self._slip.of_twist
         if self._plan.vibration:
             rms, to_hz = self._vibration.update(motion.motion, motion.pins, motion.n_pins, now_px, capture_ns)

@@ -1,5 +1,7 @@
 cimport cython
 
+from edge.geometry.copies cimport Copies
+
 
 @cython.final
 cdef class PinMotion:
@@ -29,7 +31,7 @@ cdef class ModeProduct:
     cdef float[:, ::1] _rows  # (n, ROW), real part where a >= b in a mode's powers, there imaginary part of (b, a)
     cdef int[::1] _mirror
     cdef double complex[::1] _result
-    cdef object _result_array  # the same memory
+    cdef Copies _results
 
     cpdef object fit(self, const double[:, ::1] motion)
 

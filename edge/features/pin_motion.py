@@ -33,9 +33,11 @@ from edge.geometry.neighbours import weighted_rows
 from edge.types import Array, Complex, Mask, Rest
 
 if cython.compiled:
+    from cython.cimports.edge.geometry.copies import Copies
     from cython.cimports.edge.geometry.neighbours import weighted_sums
     from cython.cimports.edge.geometry.select import sigma_of
 else:
+    from edge.geometry.copies import Copies
     from edge.geometry.neighbours import weighted_sums
     from edge.geometry.select import sigma_of
 
@@ -298,7 +300,8 @@ class ModeProduct:
             rows[:, column] = of_all[column].real if column <= mirror else -of_all[mirror].imag
         self._rows = rows
         self._mirror = np.array(MODE_MIRROR, np.int32)
-        self._result_array = self._result = np.zeros(len(MODE_MIRROR), np.complex128)
+        self._result = result = np.zeros(len(MODE_MIRROR), np.complex128)
+        self._results = Copies(result)
 
     def fit(self, motion: Array) -> Complex:
         """Coefficients (21,) complex128 px of the motion (n, 2) float64 px."""
@@ -318,8 +321,7 @@ class ModeProduct:
             elif j < m:
                 self._result[j] = (of_x[j] + of_y[m]) + 1j * (of_y[j] - of_x[m])
                 self._result[m] = (of_x[j] - of_y[m]) + 1j * (of_y[j] + of_x[m])
-        result: Complex = self._result_array.copy()
-        return result
+        return self._results.take()
 
 
 class AreaChange:

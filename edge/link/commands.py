@@ -47,7 +47,7 @@ class CanCommands:
 
     def receive(self, frame: CanFrame) -> None:
         """Handle a frame from the bus, for any node."""
-        can_id, data, fd = frame
+        can_id, data, fd = frame.can_id, frame.data, frame.fd
         if fd:
             return
         if can_id == self._ids.nmt:

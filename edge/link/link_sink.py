@@ -22,7 +22,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import count
 from typing import Any
 
@@ -100,7 +100,7 @@ class LinkSink(ABC):
         self._reading = threading.Lock()  # held by the reader while it is inside of the medium
         self._closing = False
         self._numbers = count()
-        self._counters = SinkCounters()
+        self._counts = dict.fromkeys(SinkCounters.__slots__, 0)
         self._counting = threading.Lock()
         self._budget = ReadBudget(0.0, time.monotonic())  # the thread that it counts is to begin
         self._threads = [
@@ -143,11 +143,11 @@ class LinkSink(ABC):
     def counters(self) -> SinkCounters:
         """A copy of the present counts."""
         with self._counting:
-            return replace(self._counters)
+            return SinkCounters(**self._counts)
 
     @property
     def dropped_n(self) -> int:
-        return self._counters.dropped
+        return self._counts["dropped"]
 
     def send(self, state: State) -> bool:
         number = next(self._numbers)  # dropped samples have a number too: the host counts them as lost
@@ -156,7 +156,7 @@ class LinkSink(ABC):
             self._count("dropped")
             return False
         items = self.encode(state, number)
-        if medium.instant and not self._queue.sample_ahead and self._writing.acquire(blocking=False):
+        if medium.instant and not self._queue.sample_ahead and self._writing.acquire(False):
             try:
                 sent = self._write(medium, items)
             finally:
@@ -224,7 +224,7 @@ class LinkSink(ABC):
     def _count(self, what: str, n: int = 1) -> None:
         """Add to one of the counters."""
         with self._counting:
-            setattr(self._counters, what, getattr(self._counters, what) + n)
+            self._counts[what] += n
         if what == "dropped" and n:
             self._refuse(time.monotonic())
 

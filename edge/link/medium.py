@@ -5,7 +5,9 @@ A failure means one of two things: MediumFull (drop, go on), or any other (reope
 
 import errno
 from abc import ABC, abstractmethod
-from typing import Any, NamedTuple
+from typing import Any
+
+from edge.types import per_frame
 
 FULL = frozenset({errno.ENOBUFS, errno.EAGAIN, errno.EWOULDBLOCK})
 # Class bits in the identifier of an error frame: linux/can/error.h.
@@ -20,7 +22,8 @@ class MediumFull(Exception):
     """The medium accepts nothing now; it may in a moment."""
 
 
-class CanFrame(NamedTuple):
+@per_frame
+class CanFrame:
     """A data frame with an 11-bit identifier."""
 
     can_id: int

@@ -44,6 +44,7 @@ def to_state(
     latency_us        from capture to sending
     Raises            TypeError: a value that the wire has no field for (a programming error)
     """
+    values: dict[str, float] = {}
     frame: dict[str, Any] = {
         "sample": sample,
         "capture_time_us": capture_time_us,
@@ -53,7 +54,7 @@ def to_state(
     if measured is not None:
         reading, tracks = measured.reading, measured.tracks
         sigmas, found, n = reading.sigmas, reading.contacts, len(tracks.seen)
-        frame.update(reading.values)
+        values = reading.values
         for name, one, other in SIGMAS:
             if one in sigmas:
                 sigma, of_other = sigmas[one], sigmas[other]
@@ -70,4 +71,4 @@ def to_state(
             frame["contact_n"] = len(found)
             frame["contacts"] = tuple(starmap(Contact, found.tolist()[:CONTACTS_MAX]))
     frame["status"] = status_of(status)
-    return State.of(frame)
+    return State.of(values, frame)

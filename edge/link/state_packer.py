@@ -9,9 +9,10 @@ from typing import Any
 import cython
 import numpy as np
 
-from hostlink.wire.fields import CONTACTS_MAX, SCHEMA
+from hostlink.wire.fields import SCHEMA
 
 if cython.compiled:
+    from cython.cimports.cpython.long import PyLong_AsUnsignedLongLongMask as low_bits
     from cython.cimports.libc.math import NAN, isnan, rint
 else:
     from math import isnan
@@ -19,13 +20,16 @@ else:
 
     rint = round
 
+    def low_bits(number: int) -> int:
+        return number & 0xFFFF_FFFF
+
 
 @cython.cclass
 class StatePacker:
     """Packs one sample after the other."""
 
-    names: list[str]
     plain: cython.uchar[::1]
+    place: cython.int[::1]  # of each field but the contacts' in the table
     step: cython.double[::1]
     low: cython.double[::1]
     high: cython.double[::1]
@@ -38,12 +42,12 @@ class StatePacker:
     raws: cython.longlong[::1]
     body: cython.uchar[::1]
     memory: bytearray
-    places: cython.Py_ssize_t  # of the contacts' fields
+    places: cython.Py_ssize_t  # of the contacts' fields, from here up to there
+    behind: cython.Py_ssize_t
     count: cython.Py_ssize_t
 
     def __init__(self) -> None:
         rows = SCHEMA.layout
-        self.names = [f.name for f in rows]
         self.plain = np.array([f.plain for f in rows], np.uint8)
         self.step, self.low, self.high = (
             np.array([getattr(f, name) for f in rows], np.float64) for name in ("scale", "low", "high")
@@ -58,22 +62,28 @@ class StatePacker:
         self.memory = bytearray(SCHEMA.body.size)
         self.body = self.memory
         self.body[0] = SCHEMA.version
-        self.places, self.count = self.names.index("contact0_x_mm"), self.names.index("contact_n")
+        self.place = np.array([i for i, f in enumerate(rows) if not f.contact], np.int32)
+        names = [f.name for f in rows]
+        self.places, self.count = names.index("contact0_x_mm"), names.index("contact_n")
+        self.behind = self.places + sum(f.contact for f in rows)
 
     def pack(self, values: dict[str, Any]) -> bytes:
-        """values  of a sample by name, `vars(State(...))`."""
+        """values  `vars(State(...))`: all fields in the order of the table, then the contacts."""
+        n: cython.Py_ssize_t
         i: cython.Py_ssize_t
         k: cython.Py_ssize_t
         at: cython.Py_ssize_t = 1
         raw: cython.longlong
-        for i in range(len(self.names)):
-            given = values.get(self.names[i])
+        for n, given in enumerate(values.values()):
+            if n == self.place.shape[0]:
+                break
+            i = self.place[n]
             if self.plain[i]:
-                self.raws[i] = 0 if given is None else int(given) & int(self.mask[i])
+                self.raws[i] = low_bits(given) & self.mask[i]
             else:
-                self.values[i] = NAN if given is None else given
-        placed: cython.longlong = self._place(values.get("contacts", ()))
-        self.raws[self.count] = min(max(values.get("contact_n", 0), placed), self.raw_high[self.count])
+                self.values[i] = given
+        placed: cython.longlong = self._place(values["contacts"])
+        self.raws[self.count] = min(max(values["contact_n"], placed), self.raw_high[self.count])
         for i in range(self.size.shape[0]):
             raw = self.raws[i] if self.plain[i] else self._quantise(i)
             for k in range(self.size[i]):
@@ -96,11 +106,14 @@ class StatePacker:
     def _place(self, contacts: tuple[Any, ...]) -> cython.longlong:
         """Write the contacts that have a place; how many they are."""
         n: cython.longlong = 0
-        for contact in contacts[:CONTACTS_MAX]:
+        at: cython.Py_ssize_t
+        for at in range(self.places, self.behind):
+            self.values[at] = NAN
+        for contact in contacts:
             x: cython.double = contact.x_mm
             y: cython.double = contact.y_mm
             if not (isnan(x) or isnan(y)):
-                at: cython.Py_ssize_t = self.places + 3 * n
+                at = self.places + 3 * n
                 self.values[at], self.values[at + 1], self.values[at + 2] = x, y, contact.depth_mm
                 n += 1
         return n

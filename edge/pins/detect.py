@@ -171,6 +171,12 @@ def _learn(grey: Image, dark: bool, like: PinPattern | None = None) -> _Learnt:
         spots = _find(grey, pattern)
     if len(spots) >= PINS_MIN:
         pins, fit = _centroids(grey, spots, pattern)
+        if fit < RUNTIME.most_rel:
+            # A sharp disc ends at one or the other lobe of a marker with a ghost; a blurred one covers both.
+            blurred = replace(pattern, edge_px=2.0 * pattern.edge_px)
+            as_blurred, fit_blurred = _centroids(grey, spots, blurred)
+            if 1.0 - fit_blurred < RUNTIME.most_rel * (1.0 - fit):
+                pattern, pins = blurred, as_blurred
         pins = in_view(pins, pattern.size_px)
         trend = trend_of(spots.xy_img, spots.radius_px, spots.depth, radius_px)
         unlikeness = unevenness(spots, trend if trend.explains else FLAT) + 1.0 - fit

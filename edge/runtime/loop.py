@@ -14,7 +14,8 @@ Rules
 - Without images the loop wakes all the same: faults are announced within 0.1 s, and samples without values
   are sent every `check_s`. Signals and commands only set a flag; the loop acts on it within that time.
 - The garbage collector runs at fixed times: objects of the start-up are frozen, a frame makes no cycles,
-  and now and then, after a sample has left, garbage of other threads is collected.
+  and now and then, after a sample has left, garbage of other threads is collected. What searches worked in
+  is given back to the system then: both take 0.2 ms.
 """
 
 import gc
@@ -37,6 +38,7 @@ from edge.params import PARAMS as RUNTIME
 from edge.recording.session import RecordingSession
 from edge.runtime.board_monitor import BoardMonitor
 from edge.runtime.measurement import LoopConfig, Measurement
+from edge.runtime.process import give_back_memory
 from edge.runtime.statistics import LoopStatistics, StatisticsCollector
 from edge.runtime.systemd import Notifier
 from edge.sources.live import ThreadedSource
@@ -87,7 +89,7 @@ class Loop:
         self._commands: deque[tuple[Callable[[], Any], Future[Any]]] = deque()
         self._stop = Event()
         self._garbage_due_ns = clock_ns() + round(RUNTIME.rarely_s * 1e9)
-        self._sample = self._keepalive_due_ns = 0
+        self._sample = self._keepalive_due_ns = self._searches_n = 0
         self._frame_begun_ns: int | None = None  # when work on the current frame began
 
     # ---- from other threads ------------------------------------------------------------------------
@@ -215,6 +217,9 @@ class Loop:
         if begun_ns > self._garbage_due_ns:
             self._garbage_due_ns = begun_ns + round(RUNTIME.rarely_s * 1e9)
             gc.collect()  # of other threads
+            if counts.full_searches_n != self._searches_n:  # what they worked in
+                self._searches_n = counts.full_searches_n
+                give_back_memory()
         return state
 
     def _send(self, result: Result | None, capture_ns: int, latency_us: float) -> State:

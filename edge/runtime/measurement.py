@@ -71,6 +71,7 @@ class Measurement:
         self._detector, self._counters = detector, counters
         self.demand = config.demand
         self._shown: frozenset[Feature] = frozenset()
+        self._watchers: set[object] = set()
         self.tare = TareState(config.tare.frames_n)
         self._reference: Rest | None = None  # the last rest frame that was not forced
         self._shape = (0, 0)  # of the rest frame's image
@@ -98,6 +99,14 @@ class Measurement:
         self._shown = self._shown if shown is None else shown
         if self.pipeline is not None:
             self.pipeline.demand = self.demand | self._shown
+
+    def watch(self, who: object, watches: bool = True) -> None:
+        """Have the cells of an untouched tip made, too, as long as anybody looks at them."""
+        if watches is (who in self._watchers):
+            return
+        (self._watchers.add if watches else self._watchers.discard)(who)
+        if self.pipeline is not None:
+            self.pipeline.watch(bool(self._watchers))
 
     # ---- frames -------------------------------------------------------------------------------------
 
@@ -244,6 +253,7 @@ class Measurement:
         """Use this rest frame and its calibration from now on."""
         self.pipeline, self.calibration = pipeline, pipeline.calibration
         self.set_demand()
+        pipeline.watch(bool(self._watchers))
         pipeline.drift = Drift(found.rest, self._config.drift)
         self._shape = found.rest.pattern.size_px[::-1]
         self.tares_n += 1

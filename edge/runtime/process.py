@@ -3,7 +3,8 @@
 Numeric libraries use one thread: the arrays of a frame are small, a second thread costs more in hand-over
 than it saves. The interpreter switches threads after 0.2 ms instead of 5: the loop must not wait for a link's
 thread longer than a frame takes. Of freed memory the C library keeps as much as an image's floating-point
-copy takes: fetching its pages anew cost a fifth of a whole-image search.
+copy takes: fetching its pages anew cost a fifth of a whole-image search. All threads take from one heap: the
+interpreter runs one of them at a time, and what one has freed serves the others.
 
 At exit the interpreter would tear down its modules, for seconds on a slow board, with daemon threads that may
 still be inside a driver. The kernel reclaims memory and files without that.
@@ -19,7 +20,7 @@ from typing import NoReturn
 
 from edge.params import PARAMS
 
-_MMAP_THRESHOLD, _TRIM_THRESHOLD = -3, -1  # `mallopt`'s, glibc's malloc.h
+_MMAP_THRESHOLD, _TRIM_THRESHOLD, _ARENA_MAX = -3, -1, -8  # `mallopt`'s, glibc's malloc.h
 #: Value of both: more than an image of 640 x 480 px in double precision.
 _LARGE_BYTES = 4 << 20
 _THREAD_COUNTS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
@@ -34,6 +35,7 @@ def limit_resources() -> None:
     if sys.platform == "linux" and hasattr(libc := ctypes.CDLL(None), "mallopt"):
         for threshold in (_MMAP_THRESHOLD, _TRIM_THRESHOLD):
             libc.mallopt(threshold, _LARGE_BYTES)
+        libc.mallopt(_ARENA_MAX, 1)
     for name in _THREAD_COUNTS:
         os.environ.setdefault(name, "1")
     sys.setswitchinterval(PARAMS.switch_s)

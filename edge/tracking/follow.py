@@ -30,9 +30,11 @@ from edge.tracking.params import TrackingParams
 from edge.types import Array, Mask, Pins
 
 if cython.compiled:
+    from cython.cimports.edge.geometry.copies import Copies
     from cython.cimports.edge.geometry.neighbours import Separation, weighted_sums
     from cython.cimports.edge.tracking.outliers import PhotometricFilter
 else:
+    from edge.geometry.copies import Copies
     from edge.geometry.neighbours import Separation, weighted_sums
     from edge.tracking.outliers import PhotometricFilter
 
@@ -85,11 +87,12 @@ class Follower:
     baseline_share: cython.double  # of the pins, seen lately
     doubted_n: cython.Py_ssize_t  # pins that a search did not find where a blob is, the fewest since
     # These belong to the frame in hand.
-    pins: Pins  # found, and the same memory
     found: cython.const[cython.double][:, ::1]
     sigma: cython.const[cython.double][::1]
     brightness: cython.const[cython.double][::1]
-    results: tuple[Array, Array, Mask]  # of `follow`, and their memory
+    found_xy: Copies
+    found_sigma: Copies
+    results: tuple[Copies, Copies, Copies]  # of `follow`, and their memory
     result_xy: cython.double[:, ::1]
     result_sigma: cython.double[::1]
     result_seen: cython.uchar[::1]
@@ -115,7 +118,8 @@ class Follower:
         sizes = (found.xy_img.shape, found.sigma_px.shape, found.brightness.shape, expected.shape)
         if sizes != ((n, 2), (n,), (n,), (n, 2)):
             raise ValueError(f"found and expected of {n} pins are wanted, not {sizes}")
-        self.pins, self.found, self.sigma = found, found.xy_img, found.sigma_px
+        self.found, self.sigma = found.xy_img, found.sigma_px
+        self.found_xy, self.found_sigma = Copies(found.xy_img), Copies(found.sigma_px)
         self.brightness = found.brightness
         self.n = n
         self.photometric = photometric
@@ -140,7 +144,8 @@ class Follower:
         self.now, self.residual = np.empty((n, 2)), np.empty(2 * n, np.float32)
         self.predicted, self.known = np.empty((2, 2 * n), np.float32)
         self.last_seen, self.seen = np.empty(n, np.uint8), np.empty(n, np.uint8)
-        self.results = xy, sigma, seen = np.empty((n, 2)), np.empty(n), np.empty(n, np.bool_)
+        xy, sigma, seen = np.empty((n, 2)), np.empty(n), np.empty(n, np.bool_)
+        self.results = Copies(xy), Copies(sigma), Copies(seen)
         self.result_xy, self.result_sigma, self.result_seen = xy, sigma, seen.view(np.uint8)
         self.all_seen = np.ones(n, np.bool_)
         self.all_seen.flags.writeable = False
@@ -175,7 +180,7 @@ class Follower:
         goes_on: cython.bint
         is_held: cython.bint
         if self._follow_short_steps(self.found):
-            return self.pins.xy_img.copy(), self.pins.sigma_px.copy(), self.all_seen, n, 0.0, True, True
+            return self.found_xy.take(), self.found_sigma.take(), self.all_seen, n, 0.0, True, True
         self._recall()
         self._find_residuals(self.found)
         self._keep_apart(self.found)
@@ -190,8 +195,8 @@ class Follower:
         self.baseline_share += (self.share - self.baseline_share) / self.baseline_frames
         if is_held:
             self._accept()
-        xy, of_xy, seen = self.results
-        return xy.copy(), of_xy.copy(), seen.copy(), seen_n, self.autocorrelation, goes_on, is_held
+        xy, sigma, seen = [copies.take() for copies in self.results]
+        return xy, sigma, seen, seen_n, self.autocorrelation, goes_on, is_held
 
     def accept(self) -> None:
         """Make the frame that was followed the last one, though few pins are seen: a search found no more."""

@@ -27,10 +27,9 @@ class MotionModel:
         self.tip = tip
         self.noise = float(np.median(tip.rest.pins.sigma_px)) / tip.lattice.pitch_px  # of a centroid
         near, row = tip.lattice.near, np.arange(len(tip), dtype=np.int32)
-        x = (tip.lattice.rest_xy - tip.lattice.rest_xy.mean(0)) / tip.lattice.pitch_px
-        field = component_covariance(x, PREDICTING)
+        self._x: Array = (tip.lattice.rest_xy - tip.lattice.rest_xy.mean(0)) / tip.lattice.pitch_px
+        field = component_covariance(self._x, PREDICTING)
         self._own = float(field[0, 0])
-        self._all = _with_affine(field, x)
         among = _with_affine(field[near[:, :, None], near[:, None, :]], tip.lattice.offset)
         affine = np.broadcast_to([1.0, 0.0, 0.0], (len(tip), 3))
         own_with = np.concatenate([field[near, row[:, None]], affine], axis=1)
@@ -53,13 +52,14 @@ class MotionModel:
         """(r, 2) the motion of these pins as predicted by all known pins around them, and (r,) its variance
         against the field's scale; motion (n, 2).
         """
-        n = len(known)
-        around = np.zeros(n, np.bool_)
+        around = np.zeros(len(known), np.bool_)
         around[self.tip.lattice.near[rows]] = True
         knots = np.flatnonzero(around & known)
-        used = np.append(knots, [n, n + 1, n + 2])
-        with_own = self._all[np.ix_(used, rows)]
-        weight = np.linalg.solve(self._all[np.ix_(used, used)], with_own)
+        pins = np.union1d(knots, rows)
+        among = _with_affine(component_covariance(self._x[pins], PREDICTING), self._x[pins])
+        used = np.append(np.searchsorted(pins, knots), len(pins) + np.arange(3))
+        with_own = among[np.ix_(used, np.searchsorted(pins, rows))]
+        weight = np.linalg.solve(among[np.ix_(used, used)], with_own)
         return weight[:-3].T @ motion[knots], self._own - (weight * with_own).sum(0)
 
 

@@ -95,10 +95,12 @@ class WorkerClient:
         calibration = self._loop.measurement.calibration
         if calibration is not None:
             self._put("attach", "calibration.json", PickleBuffer(calibration.encoded))
+        self._loop.measurement.watch("recorder")
         self.recording.begin(self._put)
 
     def _stop_recording(self) -> None:
         self.recording.put = None
+        self._loop.measurement.watch("recorder", False)
         self._put("stopped")
 
     # ---- the process ----------------------------------------------------------------------------------
@@ -172,6 +174,7 @@ class WorkerClient:
         def change() -> None:
             self.view.set_watched(wants is not None)
             self._loop.measurement.set_demand(shown=shown)
+            self._loop.measurement.watch("viewers", wants is not None)
 
         self._loop.post(change)
 

@@ -117,31 +117,34 @@ class State(StateFields, FromFrame):
     if not TYPE_CHECKING:  # a type checker reads the fields
 
         def __init__(self, **values):
-            _check(values)
-            object.__setattr__(self, "__dict__", values)
+            object.__setattr__(self, "__dict__", _all_fields(values))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Serves copies and other processes."""
         return (State.of, (vars(self),)) if self.body is None else (restore, (self.body,))
 
     @classmethod
-    def of(cls, values: dict[str, Any]) -> State:
-        """The sample with these fields, in a third of the time; the sample keeps the dictionary."""
-        _check(values)
+    def of(cls, *parts: dict[str, Any]) -> State:
+        """The sample with the fields of these parts, in a third of the time."""
         state = cls.__new__(cls)
-        object.__setattr__(state, "__dict__", values)
+        object.__setattr__(state, "__dict__", _all_fields(*parts))
         return state
 
 
-def _check(values: dict[str, Any]) -> None:
-    if not _FIELDS.issuperset(values):
-        raise TypeError(f"a sample has no field {', '.join(sorted(values.keys() - _FIELDS))}")
-    if len(values.get("contacts", ())) > CONTACTS_MAX:
+def _all_fields(*parts: dict[str, Any]) -> dict[str, Any]:
+    """All fields in the order of the table, then the contacts."""
+    values = _DEFAULTS.copy()
+    for part in parts:
+        values.update(part)
+    if len(values) > len(_DEFAULTS):
+        raise TypeError(f"a sample has no field {', '.join(sorted(values.keys() - _DEFAULTS.keys()))}")
+    if len(values["contacts"]) > CONTACTS_MAX:
         n = len(values["contacts"])
         raise ValueError(f"{n} contacts, at most {CONTACTS_MAX} fit: give the strongest")
+    return values
 
 
-_FIELDS: Final = frozenset(f.name for f in fields(cast("Any", State)))
+_DEFAULTS: Final[dict[str, Any]] = {f.name: f.default for f in fields(cast("Any", State))}
 
 
 def quantise(state: State) -> Sequence[int]:

@@ -74,19 +74,25 @@ def test_motion_alone_gives_the_same_values_without_cells(
     few = frozenset({Feature.DISPLACEMENT, Feature.SHEAR})
     tip = in_order_of(calibration, rest)
     every, alone = Pipeline(tip, calibration), Pipeline(tip, calibration, few)
-    n_cells = 0
-    for frame in frames:
+    unwatched = Pipeline(tip, calibration)
+    unwatched.watch(False)
+    n_cells = n_untouched = 0
+    for frame in [*frames[:TARE] * 12, *frames]:
         image = frame.image.copy()
         for x, y in np.rint(tip.xy_img[:dark]).astype(int):
             image[y - 12 : y + 13, x - 12 : x + 13] = 0
-        results: Any = [pipeline.process(replace(frame, image=image)) for pipeline in (every, alone)]
-        expected, result = results
+        both = every, alone, unwatched
+        results: Any = [pipeline.process(replace(frame, image=image)) for pipeline in both]
+        expected, result, other = results
+        np.testing.assert_equal(other.reading.values, expected.reading.values)
+        assert other.features.volume_px2 == expected.features.volume_px2
+        n_untouched += other.cells is None
         assert result.features.in_contact == expected.features.in_contact
         for name in ("displacement_mm", "shear_x_mm", "shear_y_mm"):
             assert result.reading.values[name] == expected.reading.values[name]
         n_cells += result.features.in_contact and result.cells is not None
     # The cells of its neighbours predict that of a lost pin.
-    assert (n_cells < 0.2 * len(frames)) == (dark == 0)
+    assert (n_cells < 0.2 * len(frames)) == (n_untouched > 2 * TARE) == (dark == 0)
 
 
 def test_friction_and_slip_margin_come_with_the_forces(

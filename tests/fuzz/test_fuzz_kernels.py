@@ -154,7 +154,7 @@ def play() -> None:
     frame_inputs(features, rest.pattern)
     contact_inputs(features.contacts[0], features, rest.pattern)
     image = frames[-1].image
-    frame_counts.sample_levels(image, 8, 255)
+    frame_counts.level_of(image, 8)
     frame_counts.which_reach((0.1, 0.9, True), [0.2, 0.5], 1)
     corners = np.rint(rest.xy_img[20:24]).astype(np.int32)
     frame_counts.FocusWindows(corners, 7, 20).measure(image, np.empty((4, 2)))

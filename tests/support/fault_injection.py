@@ -263,7 +263,7 @@ def _flipped(frame: CanFrame, random: Random) -> CanFrame:
     data = bytearray(frame.data)
     if data and random.random() >= 0.5:
         data[random.randrange(len(data))] ^= 1 << random.randrange(8)
-    return frame._replace(data=bytes(data))
+    return replace(frame, data=bytes(data))
 
 
 def faulty_medium(

@@ -39,7 +39,7 @@ NOT_TUNED: dict[str, dict[str, str]] = {
         "features/several/contact_fit": "_NORMAL _ROOT_HALF",
         "features/params": "CELL_NOISE RING_NOISE MEDIAN_NOISE", "tracking/outliers": "_SIGMA_OF_MAD",
         "geometry/select": "SIGMA_OF_MAD", "features/pin_motion": "_ELLIPSE", "features/modes": "MODE_POWERS",
-        "pins/blobs": "_ANGLES", "pins/pattern": "FLAT", "faults/detector": "_NOWHERE",
+        "pins/blobs": "_ANGLES", "pins/pattern": "FLAT", "types": "NOWHERE",
         "geometry/lattice": "N_RING N_TWO_RINGS THIRD_RING", "rest/sensor_match": "_SYMMETRY CLEAR",
         "pins/templates": "FAR_PX", "calibration/grip": "_RADIUS", "cells/mesh": "N_GUARD",
         "features/slip_and_vibration": "_SHARES",
@@ -59,7 +59,7 @@ NOT_TUNED: dict[str, dict[str, str]] = {
     "a processor's lanes and cache lines": {
         "calibration/evaluation": "ROWS", "pins/templates": "LANES BLOCK", "sources/shared_memory": "ALIGN",
     },
-    "names of glibc's settings": {"runtime/process": "_MMAP_THRESHOLD _TRIM_THRESHOLD"},
+    "names of glibc's settings": {"runtime/process": "_MMAP_THRESHOLD _TRIM_THRESHOLD _ARENA_MAX"},
     "figures of a maker": {"runtime/board_monitor": "HOT_DEGC", "sources/oak": "RATE_HZ"},
     "colours": {"view/palette": "PAPER SAFE", "view/panels": "_CROSS _RING _HOLE"},
 }  # fmt: skip

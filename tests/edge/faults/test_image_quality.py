@@ -61,8 +61,8 @@ def test_overexposure_counts_only_pixels_not_saturated_at_rest(at_rest: float, b
     judge = Judge(fault_checks(), registry)
     quality.learn(rest_of(np.array([[320.0, 200.0], [340.0, 200.0], [330.0, 220.0]])), frame(at_rest))
     quality.brightness(frame(at_rest), facts)
-    judge(facts)
+    judge.judge(facts)
     assert not registry.holds(FaultCode.IMAGE_BRIGHT)
     quality.brightness(frame(bright), facts)
-    judge(facts)
+    judge.judge(facts)
     assert "full scale" in registry.active[FaultCode.IMAGE_BRIGHT]

@@ -20,7 +20,7 @@ def held_after(*values: dict[str, float]) -> list[dict[FaultCode, str]]:
     for measured in values:
         for name, value in measured.items():
             setattr(facts, name, value)
-        judge(facts)
+        judge.judge(facts)
         held.append(registry.active)
     return held
 
@@ -44,10 +44,10 @@ def test_any_row_of_a_fault_holds_it_and_the_first_gives_the_reason() -> None:
 def test_a_fault_that_another_thread_raised_is_judged_with_the_next_frame() -> None:
     registry, facts = FaultRegistry(), Facts(level=0.9, saturated=0.47)
     judge = Judge(CHECKS, registry)
-    judge(facts)
+    judge.judge(facts)
     registry.report(DARK, True, "by another thread")
     registry.report(BRIGHT, True, "by another thread")
-    judge(facts)
+    judge.judge(facts)
     assert set(registry.active) == {BRIGHT}  # the limit of a fault that holds is the lower one
     held = judge.would_hold(Facts(level=0.1, black=True, saturated=0.6))
     assert {code: check.measure for code, check in held.items()} == {DARK: "level", BRIGHT: "saturated"}

@@ -31,6 +31,7 @@ def recorded(
     loop = Loop(open_source(str(data_dir / "press.mcap")), [sink], calibration)
     with Recorder(path, tip={"serial": "T-3"}, rate_hz=60) as recorder:
         recorder.finger = 3
+        loop.measurement.watch(recorder)
         loop.session.begin(lambda name, *given: getattr(recorder, name)(*given) is not False)
         loop.run()
     assert recorder.fault is None
