@@ -19,8 +19,7 @@ def _inputs(n: int, seed: int) -> Complex:
 
 def _shear(inputs: Complex) -> Complex:
     c00, p = (inputs[:, FRAME_INPUTS.index(name)] for name in ("c00", "p"))
-    result: Complex = 50.0 * c00 + 900.0 * p**2 * c00.conj()
-    return result
+    return np.asarray(50.0 * c00 + 900.0 * p**2 * c00.conj())
 
 
 def _noise(inputs: Complex, seed: int, *, stepped: bool = False) -> Complex:
@@ -32,8 +31,7 @@ def _noise(inputs: Complex, seed: int, *, stepped: bool = False) -> Complex:
 
 def _normal(rng: np.random.Generator, *shape: int) -> Complex:
     """Both parts standard normal."""
-    result: Complex = np.tensordot((1, 1j), rng.normal(size=(2, *shape)), 1)
-    return result
+    return np.asarray(np.tensordot((1, 1j), rng.normal(size=(2, *shape)), 1))
 
 
 def _fitted(
@@ -43,8 +41,7 @@ def _fitted(
     pose: Index | None = None,
     symmetry: Symmetry = Symmetry.TURNING,
 ) -> FittedProcess:
-    none = np.empty((len(y), 0, inputs.shape[1]), dtype=np.complex128)
-    lossy = none if lossy is None else lossy
+    lossy = np.empty((len(y), 0, inputs.shape[1]), np.complex128) if lossy is None else lossy
     pose = np.arange(len(y), dtype=np.int32) if pose is None else pose
     fold = (pose % 10).astype(np.int32)
     return fit_process(inputs, FRAME_INPUTS, [], y, symmetry, fold, lossy, all_round=True, pose=pose)
@@ -97,8 +94,7 @@ def test_sigma_along_a_vector_is_larger_if_its_length_is_less_known() -> None:
     def seen(rows: Complex, seed: int) -> Complex:
         rng, shear = np.random.default_rng(seed), _shear(rows)
         off = 0.4 * rng.normal(size=len(rows)) + 0.04j * rng.normal(size=len(rows))
-        result: Complex = shear + off * shear / np.abs(shear)
-        return result
+        return np.asarray(shear + off * shear / np.abs(shear))
 
     fitted = _fitted(inputs, seen(inputs, 2))
     value, sigma = _predicted(fitted, fresh)
@@ -206,8 +202,7 @@ SPINS = np.array([1, 0, 2, -1])
 
 
 def _data(n: int) -> tuple[Complex, Complex]:
-    rng = np.random.default_rng(2)
-    return _normal(rng, n, 4), _normal(rng, n)
+    return _normal(np.random.default_rng(2), n, 4), _normal(np.random.default_rng(3), n)
 
 
 @pytest.mark.parametrize("symmetry", Symmetry)
