@@ -19,7 +19,8 @@ differences, with one and the same truth, show what the value does not depend on
 count the more, the less unseen poses differ in themselves (`_with_own`).
 
 Fewer than two poses for each input do not decide its weight: which inputs count would depend on single poses.
-If they repeat, the modes share one weight that falls with their degree, and the others share another one.
+If they repeat, the modes share one weight that falls with their degree, and the others share another one; the
+noise is the same in all frames then, but along a vector and across it.
 
 If a model of another tip is known (`calib.carry_over`), its weights and what changes them take the place of
 the kernel: few frames are enough then.
@@ -40,7 +41,7 @@ from scipy.linalg import cholesky, solve_triangular
 
 from calib.carry_over import KnownModel, changed
 from calib.process_likelihood import Repeats, Settings, Symmetry, fit_settings
-from calib.process_noise import TOO_FEW, NoiseModel, fit_lost, fit_noise, scales_of
+from calib.process_noise import TOO_FEW, NoiseModel, fit_lost, fit_noise, likeliest_scales, scales_of
 from calib.ridge import blocks, share_of_pose
 from calib.terms import evaluate_terms, term_columns
 from edge.calibration.file import TERMS_MAX, Lost
@@ -172,13 +173,13 @@ def fit_process(
     data = _with_own(find, _Data(inputs, moved, target, fold, pose))
     prior = data.prior(find, data.some_each(PARAMS.repeats))
     features, posterior = prior.features, _Posterior(prior, data)
-    group = fold % _n_groups(fold, poses)
+    group = fold % _n_groups(fold, len(data.some_each(PARAMS.repeats)))
     unseen, learnt = _held_out(partial(find, start=prior.start), data, group)
     factor = posterior.factor()
     learnt *= posterior.share_held(inputs, factor)
     if features.turning:  # the variance of a complex weight is that of its two parts together
         factor, learnt = factor / math.sqrt(2.0), learnt / 2.0
-    errors = _Errors(data, names, unseen, learnt, symmetry, all_round=all_round, known=known)
+    errors = _Errors(data, names, unseen, learnt, symmetry, all_round=all_round, known=known, few=few)
     along, across, level = errors.noise()
     scale = errors.scale(group)
     over = max(math.sqrt(level * float((scale**2).mean())), SIGMA_MIN / unit)
@@ -229,10 +230,10 @@ def _standardised(y: Complex, symmetry: Symmetry, volume: Array) -> tuple[float,
     return mean, unit, (y - mean) / unit
 
 
-def _n_groups(fold: Index, poses: int) -> int:
+def _n_groups(fold: Index, rows: int) -> int:
     """Take as many as are worth their time: settings from few frames depend on each of them."""
     folds = int(fold.max()) + 1
-    return min(folds, max(PARAMS.groups_min, PARAMS.rows_groups // poses))
+    return min(folds, max(PARAMS.groups_min, PARAMS.rows_groups // rows))
 
 
 @dataclass(frozen=True, slots=True)
@@ -330,6 +331,7 @@ class _Errors:
     symmetry   turning: two outputs, whose errors are looked at along the prediction and across it
     all_round  False: the data went one way only, and say nothing of errors across it
     known      another tip's model, whose noise is where that of this one is looked for; None: none
+    few        the poses do not decide how noise differs between frames
     """
 
     def __init__(
@@ -342,8 +344,9 @@ class _Errors:
         *,
         all_round: bool,
         known: KnownModel | None,
+        few: bool,
     ) -> None:
-        self._known = known is not None
+        self._known, self._few = known is not None, few
         self._before = (None, None) if known is None else (known.noise, known.across or known.noise)
         self._inputs, self._names, self._learnt = data.inputs, names, learnt
         self._share = share_of_pose(data.pose)
@@ -355,7 +358,7 @@ class _Errors:
     def noise(self, rows: Mask | slice = EVERY) -> tuple[NoiseModel, NoiseModel | None, float]:
         """Noise of one output, or of two along the value, and across it; and their typical variance."""
         inputs, learnt, share = self._inputs[rows], self._learnt[rows], self._share[rows]
-        fitted = partial(fit_noise, inputs, self._names, learnt=learnt, share=share)
+        fitted = partial(fit_noise, inputs, self._names, learnt=learnt, share=share, constant=self._few)
         if not self._turning or not self._all_round:
             one = fitted(squares=np.abs(self._error[rows]) ** 2, before=self._before[0])
             return one.over(one.level), None, one.level
@@ -370,9 +373,10 @@ class _Errors:
 
         So few errors that they hardly show how many are beyond two sigma make sigma no smaller with it.
         """
-        scales = scales_of(self._standardised(group))
-        least = float(self._share.sum() <= TOO_FEW)
-        return np.asarray(scales.max(axis=1, initial=least) if self._known else scales.mean(axis=1))
+        standardised, poses = self._standardised(group), float(self._share.sum())
+        if not self._known:
+            return likeliest_scales(standardised, poses)
+        return np.asarray(scales_of(standardised).max(axis=1, initial=float(poses <= TOO_FEW)))
 
     def _standardised(self, group: Index) -> list[Array]:
         """Errors of each output over their deviation, by a noise that has not seen their group."""

@@ -17,7 +17,15 @@ from calib.terms import evaluate_terms, term_columns
 from edge.calibration.file import Lost
 from edge.types import Array, Complex
 
-__all__ = ["TOO_FEW", "NoiseModel", "NoiseParams", "fit_lost", "fit_noise", "scales_of"]
+__all__ = [
+    "TOO_FEW",
+    "NoiseModel",
+    "NoiseParams",
+    "fit_lost",
+    "fit_noise",
+    "likeliest_scales",
+    "scales_of",
+]
 
 #: The effect of lost pins may depend on these: how much of them is not known, the load, and how far on the
 #: contact's side, or ahead of the shear, they are.
@@ -49,6 +57,22 @@ TOO_FEW = int(1.0 / (1.0 - WITHIN[-1][1]))
 def scales_of(standardised: Sequence[Array]) -> Array:
     """(parts, 2) factors of each part's sigma: as many errors as should be are within one, within two."""
     return np.array([[np.quantile(np.abs(z), share) / k for k, share in WITHIN] for z in standardised])
+
+
+def likeliest_scales(standardised: Sequence[Array], poses: float) -> Array:
+    """(parts,) means of the factors of `scales_of`, each as certain as errors of so many poses show it.
+
+    Of Gaussian errors both are as certain. Of few with heavy tails, one or two decide the share within two
+    sigma; sigma is then what the share within one says. Source: Woodruff, Confidence intervals for medians
+    and other position measures, 1952.
+    """
+    errors = []
+    for k, share in WITHIN:
+        off = math.sqrt(share * (1.0 - share) / poses)
+        ends = np.clip((share - off, share + off), 0.0, 1.0)
+        errors.append([np.ptp(np.quantile(np.abs(z), ends)) / k for z in standardised])
+    certain = np.maximum(np.transpose(errors), 1e-9) ** -2
+    return np.asarray(np.average(scales_of(standardised), axis=1, weights=certain))
 
 
 def fit_lost(lossy: Complex, names: Sequence[str], change: Complex, *, turning: bool) -> Lost | None:
@@ -103,14 +127,17 @@ def fit_noise(
     learnt: Array,
     share: Array,
     before: NoiseModel | None = None,
+    *,
+    constant: bool = False,
 ) -> NoiseModel:
     """Likeliest for errors with these squares, of which the weights explain `learnt`.
 
     share   what each counts
     before  another tip's, which this one departs from no further than the errors show: it is a multiple of
             it, and not below it, if they are too few to show more; None: a constant
+    constant  of one tip alone it is the same in all frames
     """
-    terms = before.terms if before else [[], *NOISE_TERMS]
+    terms = before.terms if before else [[], *(() if constant else NOISE_TERMS)]
     psi = evaluate_terms(inputs, term_columns(terms, names)).real
     weights = before.weights if before else np.zeros(len(terms))
     times = np.exp(np.clip(psi @ weights, -60.0, 60.0))

@@ -236,11 +236,14 @@ def spread_factor(terms: Terms, ridge: float) -> Complex:
 def folds_of(poses: Array) -> Index:
     """Fold of each row; equal poses share one. Deterministic: poses are dealt out in a fixed random order.
 
-    Poses count in the order of their first rows, so that a table in other axes has the same folds.
+    Poses count in the order of their first rows, so that a table in other axes has the same folds. Of few
+    poses that repeat, each is a fold: without several of them a model errs more than one of all.
     """
     group = pose_numbers(poses)
     order = np.random.default_rng(0).permutation(int(group.max(initial=0)) + 1)
-    return np.asarray(order[group] % min(PARAMS.folds, len(order)), dtype=np.int32)
+    few = len(order) < min(len(group), 2 * PARAMS.process_rows_min)
+    folds = len(order) if few else min(PARAMS.folds, len(order))
+    return np.asarray(order[group] % folds, dtype=np.int32)
 
 
 def pose_numbers(poses: Array) -> Index:

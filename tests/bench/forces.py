@@ -1,9 +1,9 @@
 """`python -m tests.bench forces`: forces of known weights, read by our fit and by scikit-learn's.
 
-A published FingerVision dome under weights, straight and on wedges. Each is read by models of the others,
-of the same pin tracks. Repeats share how the tip was set down, so scikit-learn's models are fitted to all
-frames, and to the mean of each pose. A load beyond the others is left out: the edge sends no more than was
-calibrated.
+A published FingerVision dome under weights, straight and on wedges. Each load, or pose, is read by models of
+the others, of the same pin tracks. Repeats share how the tip was set down, so scikit-learn's models are
+fitted to all frames, and to the mean of each pose. What lies beyond the others is left out: the edge sends no
+more than was calibrated.
 """
 
 from collections.abc import Callable
@@ -20,12 +20,13 @@ from calib.ridge import pose_numbers
 from calib.targets import Targets
 from edge.frame import Pipeline
 from edge.sources.files import read_image
-from edge.types import Array, Frame, Index
+from edge.types import Array, Frame, Index, Mask
 from hostlink.extras import require
 from tests.bench.output import markdown, writes_results
 from tests.bench.recordings import real_option
 
 FORCES = ("force_x_n", "force_y_n", "force_n")
+COLUMNS = ("x N", "y N", "z N", "x %", "y %", "z %", "% within sigma")
 COMPONENTS = 10  # principal ones of the motion, for the Gaussian process
 Reader = Callable[[Index, Index], tuple[Array, Array]]
 
@@ -77,16 +78,19 @@ def theirs(name: str, motion: Array, truth: Array, pose: Index, *, means: bool) 
     return read
 
 
-def judged(name: str, read: Reader, truth: Array, load: Index, touched: Index) -> dict[str, object]:
-    """Errors on each load, read by models of the others."""
-    values, sigmas = np.zeros_like(truth), np.full_like(truth, np.nan)
-    for k in np.unique(load[touched]):
-        test = touched[load[touched] == k]
-        values[test], sigmas[test] = read(np.flatnonzero(load != k).astype(np.int32), test)
-    error = np.abs(values - truth)[touched]
-    within = 100.0 * float((error <= sigmas[touched]).mean()) or float("nan")  # a ridge has no sigma
-    x, y, z = error.mean(axis=0).tolist()
-    return {"": name, "x N": x, "y N": y, "z N": z, "% within sigma": within}
+def judged(name: str, read: Reader, truth: Array, in_contact: Mask, group: Index) -> dict[str, object]:
+    """Errors on each load or pose within the range of the others, read by models of these."""
+    values, sigmas = np.full((2, *truth.shape), np.nan)
+    for k in np.unique(group):
+        others = truth[in_contact & (group != k)]
+        inside = np.all((others.min(axis=0) <= truth) & (truth <= others.max(axis=0)), axis=1)
+        test = np.flatnonzero(in_contact & inside & (group == k)).astype(np.int32)
+        if len(test):
+            values[test], sigmas[test] = read(np.flatnonzero(group != k).astype(np.int32), test)
+    error, sigma = (table[np.isfinite(values[:, 0])] for table in (np.abs(values - truth), sigmas))
+    shares = np.where(np.isfinite(sigma), 100.0 * (error <= sigma), np.nan)  # a ridge has no sigma
+    figures = *error.mean(axis=0), *shares.mean(axis=0), shares.mean()
+    return {"": name, "frames": len(error), **dict(zip(COLUMNS, map(float, figures), strict=True))}
 
 
 @click.command()
@@ -102,17 +106,16 @@ def command(folder: Path, out: Path) -> None:
     targets, motion = data.targets, motions(data, data.targets)
     truth = np.column_stack([targets.values[name] for name in FORCES])
     load, pose = pose_numbers(truth.round(1)), pose_numbers(truth)  # nearly the same mass is one load
-    others = [truth[seen.in_contact & (load != k)] for k in load]
-    inside = [np.all((r.min(axis=0) <= t) & (t <= r.max(axis=0))) for t, r in zip(truth, others, strict=True)]
-    touched = np.flatnonzero(seen.in_contact & inside).astype(np.int32)
     readers = {f"calib fit --prefer {prefer}": ours(data, targets, seen, prefer) for prefer in Prefer}
     for name in ("ridge", "Gaussian process"):
         readers[f"{name} of frames"] = theirs(name, motion, truth, pose, means=False)
         readers[f"{name} of the means of poses"] = theirs(name, motion, truth, pose, means=True)
-    rows = [judged(name, read, truth, load, touched) for name, read in readers.items()]
     text = (
         "# Forces of weights on a published FingerVision dome\n\n`python -m tests.bench forces`: mean "
-        f"absolute errors on {len(touched)} frames, each by models of other loads.\n\n{markdown(rows)}\n"
+        "absolute errors, and the shares of errors within one sigma."
     )
+    for others, group in (("loads", load), ("poses", pose)):
+        rows = [judged(name, read, truth, seen.in_contact, group) for name, read in readers.items()]
+        text += f"\n\nBy models of other {others}:\n\n{markdown(rows)}"
     click.echo(text)
-    (out / "forces.md").write_text(text, encoding="utf-8")
+    (out / "forces.md").write_text(f"{text}\n", encoding="utf-8")

@@ -27,6 +27,7 @@ def test_the_same_poses_are_held_out_in_other_axes() -> None:
     turned = targets({"shear_x_mm": -values[1], "shear_y_mm": values[0]})
     assert (held_out_rows(straight, 0.3, seed=1) == held_out_rows(turned, 0.3, seed=1)).all()
     np.testing.assert_array_equal(folds_of(straight.poses), folds_of(turned.poses))
+    assert len(set(folds_of(straight.poses))) == 30  # each of few poses that repeat is held out by itself
 
 
 @pytest.mark.usefixtures("quick_fits")

@@ -6,12 +6,11 @@ from scipy.optimize import approx_fprime
 
 from calib.process_fit import FittedProcess, fit_process
 from calib.process_likelihood import Likelihood, Repeats, Symmetry, fit_settings
+from calib.process_noise import likeliest_scales, scales_of
 from calib.terms import evaluate_terms, term_columns
 from edge.calibration.inputs import FRAME_INPUTS
 from edge.types import Complex, Index
 from tests.support.synthetic import make
-
-FOLDS = 10
 
 
 def _inputs(n: int, seed: int) -> Complex:
@@ -20,17 +19,19 @@ def _inputs(n: int, seed: int) -> Complex:
 
 def _shear(inputs: Complex) -> Complex:
     c00, p = (inputs[:, FRAME_INPUTS.index(name)] for name in ("c00", "p"))
-    result: Complex = 50.0 * c00 + 900.0 * p**2 * c00.conj()
-    return result
+    return np.asarray(50.0 * c00 + 900.0 * p**2 * c00.conj())
 
 
 def _noise(inputs: Complex, seed: int, *, stepped: bool = False) -> Complex:
     """Larger where the load is small; stepped: ten times as large below a certain load."""
     rng, load = np.random.default_rng(seed), inputs[:, 0].real
     size = np.where(load < 0.012, 0.3, 0.03) if stepped else 0.3 * np.exp(-60.0 * load)
-    noise = np.empty(len(inputs), complex)
-    noise.real, noise.imag = size * rng.normal(size=len(inputs)), size * rng.normal(size=len(inputs))
-    return noise
+    return size * _normal(rng, len(inputs))
+
+
+def _normal(rng: np.random.Generator, *shape: int) -> Complex:
+    """Both parts standard normal."""
+    return np.asarray(np.tensordot((1, 1j), rng.normal(size=(2, *shape)), 1))
 
 
 def _fitted(
@@ -40,10 +41,9 @@ def _fitted(
     pose: Index | None = None,
     symmetry: Symmetry = Symmetry.TURNING,
 ) -> FittedProcess:
-    none = np.empty((len(y), 0, inputs.shape[1]), dtype=np.complex128)
-    lossy = none if lossy is None else lossy
+    lossy = np.empty((len(y), 0, inputs.shape[1]), np.complex128) if lossy is None else lossy
     pose = np.arange(len(y), dtype=np.int32) if pose is None else pose
-    fold = (pose % FOLDS).astype(np.int32)
+    fold = (pose % 10).astype(np.int32)
     return fit_process(inputs, FRAME_INPUTS, [], y, symmetry, fold, lossy, all_round=True, pose=pose)
 
 
@@ -94,16 +94,14 @@ def test_sigma_along_a_vector_is_larger_if_its_length_is_less_known() -> None:
     def seen(rows: Complex, seed: int) -> Complex:
         rng, shear = np.random.default_rng(seed), _shear(rows)
         off = 0.4 * rng.normal(size=len(rows)) + 0.04j * rng.normal(size=len(rows))
-        result: Complex = shear + off * shear / np.abs(shear)
-        return result
+        return np.asarray(shear + off * shear / np.abs(shear))
 
     fitted = _fitted(inputs, seen(inputs, 2))
     value, sigma = _predicted(fitted, fresh)
     error = value - seen(fresh, 3)
-    for x_rows, along in ((np.abs(value.real) > 3 * np.abs(value.imag), True),
-                          (np.abs(value.imag) > 3 * np.abs(value.real), False)):  # fmt: skip
-        large, small = (sigma.real, sigma.imag) if along else (sigma.imag, sigma.real)
-        assert np.median(large[x_rows]) > 2.5 * np.median(small[x_rows])
+    ratio, steep = sigma.real / sigma.imag, np.abs(value.imag / value.real)
+    assert np.median(ratio[steep < 1 / 3]) > 2.5
+    assert np.median(ratio[steep > 3]) < 1 / 2.5
     assert 0.6 < _within(error, sigma) < 0.8
 
 
@@ -121,10 +119,7 @@ def test_the_effect_of_lost_pins_is_learnt_as_a_power_of_the_gap() -> None:
     gap = rng.uniform(0.01, 1.0, size=(100, 3))
     lossy[..., FRAME_INPUTS.index("gap")] = gap
     lossy[..., FRAME_INPUTS.index("gap_place")] = 0.0
-    shape = (100, 3)
-    lossy[..., FRAME_INPUTS.index("c00")] += (
-        0.01 * gap * (rng.normal(size=shape) + 1j * rng.normal(size=shape))
-    )
+    lossy[..., FRAME_INPUTS.index("c00")] += 0.01 * gap * _normal(rng, 100, 3)
     lost = _fitted(inputs, _shear(inputs) + _noise(inputs, 2), lossy).lost
     assert lost is not None
     assert 1.6 < lost.gap_power < 2.4
@@ -182,6 +177,13 @@ def test_few_repeated_poses_decide_few_weights() -> None:
     assert 0.6 < np.mean(within[1::2]) < 0.8
 
 
+def test_two_poses_far_off_do_not_decide_sigma() -> None:
+    few = np.linspace(-1.5, 1.5, 27)
+    few[:2] = 5.0, -6.0
+    repeated = [np.repeat(few, 10)]
+    assert likeliest_scales(repeated, 27.0) == pytest.approx(scales_of(repeated)[:, 0], rel=0.1)
+
+
 def test_a_depth_is_zero_at_rest_unless_it_counts_from_elsewhere() -> None:
     inputs = _inputs(300, 7)
     volume = inputs[:, FRAME_INPUTS.index("volume")].real
@@ -199,11 +201,8 @@ def test_a_depth_is_zero_at_rest_unless_it_counts_from_elsewhere() -> None:
 SPINS = np.array([1, 0, 2, -1])
 
 
-def _data(n: int) -> tuple[np.ndarray, np.ndarray]:
-    rng = np.random.default_rng(2)
-    return rng.normal(size=(n, 4)) + 1j * rng.normal(size=(n, 4)), rng.normal(size=n) + 1j * rng.normal(
-        size=n
-    )
+def _data(n: int) -> tuple[Complex, Complex]:
+    return _normal(np.random.default_rng(2), n, 4), _normal(np.random.default_rng(3), n)
 
 
 @pytest.mark.parametrize("symmetry", Symmetry)
@@ -230,8 +229,7 @@ def test_rotated_and_mirrored_data_are_equally_likely(symmetry: Symmetry) -> Non
     t = 2 * np.pi / 8  # of one row alone: the kernel must not change
     turned_x, turned_y = x.copy(), y.copy()
     turned_x[3] *= np.exp(1j * SPINS * t)
-    if symmetry is Symmetry.TURNING:
-        turned_y[3] *= np.exp(1j * t)
+    turned_y[3] *= np.exp(1j * t) if symmetry is Symmetry.TURNING else 1.0
     assert value(turned_x, turned_y) == pytest.approx(value(x, y), rel=1e-9)
     if symmetry is not Symmetry.TURNING:
         mirrored_x, mirrored_y = x.copy(), y.copy()
