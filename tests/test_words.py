@@ -1,7 +1,7 @@
 """Names and sentences use the field's terms: words that were replaced do not return."""
 
-import ast
 import re
+import tokenize
 from functools import partial
 from pathlib import Path
 
@@ -35,18 +35,9 @@ PROSE = [path for path in files("*.py", "*.md", "*.toml", "*.sh", "*.js") if pat
 
 
 def names_in(path: Path) -> set[str]:
-    """Every name that a module makes: of functions, classes, arguments, variables, attributes."""
-    names = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
-            names.add(node.name)
-        elif isinstance(node, ast.arg):
-            names.add(node.arg)
-        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
-            names.add(node.id)
-        elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store):
-            names.add(node.attr)
-    return names
+    """Every name in a module."""
+    with tokenize.open(path) as text:
+        return {word for kind, word, *_ in tokenize.generate_tokens(text.readline) if kind == tokenize.NAME}
 
 
 def parts_of(name: str) -> set[str]:

@@ -79,6 +79,7 @@ class Calibration:
     """
 
     def __init__(self, content: CalibrationFile) -> None:
+        self.content = content
         self.encoded = encode(content)
         self.content_id = int.from_bytes(hashlib.sha256(self.encoded[:-1]).digest()[:4], "little")
         self.mm_per_px = content.mm_per_px
@@ -93,7 +94,7 @@ class Calibration:
         joint = [m for m in of_contact if not set(JOINT_OUTPUTS).isdisjoint(outputs_of(m))]
         self.contact_models = ModelKernel(CONTACT_INPUTS, [m for m in of_contact if m not in joint])
         self._joint = ModelKernel(CONTACT_INPUTS, joint)
-        self._of_processes = [model.outputs for model in of_frame if isinstance(model, Process)]
+        self._processes = [model for model in of_frame if isinstance(model, Process)]
         self.of_fits = bool(joint)
         self.outputs = frozenset((*self.frame_models.names, *self.contact_models.names, *self._joint.names))
         models = *content.models, *(content.without_contact or ())
@@ -114,18 +115,13 @@ class Calibration:
             self.of_fits = any(view.of_fits for view in self._views)
             self.of_moments = any(view.of_moments for view in self._views)
             self.of_volume = any(view.of_volume for view in self._views)
-            self._of_processes = [outputs for view in self._views for outputs in view._of_processes]
+            self._processes = [process for view in self._views for process in view._processes]
         self._demand: frozenset[Feature] | None = None
         self._gives_contacts = True  # the demand includes them
         self._at_rest: tuple[object, Reading] | None = None  # what is known of an untouched frame gives that
 
     def __reduce__(self) -> tuple[type[Calibration], tuple[CalibrationFile]]:
         return Calibration, (self.content,)
-
-    @property
-    def content(self) -> CalibrationFile:
-        """What the file holds. It is decoded anew: as objects of Python it takes several times its size."""
-        return decode(self.encoded, "calibration")
 
     @property
     def views(self) -> tuple[Calibration, ...]:
@@ -163,7 +159,7 @@ class Calibration:
         """The demand, and the other features that its models take their inputs from."""
         outputs = _outputs_in(demand)
         needed = demand
-        if not all(map(outputs.isdisjoint, self._of_processes)):
+        if any(not outputs.isdisjoint(model.outputs) for model in self._processes):
             needed |= OF_PROCESS
         if Feature.FORCE in demand and not OF_FRICTION.isdisjoint(self.outputs):
             needed |= {Feature.CONTACT_AREA}

@@ -193,7 +193,7 @@ def pins(frame: Frame, rest: Rest) -> Iterator[Line]:
     missing = f"{missing_n or 'no'} places of the lattice without a pin"
     yield judged("holes", missing, (share > ASTRAY_REL, "warn", clean))
     blur = f"edges are blurred by {p.edge_px:.1f} px, {p.edge_px / p.pin_radius_px:.0%} of a pin's radius"
-    sharpen = "turn the lens until `python -m edge inspect` finds the sharpest pins"
+    sharpen = "turn the lens until `python -m edge inspect` finds the sharpest pins; a ghost blurs them, too"
     half = HALF_REL * p.pin_radius_px**2 / 4  # of a disc's variance
     yield judged("focus", blur, (p.edge_px**2 - 1.0 > half, "warn", sharpen))  # a pixel blurs a sharp edge
     smear, direction = smear_px(frame, seen)

@@ -95,19 +95,19 @@ class FocusWindows:
     every: cython.Py_ssize_t  # of the rows and columns one is read
     tail: cython.Py_ssize_t
     corners: cython.int[:, ::1]
-    image8: cython.const[cython.uchar][:, :]  # in hand, or
-    image16: cython.const[cython.ushort][:, :]
     levels: cython.double[::1]
+    bytes: cython.uchar[::1]
     counts: cython.Py_ssize_t[::1]
 
     def __init__(self, corners: Index, side: int, sample_n: int) -> None:
-        if corners.ndim != 2 or corners.shape[1] != 2 or not 1 < side <= IMAGE_SIDE_PX or sample_n < 2:
+        are_pairs = corners.ndim == 2 and corners.shape[1] == 2
+        if not (are_pairs and 1 < side <= IMAGE_SIDE_PX and 2 <= sample_n <= 64):
             raise ValueError(
-                f"corners (m, 2) and a side of 2 to {IMAGE_SIDE_PX}, sample_n of 2 or more, are wanted"
+                f"corners (m, 2) and a side of 2 to {IMAGE_SIDE_PX}, sample_n of 2 to 64, are wanted"
             )
         self.corners = np.array(corners, np.int32, order="C")
         self.side, self.every, self.tail = side, max(1, round(side / sample_n)), sample_n
-        self.levels = np.empty(side * side)
+        self.levels, self.bytes = np.empty(side * side), np.empty(side * side, np.uint8)
         self.counts = np.empty(256, np.intp)
 
     def measure(self, image: Image, out: cython.double[:, ::1]) -> float:
@@ -129,15 +129,12 @@ class FocusWindows:
                 raise ValueError("a window that is not within the image")
         if self.corners.shape[0] == 0:
             return 0.0
-        wide: cython.bint = image.itemsize != 1
-        if wide:
-            self.image16 = image
-        else:
-            self.image8 = image
-        return self._measure(out, wide)
+        if image.itemsize == 1:
+            return self._measure_bytes(image, out)
+        return self._measure(image, out)
 
     @cython.cfunc
-    def _measure(self, out: cython.double[:, ::1], wide: cython.bint) -> cython.double:
+    def _measure(self, image: cython.const[cython.ushort][:, :], out: cython.double[:, ::1]) -> cython.double:
         m: cython.Py_ssize_t = 1 + (self.side - 1) // self.every
         n: cython.Py_ssize_t = m * m
         k: cython.Py_ssize_t
@@ -150,7 +147,7 @@ class FocusWindows:
             for y in range(m):
                 for x in range(m):
                     column, row = self.corners[w, 0] + self.every * x, self.corners[w, 1] + self.every * y
-                    level: cython.double = self.image16[row, column] if wide else self.image8[row, column]
+                    level: cython.double = image[row, column]
                     dx = level - levels[k - 1] if x else 0.0
                     dy = level - levels[k - m] if y else 0.0
                     energy += dx * dx + dy * dy
@@ -158,33 +155,66 @@ class FocusWindows:
                     levels[k] = level
                     k += 1
             out[w, 0] = energy / (m * (m - 1))
-            out[w, 1] = self._span_wide(n) if wide else self._span(n)
+            low = select_kth(levels, n, n // self.tail)
+            out[w, 1] = select_kth(levels, n, n - 1 - n // self.tail) - low
             total += sum_ / n
         return total / self.corners.shape[0]
 
     @cython.cfunc
-    def _span_wide(self, n: cython.Py_ssize_t) -> cython.double:
-        low = select_kth(self.levels, n, n // self.tail)
-        return select_kth(self.levels, n, n - 1 - n // self.tail) - low
+    def _measure_bytes(
+        self, image: cython.const[cython.uchar][:, :], out: cython.double[:, ::1]
+    ) -> cython.double:
+        """The same in whole numbers, of which a vector holds many."""
+        m: cython.Py_ssize_t = 1 + (self.side - 1) // self.every
+        n: cython.Py_ssize_t = m * m
+        step: cython.int
+        sum_: cython.int
+        energy: cython.int
+        own: cython.uchar[::1] = self.bytes
+        every = self.every
+        total = 0.0
+        for w in range(self.corners.shape[0]):
+            sum_ = energy = 0  # 32 bits hold 16,000 squares
+            left, top = self.corners[w, 0], self.corners[w, 1]
+            for y in range(m):
+                for x in range(m):
+                    own[m * y + x] = image[top + every * y, left + every * x]
+            for i in range(1, n):
+                step = own[i] - own[i - 1]
+                energy += step * step
+            for i in range(m, n):
+                step = own[i] - own[i - m]
+                energy += step * step
+            for y in range(1, m):  # not along a row: from its end to the next one's
+                step = own[m * y] - own[m * y - 1]
+                energy -= step * step
+            for i in range(n):
+                sum_ += own[i]
+            out[w, 0] = cython.cast(cython.double, energy) / (m * (m - 1))
+            out[w, 1] = self._span(n)
+            total += cython.cast(cython.double, sum_) / n
+        return total / self.corners.shape[0]
 
     @cython.cfunc
     def _span(self, n: cython.Py_ssize_t) -> cython.double:
-        """The same by counting: levels of 8 bits."""
+        """The span of `bytes`, by counting."""
         below: cython.Py_ssize_t
         low: cython.Py_ssize_t = 0
         high: cython.Py_ssize_t = 255
+        counts: cython.Py_ssize_t[::1] = self.counts
+        own: cython.uchar[::1] = self.bytes
         for i in range(256):
-            self.counts[i] = 0
+            counts[i] = 0
         for i in range(n):
-            self.counts[cython.cast(cython.Py_ssize_t, self.levels[i])] += 1
-        below = self.counts[low]
+            counts[own[i]] += 1
+        below = counts[low]
         while below <= n // self.tail:
             low += 1
-            below += self.counts[low]
-        below = self.counts[high]
+            below += counts[low]
+        below = counts[high]
         while below <= n // self.tail:
             high -= 1
-            below += self.counts[high]
+            below += counts[high]
         return high - low
 
 

@@ -1,7 +1,7 @@
 # cython: infer_types=True
 """Slip and vibration: the contact's pins from frame to frame.
 
-Slip: how probable it is that most of the contact slides, and how fast its parts move against each other.
+Slip: how probable it is that much of the contact slides, and how fast its parts move against each other.
 
 Skin that sticks to a rigid object can only move with it. A contact that is dragged, or twisted, slips from
 its rim inwards. Its core still sticks and moves with the object, by s; the skin around it is dragged along
@@ -12,16 +12,18 @@ slides,
     twisted (Lubkin)    q ~ 1 - (1 - x)^1.7   s ~ -log(1 - x), an angle, to 2 %
 
 So the curvature of q over s shows x: no force, no stiffness and no coefficient of friction need be known. s
-is a mean over the contact's pins, with weights that fall off within an eighth of its area; q is one over all
+is a mean over the contact's pins, with weights that fall off within a sixth of its area; q is one over all
 pins around it, with the weights r^-2, as the motion falls off there. Angles come from the same weights. The
-skin evens its motion over about a pitch, so that the core takes part in the lag, by the square of a pitch
-over the contact's radius: the smaller a contact, the less its curve shows.
+contact's middle and radius are those of its compression. The skin evens its motion over about a pitch, so
+that the core takes part in the lag: of a disc evened by a Gaussian of that width, exp(-r^2 / 2) of the
+surroundings reach the middle, r its radius in pitches. The smaller a contact, the less its curve shows.
 
 The path since the touch (or since it was last pressed, released or turned back) is compared with the curves
 of all x. It begins at the mean of the frames in which nothing moved. The factor between path and curve is
 fitted, and is not negative: a drag takes its surroundings along. With the noise of the pins, and an error of
-the model of half a step of x, this gives each x its likelihood. The model's error is one of the whole path,
-so that a fast drag, of few points, is judged as a slow one. Before looking, x above one half is improbable.
+the model of a quarter of a step of x, this gives each x its likelihood. The model's error is one of the whole
+path, so that a fast drag, of few points, is judged as a slow one. Before looking, x above two fifths is
+improbable, and a path of n points has been looked at n times: the odds grow with the root of that.
 Drag and twist each have their probability; the larger one is that of slip.
 
 The speed is the residual of the motion over the last few frames, less what a load explains (a common
@@ -80,7 +82,7 @@ class Slip:
     """Slip of one touch, frame by frame.
 
     slip_px      expected rms over the contact's pins of the motion that no load explains, per frame
-    probability  0..1 that more than half of the contact's area slides
+    probability  0..1 that more than two fifths of the contact's area slide
     of_twist     the same of a twist alone
     """
 
@@ -140,9 +142,9 @@ class Slip:
             self._forget_path()
             return
         if self._begun:
-            self._go_on(sigma_px)
+            self._go_on(area_change, sigma_px)
         else:
-            self._begin_path()
+            self._begin_path(area_change)
         free = 2 * used - 6  # two components, each with three unknowns
         if free >= 4:
             unexplained = self._motion.left_px2 - 2.0 * (sigma_px * sigma_px) * free
@@ -157,7 +159,7 @@ class Slip:
             self._probable[k] = 0.0
         self.probability = self.of_twist = 0.0
 
-    def _begin_path(self) -> None:
+    def _begin_path(self, area_change: Array) -> None:
         """Weigh the pins of the contact, and those around it."""
         motion: cython.double[:, ::1] = self._motion.motion
         pins: cython.int[::1] = self._motion.pins
@@ -166,16 +168,21 @@ class Slip:
             self._begin[i, 1] = motion[i, 1]
             self._is_around[i] = not isnan(motion[i, 0])
         n = 0  # seen pins in the contact
+        compressed: cython.double = 0.0
         x: cython.double = 0.0
         y: cython.double = 0.0
+        square: cython.double = 0.0
         for p in range(self._motion.n_pins):
             i = pins[p]
             if self._is_around[i]:
                 self._is_around[i] = False
                 self._core[n] = pins[p]
                 n += 1
-                x += self._rest[i, 0]
-                y += self._rest[i, 1]
+                c = area_change[i] if area_change[i] > 1e-9 else 1e-9  # all alike where they are unknown
+                compressed += c
+                x += c * self._rest[i, 0]
+                y += c * self._rest[i, 1]
+                square += c * (self._rest[i, 0] ** 2 + self._rest[i, 1] ** 2)
         self._n_core, self._n_around = n, 0
         for i in range(self._n):
             if self._is_around[i]:
@@ -183,27 +190,30 @@ class Slip:
                 self._n_around += 1
         if n < 3 or self._n_around < 3:
             return
-        x /= n
-        y /= n
+        x /= compressed
+        y /= compressed
         pitch2 = self._pitch_px * self._pitch_px
-        radius2: cython.double = 5.0 / 18.0 * pitch2  # of a disc, as each pin stands for its cell
+        radius2 = max(2.0 * (square / compressed - x * x - y * y), 5.0 / 18.0 * pitch2)  # one cell's, or more
+        self._lag = exp(-0.5 * radius2 / pitch2)
         for i in range(self._n):
             dx = self._rest[i, 0] - x
             dy = self._rest[i, 1] - y
             self._across[i, 0], self._across[i, 1] = -dy, dx
             self._weight[i] = dx * dx + dy * dy
-        for p in range(n):
-            radius2 += 2.0 / n * self._weight[self._core[p]]
-        self._lag = min(pitch2 / radius2, 1.0)
+        self._weigh(radius2, pitch2)
+        self._begun, self._n_begin = True, 1
+
+    def _weigh(self, radius2: float, pitch2: float) -> None:
+        """Weights of the pins from their squared distances, and the noise of their means."""
         for part in range(2):
             rows: cython.int[::1] = self._around if part else self._core
             total: cython.double = 0.0
-            square: cython.double = 0.0
             turning: cython.double = 0.0
-            for p in range(self._n_around if part else n):
+            square: cython.double = 0.0
+            for p in range(self._n_around if part else self._n_core):
                 i = rows[p]
                 far2 = self._weight[i]
-                w = 1.0 / max(far2, pitch2) if part else exp(-8.0 * far2 / radius2)
+                w = 1.0 / max(far2, pitch2) if part else exp(-6.0 * far2 / radius2)
                 of_turn = w * sqrt(w) if part else w
                 self._weight[i] = w
                 self._across[i, 0] *= of_turn
@@ -215,9 +225,8 @@ class Slip:
                 self._noise_q = sqrt(square) / total
             else:
                 self._noise_s[0], self._noise_s[1] = sqrt(square) / total, sqrt(turning) / total
-        self._begun, self._n_begin = True, 1
 
-    def _go_on(self, sigma_px: float) -> None:
+    def _go_on(self, area_change: Array, sigma_px: float) -> None:
         """Follow the drag and the twist; where one turns back, the contact sticks again."""
         core: cython.double[::1] = self._of_core
         around: cython.double[::1] = self._of_around
@@ -243,7 +252,7 @@ class Slip:
             goes_on = self._follow(1, twist, around[2] * core[2] / twist, sigma)
         if not goes_on:
             self._forget_path()
-            self._begin_path()
+            self._begin_path(area_change)
             return
         self.of_twist = self._probable[1]
         self.probability = max(self._probable[0], self.of_twist)
@@ -313,7 +322,7 @@ class Slip:
         of_points = cython.cast(cython.double, n) / _SHARES  # a full path has the model's error once
         for p in range(n):
             of_s = q[p] / s[p] * noise_s
-            of_model = 0.5 / _SHARES * q[p]
+            of_model = 0.25 / _SHARES * q[p]
             weight[p] = 1.0 / (noise_q * noise_q + of_s * of_s + of_points * of_model * of_model)
         for k in range(_SHARES):
             along: cython.double = 0.0
@@ -339,14 +348,15 @@ class Slip:
                 square += (q[p] - factor * curve[p]) ** 2 * weight[p]
             self._square[k] = square
             least = min(least, square)
+        odds = self._prior_odds * sqrt(of_points * _SHARES)
         total: cython.double = 0.0
         most: cython.double = 0.0
         for k in range(_SHARES):
             likelihood = exp(0.5 * (least - self._square[k]))
-            if k + 0.5 > 0.5 * _SHARES:
+            if k + 0.5 > 0.4 * _SHARES:
                 most += likelihood
             else:
-                likelihood *= self._prior_odds
+                likelihood *= odds
             total += likelihood
         self._probable[kind] = most / total
 

@@ -35,6 +35,7 @@ typedef struct {
     unsigned char *pixels;
     double *sums;
     int dark;
+    Py_ssize_t side;
 } vt_windows;
 
 #define VT_PHASES 16
@@ -64,6 +65,33 @@ static inline unsigned char *vt_take_rows(const unsigned char *row, const Py_ssi
     return to;
 }
 
+#define VT_SIDE 4 /* px, of a block */
+#define VT_MIDDLE (128 * VT_SIDE * VT_SIDE) /* of a block's sum: less it, squares fit 32 bits */
+typedef unsigned short vt_pairs __attribute__((vector_size(32), aligned(1), may_alias));
+typedef unsigned vt_words __attribute__((vector_size(32)));
+typedef short vt_blocks __attribute__((vector_size(16), aligned(1), may_alias));
+
+/* The same of blocks: each pixel is the sum of one. */
+static inline short *vt_add_rows(const unsigned char *row, const Py_ssize_t *step, const Py_ssize_t *end,
+                                 Py_ssize_t stride, short *to)
+{
+    for (; step < end; step += 2) {
+        const unsigned char *at = row += step[0];
+        short *const beyond = to + step[1];
+        for (; to < beyond; to += 8, at += 32) {
+            vt_pairs sum = {0};
+            for (int k = 0; k < VT_SIDE; k++) {
+                const vt_pairs pairs = *(const vt_pairs *)(at + k * stride);
+                sum += (pairs & 255) + (pairs >> 8);
+            }
+            const vt_words four = ((vt_words)sum & 65535) + ((vt_words)sum >> 16);
+            *(vt_blocks *)to = __builtin_convertvector(four - VT_MIDDLE, vt_blocks);
+        }
+        to = beyond;
+    }
+    return to;
+}
+
 /* The next rows of the image into the cache. */
 static inline void vt_fetch_rows(const unsigned char *image, vt_fetch *f, Py_ssize_t begin)
 {
@@ -75,29 +103,42 @@ static inline void vt_fetch_rows(const unsigned char *image, vt_fetch *f, Py_ssi
     }
 }
 
+/* Loops are compiled for each processor: AVX2 needs a fifth less instructions, as it overwrites no operand. */
+#define VT_INLINE __attribute__((always_inline))
+
 typedef void vt_sums_of(const unsigned char *restrict pixels, const short *t, const signed char *uv, const vt_kind *k,
                         const double *norm, double *sums);
 
-static inline void vt_sums_plain(const unsigned char *restrict pixels, const short *t, const signed char *uv,
-                                 const vt_kind *kind, const double *norm, double *sums)
+/* Of bytes, or of sums of blocks less their `middle`. */
+VT_INLINE static inline void vt_sums_by(const unsigned char *restrict bytes, const short *restrict blocks, int middle,
+                                        const short *t, const signed char *uv, const vt_kind *kind,
+                                        const double *norm, double *sums)
 {
     const Py_ssize_t n = kind->plane & -32; /* is a multiple of 32: tells the compiler that there is no remainder */
     const short *restrict td = t, *restrict tx = t + n, *restrict ty = tx + n;
     const signed char *restrict pu = uv, *restrict pv = uv + n;
-    int d = 0, ex = 0, ey = 0, one = 0, u = 0, v = 0, w2 = 0;
+    int d = 0, ex = 0, ey = 0, one = 0, u = 0, v = 0;
+    unsigned w2 = 0;
     _Pragma("GCC unroll 2")
     for (Py_ssize_t i = 0; i < n; i++) {
-        const short w = pixels[i], u2 = 2 * pu[i], v2 = 2 * pv[i]; /* 16 bits: multiplied in pairs */
+        const short w = bytes ? bytes[i] : blocks[i], u1 = pu[i], v1 = pv[i]; /* 16 bits: multiplied in pairs */
         d += w * td[i];
         ex += w * tx[i];
         ey += w * ty[i];
         one += w;
-        u += w * u2;
-        v += w * v2;
-        w2 += w * w;
+        u += w * u1;
+        v += w * v1;
+        w2 += (unsigned)(w * w);
     }
-    const double whole[8] = {d, ex, ey, one, u / 2, v / 2, w2, 1};
+    const double all = middle * (double)kind->pixels; /* the sums of the other templates are 0 */
+    const double whole[8] = {d, ex, ey, one + all, u, v, w2 + middle * (2.0 * one + all), 1};
     for (int k = 0; k < 8; k++) sums[k] = whole[k] * norm[k];
+}
+
+static inline void vt_sums_plain(const unsigned char *restrict pixels, const short *t, const signed char *uv,
+                                 const vt_kind *k, const double *norm, double *sums)
+{
+    vt_sums_by(pixels, 0, 0, t, uv, k, norm, sums);
 }
 
 #ifdef VT_AVX2
@@ -208,42 +249,52 @@ static inline void vt_sums_neon(const unsigned char *restrict w, const short *t,
 #define VT_SUMS vt_sums_plain
 #endif
 
-__attribute__((always_inline)) static inline void vt_sum_window_by(vt_sums_of *sums_of, const vt_windows *w,
-                                                                   Py_ssize_t begin, Py_ssize_t kind, Py_ssize_t norm)
+/* sums_of  of bytes; none: of blocks */
+VT_INLINE static inline void vt_sum_window_by(vt_sums_of *sums_of, const vt_windows *w, Py_ssize_t begin,
+                                              Py_ssize_t kind, Py_ssize_t norm)
 {
     const vt_kind *const k = w->kinds + kind;
+    const unsigned char *const row = w->image + begin;
+    const Py_ssize_t *const step = w->steps + 2 * k->first_step, *const end = w->steps + 2 * k->end_step;
+    const short *const t = w->values + k->first + 3 * k->plane * (norm % VT_PHASES);
     double *const sums = w->sums;
     vt_fetch_rows(w->image, w->fetch, begin);
-    unsigned char *const end = vt_take_rows(w->image + begin, w->steps + 2 * k->first_step,
-                                            w->steps + 2 * k->end_step, k->row_bytes, w->pixels);
-    *(vt_row32 *)end = (vt_row32){0};
-    sums_of(w->pixels, w->values + k->first + 3 * k->plane * (norm % VT_PHASES), w->uv + k->first_uv, k,
-            w->norms + VT_NORM * norm, sums);
-    if (w->dark) { /* of 255 less each level; the sums of the other templates are 0 */
-        const double white = 255.0 * (double)k->pixels;
-        sums[6] += 255.0 * (white - 2.0 * sums[3]);
+    if (sums_of) {
+        *(vt_row32 *)vt_take_rows(row, step, end, k->row_bytes, w->pixels) = (vt_row32){0};
+        sums_of(w->pixels, t, w->uv + k->first_uv, k, w->norms + VT_NORM * norm, sums);
+    } else {
+        short *const blocks = (short *)w->pixels;
+        memset(vt_add_rows(row, step, end, w->fetch->stride, blocks), 0, 64);
+        vt_sums_by(0, blocks, VT_MIDDLE, t, w->uv + k->first_uv, k, w->norms + VT_NORM * norm, sums);
+    }
+    if (w->dark) { /* of the brightest less each level; the sums of the other templates are 0 */
+        const double most = sums_of ? 255.0 : 255.0 * VT_SIDE * VT_SIDE, white = most * (double)k->pixels;
+        sums[6] += most * (white - 2.0 * sums[3]);
         sums[3] = white - sums[3];
         for (int m = 0; m < 6; m++) if (m != 3) sums[m] = -sums[m];
     }
 }
 
+typedef void vt_sum(const vt_windows *, Py_ssize_t, Py_ssize_t, Py_ssize_t);
+/* Of this processor: blocks by a function of their own, which takes no registers from the loop over small pins. */
+#define VT_SUM_WINDOW(name, blocks, sums_of, target) \
+    target static void blocks(const vt_windows *w, Py_ssize_t begin, Py_ssize_t kind, Py_ssize_t norm) \
+    { \
+        vt_sum_window_by(0, w, begin, kind, norm); \
+    } \
+    target VT_INLINE static inline void name(const vt_windows *w, Py_ssize_t begin, Py_ssize_t kind, Py_ssize_t norm) \
+    { \
+        if (w->side > 1) blocks(w, begin, kind, norm); \
+        else vt_sum_window_by(sums_of, w, begin, kind, norm); \
+    }
+VT_SUM_WINDOW(vt_sum_window_plain, vt_sum_blocks_plain, VT_SUMS, )
 #ifdef VT_AVX2
-__attribute__((target("avx2"), always_inline)) static inline void vt_sum_window_avx2(
-    const vt_windows *w, Py_ssize_t begin, Py_ssize_t kind, Py_ssize_t norm)
-{
-    vt_sum_window_by(vt_sums_avx2, w, begin, kind, norm);
-}
+VT_SUM_WINDOW(vt_sum_window_avx2, vt_sum_blocks_avx2, vt_sums_avx2, __attribute__((target("avx2"))))
 #endif
-
-__attribute__((always_inline)) static inline void vt_sum_window_plain(
-    const vt_windows *w, Py_ssize_t begin, Py_ssize_t kind, Py_ssize_t norm)
-{
-    vt_sum_window_by(VT_SUMS, w, begin, kind, norm);
-}
 
 static void vt_sum_window(const vt_windows *w, Py_ssize_t begin, Py_ssize_t kind, Py_ssize_t norm)
 {
-    static void (*sum_window)(const vt_windows *, Py_ssize_t, Py_ssize_t, Py_ssize_t) = 0;
+    static vt_sum *sum_window = 0;
     if (!sum_window) {
         sum_window = vt_sum_window_plain;
 #ifdef VT_AVX2
@@ -262,7 +313,7 @@ typedef struct {
     const double *norms, *predicted, *inner;
     const int *kind_of, *norm_of;
     Py_ssize_t stride;
-    double reach2, noise2, gain;
+    double reach2, noise2, gain, side;
     double *xy, *sigma, *amplitude, *fit;
 } vt_steps;
 /* A pin, the row of its norms, and where its step begins. */
@@ -270,9 +321,6 @@ typedef struct {
     Py_ssize_t pin, norm;
     double x, y;
 } vt_start;
-
-/* The loop is compiled for each processor: AVX2 needs a fifth less instructions, as it overwrites no operand. */
-#define VT_INLINE __attribute__((always_inline))
 
 #define VT_WHERE(mask, a) ((vt_two)((vt_mask)(a) & (mask)))
 /* the numbers k and k + 1 of two rows */
@@ -313,7 +361,10 @@ VT_INLINE static inline int vt_step_two(const vt_steps *s, const double *sums, c
     const vt_two su = u + d_u * a, sv = v + d_v * a, gu = su + tx_u * tx, gv = sv + ty_v * ty;
     const vt_two gu2 = gu * gu, gv2 = gv * gv, energy = square - level * level * inv_pixels;
     const vt_two rest = energy - a2 - tx * tx - ty * ty - gu2 - gv2;
-    const vt_two variance = VT_WHERE(rest > 0.0, rest) * inv_freedom + 1.0 / 12.0, limit = 4.0 * variance;
+    const vt_two found = VT_WHERE(rest > 0.0, rest) * inv_freedom, more = found - s->noise2;
+    /* What is no noise is alike in all pixels of a block. */
+    const vt_two variance = found - (1.0 - 1.0 / (s->side * s->side)) * VT_WHERE(more > 0.0, more) + 1.0 / 12.0;
+    const vt_two limit = 4.0 * variance;
     const vt_two keep_x = VT_WHERE((gu2 > limit) & is_near, 1.0 - limit / gu2);
     const vt_two keep_y = VT_WHERE((gv2 > limit) & is_near, 1.0 - limit / gv2);
     const vt_two ex = near_ex - keep_x * gu * x_u, ey = near_ey - keep_y * gv * y_v;
@@ -351,8 +402,6 @@ static int vt_step(const vt_steps *s, const double *sums, Py_ssize_t i, Py_ssize
     return vt_step_two(s, twice, from, near2, far2, first) & 1;
 }
 
-typedef void vt_sum(const vt_windows *, Py_ssize_t, Py_ssize_t, Py_ssize_t);
-
 VT_INLINE static inline Py_ssize_t vt_take_steps_by(vt_sum *sum_window, const vt_windows *windows, const vt_steps *s,
                                                     int *who, Py_ssize_t n, double near2, double far2, int first)
 {
@@ -361,10 +410,10 @@ VT_INLINE static inline Py_ssize_t vt_take_steps_by(vt_sum *sum_window, const vt
     vt_windows w = *windows;
     Py_ssize_t asked = 0, taken = 0;
     const vt_two least = {s->inner[0], s->inner[1]}, beyond = {s->inner[2], s->inner[3]};
-    const double *const begin = first ? s->predicted : s->xy;
+    const double *const begin = first ? s->predicted : s->xy, to_middle = s->side > 1.0 ? 0.0 : 2.0; /* phases */
     for (Py_ssize_t j = 0; j < n; j++) {
         const Py_ssize_t i = who[j];
-        const vt_two at = 4.0 * *(const vt_any_two *)(begin + 2 * i) + 2.0; /* phases */
+        const vt_two at = 4.0 * *(const vt_any_two *)(begin + 2 * i) + to_middle; /* phases */
         const vt_mask inside = (at >= least) & (at < beyond);
         if (!(inside[0] & inside[1])) {
             who[asked++] = (int)(2 * i);
@@ -372,7 +421,7 @@ VT_INLINE static inline Py_ssize_t vt_take_steps_by(vt_sum *sum_window, const vt
         }
         const int x = (int)at[0], y = (int)at[1];
         const Py_ssize_t norm = s->norm_of[i] + (y & 3) * 4 + (x & 3);
-        from[taken] = (vt_start){i, norm, 0.25 * x - 0.375, 0.25 * y - 0.375};
+        from[taken] = (vt_start){i, norm, 0.25 * (x - to_middle) + 0.125, 0.25 * (y - to_middle) + 0.125};
         w.sums = sums + 8 * taken;
         sum_window(&w, (y >> 2) * s->stride + (x >> 2), s->kind_of[i], norm);
         if (++taken < 2) continue;

@@ -24,6 +24,7 @@ cdef extern from "centroid_steps.c":
         unsigned char *pixels
         double *sums
         bint dark
+        Py_ssize_t side
 
     ctypedef struct Steps "vt_steps":
         const double *norms
@@ -32,7 +33,7 @@ cdef extern from "centroid_steps.c":
         const int *kind_of
         const int *norm_of
         Py_ssize_t stride
-        double reach2, noise2, gain
+        double reach2, noise2, gain, side
         double *xy
         double *sigma
         double *amplitude
@@ -47,10 +48,12 @@ cdef extern from "centroid_steps.c":
 
 cdef inline Windows windows_of(
     const unsigned char[:, :] image, Fetch[::1] fetch, Kind[::1] kinds, Py_ssize_t[:, ::1] steps, short[::1] values,
-    signed char[::1] uv, double[:, ::1] norms, unsigned char[::1] pixels, double[::1] sums, bint dark
+    signed char[::1] uv, double[:, ::1] norms, unsigned char[::1] pixels, double[::1] sums, bint dark,
+    Py_ssize_t side
 ) noexcept nogil:
     return Windows(
-        &image[0, 0], &fetch[0], &kinds[0], &steps[0, 0], &values[0], &uv[0], &norms[0, 0], &pixels[0], &sums[0], dark
+        &image[0, 0], &fetch[0], &kinds[0], &steps[0, 0], &values[0], &uv[0], &norms[0, 0], &pixels[0], &sums[0], dark,
+        side
     )
 
 
@@ -60,12 +63,12 @@ cdef inline void sum_window(Windows windows, Py_ssize_t begin, Py_ssize_t kind, 
 
 cdef inline Steps steps_of(
     double[:, ::1] norms, double[:, ::1] predicted, double[::1] inner, int[::1] kind_of, int[::1] norm_of,
-    Py_ssize_t stride, double reach2, double noise2, double gain, double[:, ::1] xy, double[::1] sigma,
+    Py_ssize_t stride, double reach2, double noise2, double gain, double side, double[:, ::1] xy, double[::1] sigma,
     double[::1] amplitude, double[::1] fit
 ) noexcept nogil:
     return Steps(
         &norms[0, 0], &predicted[0, 0], &inner[0], &kind_of[0], &norm_of[0], stride, reach2, noise2, gain,
-        &xy[0, 0], &sigma[0], &amplitude[0], &fit[0]
+        side, &xy[0, 0], &sigma[0], &amplitude[0], &fit[0]
     )
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from edge.pins.templates import BLOCK, NORM, PHASES
+from edge.pins.templates import NORM, PHASES
 from edge.types import Array, Image, Index
 
 Shorts = NDArray[np.int16]
@@ -19,7 +19,7 @@ Shorts = NDArray[np.int16]
 #: half             px, half width of its window
 #: first_span, end_span  its rows in the spans of all kinds
 #: first_step, end_step  and in their steps
-#: row_bytes        copied of each row of a window: the longest, filled up to LANES
+#: row_bytes        read of each row of a window: the longest, filled up to LANES
 #: first, first_uv, plane  as in `TemplateSet`
 #: pixels           of its support
 KIND = np.dtype(
@@ -55,6 +55,7 @@ class Windows(NamedTuple):
     pixels   takes a window's spans, one after the other
     sums     (8,): I d, I tx, I ty, I, I u, I v, I^2 and 1 of a window, each times its factor in `norms`
     dark     sums are those of 255 - I
+    side     pixels are sums of blocks of side x side of the image's
     """
 
     image: Image
@@ -67,6 +68,7 @@ class Windows(NamedTuple):
     pixels: NDArray[np.uint8]
     sums: Array
     dark: bool
+    side: int
 
 
 windows_of = Windows
@@ -78,28 +80,26 @@ def sum_window(windows: Windows, begin: int, kind: int, norm: int) -> None:
     begin  byte of the image where the middle of the window is
     norm   row of its kind's phase in `norms`
 
-    Of each row `row_bytes` are copied, as many as the longest span has or more: the next span overwrites what
-    is too many, and zeros what is behind the last one.
     """
-    image, _, kinds, all_steps, values, uv, norms, pixels, sums, dark = windows
-    rows, columns = image.shape
-    memory = np.lib.stride_tricks.as_strided(image, (image.strides[0] * (rows - 1) + columns,), (1,))
-    k = kinds[kind]
-    to, row = 0, begin
+    image, _, kinds, all_steps, values, uv, norms, _, sums, dark, side = windows
+    (rows, columns), stride = image.shape, image.strides[0]
+    memory = np.lib.stride_tricks.as_strided(image, (stride * (rows - 1) + columns,), (1,))
+    k, row, found = kinds[kind], begin, [np.empty(0, np.int64)]
     for step, length in all_steps[k["first_step"] : k["end_step"]]:
         row += step
-        pixels[to : to + k["row_bytes"]] = memory[row : row + k["row_bytes"]]
-        to += length
-    pixels[to : to + BLOCK] = 0
+        pixels = memory[row + stride * np.arange(side)[:, None] + np.arange(side * length)]
+        found.append(pixels.reshape(side, length, side).sum(axis=(0, 2), dtype=np.int64))
     n, first_uv = k["plane"], k["first_uv"]
     first = k["first"] + 3 * n * (norm % PHASES**2)
-    level = pixels[:n].astype(np.int64)
+    level = np.zeros(n, np.int64)
+    level[: k["pixels"]] = np.concatenate(found)
     d, tx, ty = values[first : first + 3 * n].astype(np.int64).reshape(3, n) @ level
     u, v = uv[first_uv : first_uv + 2 * n].astype(np.int64).reshape(2, n) @ level
     sums[:8] = np.array([d, tx, ty, level.sum(), u, v, level @ level, 1], np.float64) * norms[norm, :8]
     if dark:  # the sums of the other templates are 0
-        white = 255.0 * k["pixels"]
-        square, total = sums[6] + 255.0 * (white - 2.0 * sums[3]), white - sums[3]
+        most = 255.0 * side * side
+        white = most * k["pixels"]
+        square, total = sums[6] + most * (white - 2.0 * sums[3]), white - sums[3]
         sums[:6] *= -1.0
         sums[3], sums[6] = total, square
 
@@ -121,6 +121,7 @@ class Steps(NamedTuple):
     stride              bytes from row to row of an 8-bit image
     reach2              px2: farther from its prediction a pin is lost
     noise2, gain        levels^2 of the camera's noise; factor of the levels
+    side                px, of the blocks that windows consist of; the middle of one is between four pixels
     xy, sigma, amplitude, fit  of `CentroidKernel`; written
     """
 
@@ -133,6 +134,7 @@ class Steps(NamedTuple):
     reach2: float
     noise2: float
     gain: float
+    side: float
     xy: Array
     sigma: Array
     amplitude: Array
@@ -171,7 +173,9 @@ def take_step(
     gu2, gv2 = gu * gu, gv * gv
     energy = square - level * level * inv_pixels
     rest = energy - a2 - tx * tx - ty * ty - gu2 - gv2
-    variance = max(rest, 0.0) * norms[INV_FREEDOM] + 1.0 / 12.0
+    found = max(rest, 0.0) * norms[INV_FREEDOM]
+    # What is no noise is alike in all pixels of a block.
+    variance = found - (1.0 - 1.0 / (steps.side * steps.side)) * max(found - steps.noise2, 0.0) + 1.0 / 12.0
     limit = 4.0 * variance
     keep_x = 1.0 - limit / gu2 if is_near and gu2 > limit else 0.0
     keep_y = 1.0 - limit / gv2 if is_near and gv2 > limit else 0.0
@@ -203,15 +207,15 @@ def take_steps(
     near2, far2, first  as of `take_step`
     Returns  how many have to go on
     """
-    asked = 0
+    asked, to_middle = 0, 0.0 if steps.side > 1.0 else 2.0
     for i in map(int, who[:n]):
-        x4, y4 = (PHASES * float(at) + 2.0 for at in (steps.predicted if first else steps.xy)[i])
+        x4, y4 = (PHASES * float(at) + to_middle for at in (steps.predicted if first else steps.xy)[i])
         taken = steps.inner[0] <= x4 < steps.inner[2] and steps.inner[1] <= y4 < steps.inner[3]
         if taken:
             x, y = int(x4), int(y4)
             norm = int(steps.norm_of[i]) + y % PHASES * PHASES + x % PHASES
             sum_window(windows, y // PHASES * steps.stride + x // PHASES, int(steps.kind_of[i]), norm)
-            start = 0.25 * x - 0.375, 0.25 * y - 0.375
+            start = 0.25 * (x - to_middle) + 0.125, 0.25 * (y - to_middle) + 0.125
             if not take_step(steps, windows.sums, i, norm, *start, near2, far2, first):
                 continue
         who[asked] = 2 * i + taken

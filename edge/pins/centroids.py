@@ -14,7 +14,7 @@ Rules
 - Templates (`templates.py`) are in 16-bit integers for PHASES x PHASES subpixel offsets, zero outside of the
   support circle. d is orthogonal to 1; tx and ty to 1 and d.
 - One pass over the pixels of the support, which are copied from the image without the gaps between its rows
-  (`centroid_steps`); then the step. Nine pins in ten need one.
+  (`centroid_steps`), large pins' as sums of blocks; then the step. Nine pins in ten need one.
 - All sums are exact integers. What depends on the template alone is precomputed in `norms`.
 - Dark pins are bright ones in the inverted image, whose sums follow from the image's own: the result is the
   same to the last bit.
@@ -31,7 +31,7 @@ from cython.cimports.libc.math import sqrt
 from numpy.typing import NDArray
 
 from edge.pins.centroid_steps import FETCH, KIND
-from edge.pins.templates import BLOCK, FAR_PX, HALF_MAX, LANES, NORM, PHASES, STEP_MAX, TemplateSet
+from edge.pins.templates import BLOCK, FAR_PX, HALF_MAX, LANES, NORM, PHASES, SIDE, STEP_MAX, TemplateSet
 from edge.types import Array, Image, Index
 
 if cython.compiled:
@@ -114,7 +114,9 @@ class CentroidKernel:
     _spans: cython.int[:, ::1]  # of all kinds
     _steps: cython.Py_ssize_t[:, ::1]  # as `sum_window` takes it, in 8-bit images of this shape
     _inner: cython.double[::1]  # phases: least x and y of pins whose windows are within them, least beyond
-    _half: cython.Py_ssize_t  # of the largest window
+    _side: cython.Py_ssize_t  # px, of the blocks that are a window's pixels
+    _to_middle: cython.double  # phases, from where a window's middle pixel begins; 0: it is between two
+    _half: cython.Py_ssize_t  # px, of the largest window
     _fetch: Fetch[::1]  # as `sum_window` takes it
     _windows: Windows  # of the image in hand
     _steps_of: Steps  # to take in it
@@ -159,18 +161,20 @@ class CentroidKernel:
         self._norm_of = np.asarray(self._kind_of) * np.int32(PHASES * PHASES)
         self._spans = np.concatenate(templates.spans)
         self._kinds = _kinds_of(templates)
-        self._half, self._fetch = max(templates.half), np.zeros(1, FETCH).view(np.recarray)
+        self._side, self._fetch = templates.side, np.zeros(1, FETCH).view(np.recarray)
+        self._half = templates.side * max(templates.half) + templates.side // 2
+        self._to_middle = PHASES / 2 * (templates.side % 2)
         self._values, self._uv = templates.values, templates.uv
         self._sign = -1 if dark else 1
         self._norms = np.concatenate(templates.norms)
         self._rows = self._columns = self._stride = -1  # none yet
         self._inner, self._who = np.zeros(4), np.zeros(self.n, np.int32)
-        if not 0 <= limits["spare_bits"] <= 8:
-            raise ValueError(f"spare_bits of 0 to 8 are wanted, not {limits['spare_bits']}")
+        if not 0 <= limits["spare_bits"] <= 12:
+            raise ValueError(f"spare_bits of 0 to 12 are wanted, not {limits['spare_bits']}")
         self._reach2 = limits["reach_px"] ** 2
         self._shift = int(limits["spare_bits"])
-        self._gain = 2.0**self._shift
-        self._noise2 = limits["noise"] ** 2 / 4.0 ** int(limits["spare_bits"])
+        self._gain = 2.0**self._shift / self._side**2
+        self._noise2 = limits["noise"] ** 2 * self._side**2 / 4.0**self._shift
         self._steps_max = int(limits["steps_max"])
         self._near2, self._far2 = (limits["near_phases"] / PHASES) ** 2, FAR_PX**2
         self._share_min = limits["share_min"]
@@ -181,7 +185,7 @@ class CentroidKernel:
         self.amplitude = np.full(self.n, np.nan)
         self.fit = np.full(self.n, np.nan)
         plane_max = int(np.max(templates.plane))
-        self._pixels = np.zeros(plane_max + 2 * HALF_MAX + LANES, np.uint8)
+        self._pixels = np.zeros(2 * (plane_max + 2 * HALF_MAX + LANES), np.uint8)
         self._window = np.zeros(plane_max, np.int16)
         self._sums = np.zeros(NORM.index("inv_d"))
         self._is_in_view = np.zeros(plane_max, np.uint8)
@@ -229,10 +233,10 @@ class CentroidKernel:
         """
         rows, columns, stride = self._rows, self._columns, self._stride
         column, row, length = np.asarray(self._spans, np.intp).T
-        begin = column + row * stride
+        side, half = self._side, self._half
+        begin = side * column - (side - 1) // 2 + (side * row - (side - 1) // 2) * stride
         kinds = np.asarray(self._kinds)
-        half = int(kinds["half"].max())
-        last = int((begin[kinds["end_span"] - 1] + kinds["row_bytes"]).max())
+        last = int((begin[kinds["end_span"] - 1] + kinds["row_bytes"]).max()) + (side - 1) * (stride + LANES)
         low = ((rows - 1) * stride + half + 1 - last) // stride
         self._inner = PHASES * np.array([half, half, columns - half, min(rows - half, low + 1)], np.float64)
         self._steps = np.zeros((kinds["end_step"].max() + LANES, 2), np.intp)
@@ -250,7 +254,7 @@ class CentroidKernel:
             return
         self._steps_of = steps_of(
             self._norms, self.predicted, self._inner, self._kind_of, self._norm_of, self._stride,
-            self._reach2, self._noise2, self._gain, self.xy, self.sigma, self.amplitude, self.fit,
+            self._reach2, self._noise2, self._gain, self._side, self.xy, self.sigma, self.amplitude, self.fit,
         )  # fmt: skip
         if self._wide:
             for i in range(n):
@@ -259,7 +263,7 @@ class CentroidKernel:
         self._begin_to_fetch()
         self._windows = windows_of(
             self._image8, self._fetch, self._kinds, self._steps, self._values, self._uv, self._norms,
-            self._pixels, self._sums, self._sign < 0,
+            self._pixels, self._sums, self._sign < 0, self._side,
         )  # fmt: skip
         for i in range(n):
             self._who[i] = i
@@ -337,7 +341,7 @@ class CentroidKernel:
                 return
             iteration += 1
             if far2 == HUGE_VAL:
-                x, y = middle_of(x), middle_of(y)
+                x, y = middle_of(x, self._to_middle), middle_of(y, self._to_middle)
                 step_x, step_y = self.xy[i, 0] - x, self.xy[i, 1] - y
                 way_x, way_y = x - old_x, y - old_y
                 came = way_x * old_step_x + way_y * old_step_y
@@ -378,9 +382,13 @@ class CentroidKernel:
     @cython.cfunc
     @cython.inline
     def _level(self, x: cython.Py_ssize_t, y: cython.Py_ssize_t) -> cython.int:
-        if self._wide:
-            return cython.cast(cython.int, self._image16[y, x])
-        return cython.cast(cython.int, self._image8[y, x])
+        """Sum of the block that begins there."""
+        total: cython.int = 0
+        for j in range(self._side):
+            for i in range(self._side):
+                level = self._image16[y + j, x + i] if self._wide else self._image8[y + j, x + i]
+                total += cython.cast(cython.int, level)
+        return total
 
     @cython.cfunc
     def _step(
@@ -392,8 +400,8 @@ class CentroidKernel:
         far2   px2: of a longer one the slopes alone are enough
         first  it is its first step
         """
-        x4: cython.double = N_PHASES * px + 2
-        y4: cython.double = N_PHASES * py + 2
+        x4: cython.double = N_PHASES * px + self._to_middle
+        y4: cython.double = N_PHASES * py + self._to_middle
         kind: cython.Py_ssize_t = self._kind_of[i]
         self.amplitude[i] = self.fit[i] = 0
         if not (0 <= px <= self._columns - 1 and 0 <= py <= self._rows - 1):  # NaN is not
@@ -404,8 +412,8 @@ class CentroidKernel:
         cy: cython.Py_ssize_t = y >> 2
         phase: cython.Py_ssize_t = (y & 3) * 4 + (x & 3)
         norm: cython.Py_ssize_t = self._norm_of[i] + phase
-        middle_x = middle_of(px)
-        middle_y = middle_of(py)
+        middle_x = middle_of(px, self._to_middle)
+        middle_y = middle_of(py, self._to_middle)
         if not self._wide and self._inner[0] <= x4 < self._inner[2] and self._inner[1] <= y4 < self._inner[3]:
             sum_window(self._windows, cy * self._stride + cx, kind, norm)
         else:
@@ -449,15 +457,20 @@ class CentroidKernel:
     ) -> cython.void:
         """Pixels of the support less the middle's level, as of bright pins; zero outside of the image."""
         k: Kind = self._kinds[kind]
-        level: cython.int = self._level(cx, cy)
+        side: cython.Py_ssize_t = self._side
         at: cython.Py_ssize_t = 0
+        right: cython.Py_ssize_t = self._columns - side
+        low: cython.Py_ssize_t = self._rows - side
+        cx -= (side - 1) // 2
+        cy -= (side - 1) // 2
+        level: cython.int = self._level(min(max(cx, 0), right), min(max(cy, 0), low))
         self._in_view = 0
         for j in range(k.first_span, k.end_span):
-            y = cy + self._spans[j, 1]
+            y = cy + side * self._spans[j, 1]
             for i in range(self._spans[j, 2]):
-                x = cx + self._spans[j, 0] + i
+                x = cx + side * (self._spans[j, 0] + i)
                 step = 0
-                self._is_in_view[at] = 0 <= y < self._rows and 0 <= x < self._columns
+                self._is_in_view[at] = 0 <= y <= low and 0 <= x <= right
                 if self._is_in_view[at]:
                     step = (self._sign * (self._level(x, y) - level)) >> self._shift
                     self._in_view += 1
@@ -559,9 +572,9 @@ class CentroidKernel:
 
 @cython.cfunc
 @cython.inline
-def middle_of(at: cython.double) -> cython.double:
+def middle_of(at: cython.double, to_middle: cython.double) -> cython.double:
     """Where the template is that stands for this place of a pin, px."""
-    return 0.25 * cython.cast(cython.int, N_PHASES * at + 2) - 0.375
+    return 0.25 * (cython.cast(cython.int, N_PHASES * at + to_middle) - to_middle) + 0.125
 
 
 @cython.cfunc
@@ -582,7 +595,8 @@ def _kinds_of(templates: TemplateSet) -> NDArray[np.void]:
     space = LANES * np.arange(len(lengths))  # behind each kind's steps
     kinds.first_step, kinds.end_step = end - lengths + space, end + space
     kinds.pixels = [spans[:, 2].sum() for spans in templates.spans]
-    kinds.row_bytes = [-(-int(spans[:, 2].max()) // LANES) * LANES for spans in templates.spans]
+    longest = templates.side * np.array([spans[:, 2].max() for spans in templates.spans])
+    kinds.row_bytes = -(-longest // LANES) * LANES
     return kinds
 
 
@@ -591,13 +605,15 @@ def _check(templates: TemplateSet, kind_of: Index, rest_amplitude: Array) -> Non
     if kind_of.ndim != 1 or rest_amplitude.shape != kind_of.shape:
         raise ValueError("kinds and amplitudes of pins are of different numbers of pins")
     n_kinds = len(templates.half)
+    if templates.side not in (1, SIDE):
+        raise ValueError(f"blocks of {templates.side} px: 1 or {SIDE} is wanted")
     if kind_of.size and (kind_of.min() < 0 or kind_of.max() >= n_kinds):
         raise ValueError(f"a pin's kind is out of range: 0 to {n_kinds - 1}")
     for half, spans, first, first_uv, plane in zip(
         templates.half, templates.spans, templates.first, templates.first_uv, templates.plane, strict=True
     ):
-        if not 1 <= half <= HALF_MAX:
-            raise ValueError(f"a template of half width {half}: 1 to {HALF_MAX} is wanted")
+        if not 1 <= half <= HALF_MAX // templates.side:
+            raise ValueError(f"a template of half width {half}: 1 to {HALF_MAX // templates.side} is wanted")
         column, row, length = spans.T
         if np.abs(row).max() > half or column.min() < -half or length.min() < 1:
             raise ValueError(f"spans of a template beyond its half width {half}")

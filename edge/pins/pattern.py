@@ -145,7 +145,7 @@ def belongs(spots: Spots, trend: Trend) -> Mask:
         outlierness = _outlierness(spots[index], trend)
         likely = outlierness < RUNTIME.noise_sigma**2
         xy = spots.xy_img[index]
-        core = index[likely][_connected(xy[likely])]
+        core = index[likely][_connected(xy[likely], trend)]
         if len(core) <= N_RING:
             return np.zeros(len(spots), bool)
         pitch = pitch_of(spots.xy_img[core])
@@ -191,9 +191,14 @@ def _outlierness(spots: Spots, trend: Trend) -> Array:
     distance, near = nearest_of(spots.xy_img, spots.xy_img, N_RING + 1)
     distance, near = distance[:, 1:], near[:, 1:]
     radius, depth, spacing = trend.at(spots.xy_img)
-    apart = np.maximum(_log_ratio(distance[:, :2].mean(axis=1) / spacing, near), 0.0)
+    beside = near
+    if trend.explains:  # near in the image may be many spacings away, along a tube many rings
+        away, around = nearest_of(spots.xy_img, spots.xy_img, 2 * N_RING + 1)
+        order = np.argsort(away[:, 1:] / np.sqrt(spacing[around[:, 1:]]), axis=1, kind="stable")[:, :N_RING]
+        beside = np.take_along_axis(around[:, 1:], order, 1)
+    apart = np.maximum(_log_ratio(distance[:, :2].mean(axis=1) / spacing, beside), 0.0)
     difference = np.stack(
-        [_log_ratio(spots.radius_px / radius, near), _log_ratio(spots.depth / depth, near), apart]
+        [_log_ratio(spots.radius_px / radius, beside), _log_ratio(spots.depth / depth, beside), apart]
     )
     scatter = SIGMA_OF_MAD * np.median(np.abs(difference), axis=1)
     scatter = np.clip(scatter, PARAMS.scatter_min, PARAMS.scatter_max)
@@ -213,10 +218,12 @@ def _log_ratio(value: Array, near: Index) -> Array:
     return ratio
 
 
-def _connected(xy_img: Array) -> Mask:
+def _connected(xy_img: Array, trend: Trend) -> Mask:
     """Which belong to a large group; two are linked if neither is far by its own nearest distance.
 
     Where nearest distances differ as those of strewn pins, some of which nearly touch, the two nearest count.
+    Where they follow a trend, a distance is at least what that says, and half a ring is a group: along a
+    tube, spokes are far apart, and a pin that is left out of one parts it.
     """
     n = len(xy_img)
     if n <= N_RING:
@@ -225,9 +232,13 @@ def _connected(xy_img: Array) -> Mask:
     own = distance[:, 1]
     if SIGMA_OF_MAD * np.median(np.abs(_log_ratio(own, near[:, 1:]))) > PARAMS.scatter_max[2]:
         own = distance[:, 1:3].mean(axis=1)
+    least_n = N_RING
+    if trend.explains:
+        spacing = trend.at(xy_img)[2]
+        own, least_n = np.maximum(own, spacing * np.median(own / spacing)), N_RING // 2
     a, b = pairs_within(xy_img, LATTICE.longest_edge * float(np.quantile(own, 0.95))).T
     linked = np.hypot(*(xy_img[a] - xy_img[b]).T) < LATTICE.longest_edge * np.minimum(own[a], own[b])
     label = groups_of(n, a[linked], b[linked])
     size = np.bincount(label)
-    member: Mask = size[label] >= N_RING
+    member: Mask = size[label] >= least_n
     return member

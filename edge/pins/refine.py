@@ -7,7 +7,7 @@ import numpy as np
 from edge.pins.centroids import CentroidKernel
 from edge.pins.lens import corrected, magnification, rest_as_seen, seen
 from edge.pins.params import PARAMS
-from edge.pins.templates import STEP_MAX, templates_of
+from edge.pins.templates import SIDE, STEP_MAX, templates_of
 from edge.types import Array, Image, Pins, Rest
 
 
@@ -26,11 +26,13 @@ class CentroidRefiner:
         if self._lens is not None:
             self._magnification = magnification(self._lens, rest.xy_img)
         radius = np.asarray(rest.pins.radius_px, np.float64)
-        kinds, kind_of = np.unique(
-            np.rint(np.log(radius) / np.log(PARAMS.radius_kind_step)), return_inverse=True
-        )
+        # Large pins are read by blocks, which hide less of a radius that is off.
+        side = SIDE if pattern.pin_radius_px >= 2.0 * SIDE * PARAMS.reduced_radius_px else 1
+        step = PARAMS.radius_kind_step ** (1.0 / side)
+        kinds, kind_of = np.unique(np.rint(np.log(radius) / np.log(step)), return_inverse=True)
+        levels, most = (side * side * level for level in (pattern.brightness, np.iinfo(np.uint8).max))
         self._kernel = CentroidKernel(
-            templates_of(tuple(PARAMS.radius_kind_step**kinds), pattern.edge_px, pattern.pitch_px),
+            templates_of(tuple(step**kinds), pattern.edge_px, pattern.pitch_px, side),
             kind_of.astype(np.int32),
             rest.pins.brightness,
             {
@@ -40,7 +42,7 @@ class CentroidRefiner:
                 "reach_px": PARAMS.own_pitches * pattern.pitch_px,
                 "noise": pattern.noise,
                 # One bit is left above the pins' brightness, since the light may double.
-                "spare_bits": max(0.0, np.ceil(np.log2(pattern.brightness / STEP_MAX)) + 1.0),
+                "spare_bits": max(0.0, np.ceil(np.log2(levels / STEP_MAX)) + 1.0) if levels > most else 0.0,
             },
             pattern.dark,
         )

@@ -10,7 +10,7 @@ Rules
 
 from dataclasses import dataclass
 from functools import lru_cache
-from math import erfc
+from math import erfc, isqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +25,7 @@ BLOCK = 32  # a plane's length is a multiple of it: loops have no remainder
 #: px, half width of a window: two levels times it fit 16 bits, in which columns and rows are summed.
 HALF_MAX = int(np.iinfo(np.int16).max // (np.iinfo(np.uint8).max + np.iinfo(np.uint8).max))
 STEP_MAX = 4095  # a pixel against the window's middle, levels: 12 bits; brighter images lose their last bits
+SIDE = isqrt(STEP_MAX // np.iinfo(np.uint8).max)  # px, of the blocks that large pins are read by; C knows 4
 
 #: One phase has these, in this order, which `centroid_steps.pxd` numbers. |p| is the root of
 #: the sum of p^2 over the support, u and v are columns and rows from its middle, u' and v' these less their
@@ -55,7 +56,9 @@ Shorts = NDArray[np.int16]
 class TemplateSet:
     """Templates of k kinds of pins.
 
-    half          (k,) px; a kind's window is the square of 2 half + 1 round its middle
+    side          px: pixels of windows are sums of blocks of the image, side x side, 1 or `SIDE`; the middle
+                  one begins (side - 1) // 2 before the pixel that a window is round
+    half          (k,) such pixels; a kind's window is the square of 2 half + 1 round its middle
     spans         of each kind (r, 3) int32: of each row of its support, first column and row against the
                   window's middle, and number of pixels
     first, first_uv  (k,) where a kind begins in `values`, and in `uv`
@@ -65,6 +68,7 @@ class TemplateSet:
     norms         (k, PHASES^2, len(NORM)) float64
     """
 
+    side: int
     half: tuple[int, ...]
     spans: tuple[Index, ...]
     first: tuple[int, ...]
@@ -76,10 +80,11 @@ class TemplateSet:
 
 
 @lru_cache(maxsize=8)  # while pins are searched for, every frame has the same pattern
-def templates_of(radii: tuple[float, ...], edge_px: float, pitch_px: float) -> TemplateSet:
+def templates_of(radii: tuple[float, ...], edge_px: float, pitch_px: float, side: int = 1) -> TemplateSet:
     """Templates of discs of these radii whose edge is blurred by `edge_px` (sigma), `pitch_px` apart."""
-    parts = [_templates(radius, edge_px, pitch_px) for radius in radii]
+    parts = [_templates(radius, edge_px, pitch_px, side) for radius in radii]
     return TemplateSet(
+        side=side,
         half=tuple(part.half for part in parts),
         spans=tuple(part.spans for part in parts),
         first=_begins([part.values.size for part in parts]),
@@ -120,23 +125,26 @@ _erfc = np.vectorize(erfc, otypes=[np.float64])
 
 
 @lru_cache(maxsize=64)
-def _templates(radius: float, edge_px: float, pitch_px: float) -> _Kind:
+def _templates(radius: float, edge_px: float, pitch_px: float, side: int) -> _Kind:
     """The disc of each phase, orthogonal to a constant, and its slopes in x and y, orthogonal to both."""
     tight = _tight(radius, edge_px)
     support = min(radius + 3.0 * edge_px + 0.5, max(tight, 0.85 * pitch_px - tight))
-    half = min(int(np.ceil(support + 0.5)), HALF_MAX)
+    half = min(int(np.ceil(support / side + 0.5)), HALF_MAX // side)
     offset = (np.arange(PHASES) + 0.5) / PHASES - 0.5
     grid = np.arange(-half, half + 1, dtype=np.float64)
     columns, rows = np.meshgrid(grid, grid)
-    u = columns - np.tile(offset, PHASES)[:, None, None]
-    v = rows - np.repeat(offset, PHASES)[:, None, None]
+    one = (side * np.hypot(columns, rows) <= support + (side - 1) / 2).astype(np.float64)[None]
+    pixels = np.arange(side * len(grid)) - (side * len(grid) - 1) / 2
+    u = pixels - np.tile(offset, PHASES)[:, None, None]
+    v = pixels[:, None] - np.repeat(offset, PHASES)[:, None, None]
     r = np.hypot(u, v)
-    one = (np.hypot(columns, rows) <= support).astype(np.float64)[None]
-    disc = one * 0.5 * _erfc((r - radius) / (np.sqrt(2.0) * edge_px))
-    slope = one * np.exp(-0.5 * ((r - radius) / edge_px) ** 2) / np.maximum(r, 1e-9)
+    disc = 0.5 * _erfc((r - radius) / (np.sqrt(2.0) * edge_px))
+    slope = np.exp(-0.5 * ((r - radius) / edge_px) ** 2) / np.maximum(r, 1e-9)
     slope /= edge_px * np.sqrt(2.0 * np.pi)
+    planes = np.stack([disc, slope * u, slope * v]).reshape(3, -1, len(grid), side, len(grid), side)
+    disc, *slopes = one * planes.mean(axis=(3, 5))
     d = disc - one * _dot(disc, one) / _dot(one, one)
-    tx, ty, px, py = (_freed(p, one, d) for p in (slope * u, slope * v, columns * one, rows * one))
+    tx, ty, px, py = (_freed(p * one, one, d) for p in (*slopes, columns, rows))
     scale = (0.99 * _scale(d), 0.99 * min(_scale(tx), _scale(ty)))
     inside = one[0] > 0
     n = np.count_nonzero(inside)
@@ -147,7 +155,7 @@ def _templates(radius: float, edge_px: float, pitch_px: float) -> _Kind:
     freedom = max(n - 6.0, 2.0)
     norm = _norms(d, tx, ty, px, py, scale) | {
         "by_level": 1.0, "by_square": 1.0, "inv_pixels": 1.0 / n, "freedom": freedom, "radius": radius,
-        "inv_freedom": 1.0 / freedom, "step_max": max(half - 2, 2) / 2,
+        "inv_freedom": 1.0 / freedom, "step_max": side * max(half - 2, 2) / 2,
     }  # fmt: skip
     norms = np.stack([np.broadcast_to(norm[name], PHASES * PHASES) for name in NORM], axis=1)
     return _Kind(half, _spans(inside), values, uv, norms)

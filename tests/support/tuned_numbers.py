@@ -59,7 +59,7 @@ NOT_TUNED: dict[str, dict[str, str]] = {
     "a processor's lanes and cache lines": {
         "calibration/evaluation": "ROWS", "pins/templates": "LANES BLOCK", "sources/shared_memory": "ALIGN",
     },
-    "names of glibc's settings": {"runtime/process": "_MMAP_THRESHOLD _TRIM_THRESHOLD"},
+    "names of glibc's settings": {"runtime/process": "_MMAP_THRESHOLD _TRIM_THRESHOLD _ARENA_MAX"},
     "figures of a maker": {"runtime/board_monitor": "HOT_DEGC", "sources/oak": "RATE_HZ"},
     "colours": {"view/palette": "PAPER SAFE", "view/panels": "_CROSS _RING _HOLE"},
 }  # fmt: skip

@@ -43,13 +43,13 @@ class Twice:
     """A detector that gets the areas of all frames, and one that gets those that it needs: they agree."""
 
     def __init__(self, rest: Rest) -> None:
-        self.rest, self.rest_area = rest, areas(rest.xy_img, rest)
+        self.rest, self.rest_area, self.spared_n = rest, areas(rest.xy_img, rest), 0
         self.of_all, self.of_few = ContactDetector(rest), ContactDetector(rest)
-        self.spared_n = 0
 
-    def decide(self, xy: Array) -> bool:
+    def decide(self, motion: Array) -> bool:
+        xy = self.rest.xy_img + motion
         change = areas(xy, self.rest) / self.rest_area - 1.0
-        known = self.of_few.known(xy, (xy - self.rest.xy_img).mean(axis=0), 0.05, True, False)
+        known = self.of_few.known(xy, motion.mean(axis=0), 0.05, True, False)
         self.spared_n += known >= 0
         touched = self.of_all.by_area(change, xy, 0.05)
         assert (self.of_few.by_area(change, xy, 0.05) if known < 0 else known) == touched
@@ -57,32 +57,54 @@ class Twice:
 
 
 @pytest.mark.parametrize("pins", [61, 127, 331])
-def test_the_pins_motion_alone_tells_of_an_untouched_tip_what_areas_would(pins: int) -> None:
+def test_motion_alone_tells_of_an_untouched_tip_what_areas_would(pins: int) -> None:
     """Presses, firm and faint, noise that grows, a camera that shakes and is turned."""
     rest, rng = tip(pins), np.random.default_rng(1)
-    twice, touched_n = Twice(rest), 0
+    twice, touched_n, way = Twice(rest), 0, rest.xy_img - CENTRE
     for k in range(480):
-        wave, way = np.sin(k / 15.0), rest.xy_img - CENTRE
-        height = max(0.0, wave) * (0.0, 0.04, 0.012, 0.0, 0.0)[k // 96]
-        turn = 0.01 * wave * (k > 432) * np.column_stack([-way[:, 1], way[:, 0]])
-        noise = rng.normal(0.0, 0.08 if 288 < k < 384 else 0.05, way.shape)
-        shaken = turn + noise + (k > 384) * np.array([3.0 * wave, -2.0])
-        touched_n += twice.decide(rest.xy_img + push(rest, (20.0, -15.0), 40.0, height) + shaken)
+        wave, part = np.sin(k / 15.0), k // 96
+        pressed = push(rest, (20.0, -15.0), 40.0, max(0.0, wave) * (0.0, 0.04, 0.012, 0.0, 0.0)[part])
+        shaken = (part > 3) * (
+            np.array([3.0 * wave, -2.0]) + 0.01 * wave * (k > 432) * way @ [[0, 1], [-1, 0]]
+        )
+        touched_n += twice.decide(pressed + shaken + rng.normal(0.0, 0.08 if part == 3 else 0.05, way.shape))
     assert 50 < touched_n < 200
     assert twice.spared_n > 150
 
 
+@pytest.mark.parametrize("actual", [0.03, 0.12])
+def test_noise_is_learnt(actual: float) -> None:
+    """The pins' sigma is 0.05 px; the true noise is less or more. Afterwards no false and no missed touch."""
+    rest, rng = tip(127), np.random.default_rng(2)
+    twice = Twice(rest)
+    for k in range(200):
+        assert not twice.decide(rng.normal(0.0, min(actual, 0.06 + 0.001 * k), (127, 2)))
+    learnt = twice.of_few.cell_noise(0.05)
+    assert learnt == pytest.approx(0.83 * actual / rest.pattern.pitch_px, rel=0.25)
+    assert twice.decide(push(rest, (10.0, 10.0), 60.0, 0.04) + rng.normal(0.0, actual, (127, 2)))
+
+
+def test_a_slow_touch_is_not_learnt_as_noise() -> None:
+    rest, rng, heights = tip(331), np.random.default_rng(3), np.linspace(0.0, 0.05, 100)
+    twice = Twice(rest)
+    touched = [
+        twice.decide(push(rest, (0.0, 0.0), 60.0, height) + rng.normal(0.0, 0.05, (331, 2)))
+        for height in heights
+    ]
+    assert not touched[0]
+    assert heights[int(np.argmax(touched))] < 0.005
+    assert all(touched[int(np.argmax(touched)) + 5 :])
+
+
 def test_skin_that_creeps_is_learnt_as_noise_of_rings_and_a_touch_still_begins() -> None:
     """Neighbours move alike: cells' noise is hardly more, and a ring's mean keeps all of it."""
-    rest = tip(127)
-    rng = np.random.default_rng(0)
+    rest, rng = tip(127), np.random.default_rng(0)
     twice = Twice(rest)
 
     def decide(height: float) -> bool:
         """One frame of pins' noise and of waves across the skin, pressed so much."""
         waves = rng.normal(0.0, 0.05, 2) * np.sin(rest.xy_img / 40.0 + rng.uniform(0.0, 6.0, 2))
-        noise = rng.normal(0.0, 0.05, (127, 2))
-        return twice.decide(rest.xy_img + push(rest, (20.0, -15.0), 50.0, height) + waves + noise)
+        return twice.decide(push(rest, (20.0, -15.0), 50.0, height) + waves + rng.normal(0.0, 0.05, (127, 2)))
 
     assert not any([decide(0.0) for _ in range(300)][64:])
     assert decide(0.05)

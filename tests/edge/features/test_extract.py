@@ -9,7 +9,6 @@ import pytest
 
 from edge.cells import Tessellator
 from edge.features import FeatureExtractor, FeaturePlan
-from edge.features.contact_detector import ContactDetector
 from edge.pins import detect, take_rest
 from edge.sources.files import read_image
 from edge.tracking import Tracker
@@ -85,32 +84,6 @@ def test_a_reflection_that_shifts_pins_is_no_contact(pins: int, with_cells: bool
         at = CENTRE + rng.uniform(-20.0, 20.0, 2)
         tracks, cells = noisy(rest, motion + push(rest, tuple(at - CENTRE), 40.0, 0.05), rng)
         assert light.extract(tracks, cells if with_cells else None, ALL).in_contact
-
-
-@pytest.mark.parametrize("actual", [0.03, 0.12])
-def test_detector_learns_the_noise(actual: float) -> None:
-    """The pins' sigma is 0.05 px; the true noise is less or more. Afterwards no false and no missed touch."""
-    rest, rng = tip(127), np.random.default_rng(2)
-    made, detector = extractor(rest), ContactDetector(rest)
-    for k in range(200):
-        xy = rest.xy_img + rng.normal(0.0, min(actual, 0.06 + 0.001 * k), rest.xy_img.shape)
-        found = made.extract(*frame(rest, xy), ALL)
-        assert not found.in_contact
-        assert not detector.by_area(found.area_change, xy, 0.05)
-    assert detector.cell_noise(0.05) == pytest.approx(0.83 * actual / rest.pattern.pitch_px, rel=0.25)
-    xy = rest.xy_img + push(rest, (10.0, 10.0), 60.0, 0.04) + rng.normal(0.0, actual, rest.xy_img.shape)
-    assert made.extract(*frame(rest, xy), ALL).in_contact
-
-
-def test_slow_touch_is_not_learnt_as_noise() -> None:
-    rest, heights = tip(331), np.linspace(0.0, 0.05, 100)
-    made, rng = extractor(rest), np.random.default_rng(3)
-    touched = [
-        made.extract(*noisy(rest, push(rest, (0.0, 0.0), 60.0, h), rng), ALL).in_contact for h in heights
-    ]
-    assert not touched[0]
-    assert heights[int(np.argmax(touched))] < 0.005
-    assert all(touched[int(np.argmax(touched)) + 5 :])
 
 
 def test_a_third_of_the_pins_lost_changes_little() -> None:

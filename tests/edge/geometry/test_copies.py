@@ -11,7 +11,7 @@ pytestmark = pytest.mark.kernels
 
 
 @pytest.mark.parametrize("hold", [np.asarray, np.transpose, memoryview, lambda array: array[1:, ::2]])
-def test_what_is_held_stays_and_what_is_let_go_is_used_again(hold: Any) -> None:
+def test_held_copies_stay_and_others_are_used_again(hold: Any) -> None:
     source, held = np.zeros((3, 4)), list[Any]()
     copies = Copies(source)
     for k in range(9):
