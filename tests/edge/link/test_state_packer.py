@@ -8,6 +8,7 @@ from hypothesis import given
 from edge.link.sinks import packed
 from hostlink.wire import State, pack_state, unpack_state
 from hostlink.wire.fields import Field
+from hostlink.wire.state import all_fields
 from tests.support.states import MEASURED, any_state
 
 pytestmark = pytest.mark.kernels
@@ -29,5 +30,5 @@ def test_values_at_and_beside_the_middle_of_two_steps_are_rounded_alike(f: Field
     for n in range(f.raw_low, f.raw_high, 97):
         value = (n + 0.5) * f.scale
         for near in (nextafter(value, -inf), value, nextafter(value, inf)):
-            state = State(**{f.name: near})
+            state = State.of(all_fields({f.name: near}))
             assert packed(state, 0) == pack_state(state, 0), near
