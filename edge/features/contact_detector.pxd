@@ -21,7 +21,7 @@ cdef class ContactDetector:
     cdef double[:, ::1] _middle  # ring medians of the motion; NaN: not looked up yet
     cdef double[::1] _ring_x  # motion of one ring
     cdef double[::1] _ring_y, _values, _ring_values
-    # For the slopes of all ring medians at once, in blocks; single precision.
+    # These are for the slopes of all ring medians at once, in blocks and in single precision.
     cdef Py_ssize_t _blocks_n
     cdef unsigned short[:, ::1] _twice  # twice the rows of each ring
     cdef float[::1] _weights  # of the slopes: block, pin of a ring, ring, coordinate

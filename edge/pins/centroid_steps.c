@@ -109,7 +109,7 @@ static inline void vt_fetch_rows(const unsigned char *image, vt_fetch *f, Py_ssi
 typedef void vt_sums_of(const unsigned char *restrict pixels, const short *t, const signed char *uv, const vt_kind *k,
                         const double *norm, double *sums);
 
-/* Of bytes, or of sums of blocks less their `middle`. */
+/* The sums of bytes, or of blocks less their `middle`. */
 VT_INLINE static inline void vt_sums_by(const unsigned char *restrict bytes, const short *restrict blocks, int middle,
                                         const short *t, const signed char *uv, const vt_kind *kind,
                                         const double *norm, double *sums)
@@ -276,7 +276,7 @@ VT_INLINE static inline void vt_sum_window_by(vt_sums_of *sums_of, const vt_wind
 }
 
 typedef void vt_sum(const vt_windows *, Py_ssize_t, Py_ssize_t, Py_ssize_t);
-/* Of this processor: blocks by a function of their own, which takes no registers from the loop over small pins. */
+/* Blocks have a function of their own, which takes no registers from the loop over small pins. */
 #define VT_SUM_WINDOW(name, blocks, sums_of, target) \
     target static void blocks(const vt_windows *w, Py_ssize_t begin, Py_ssize_t kind, Py_ssize_t norm) \
     { \
@@ -362,7 +362,7 @@ VT_INLINE static inline int vt_step_two(const vt_steps *s, const double *sums, c
     const vt_two gu2 = gu * gu, gv2 = gv * gv, energy = square - level * level * inv_pixels;
     const vt_two rest = energy - a2 - tx * tx - ty * ty - gu2 - gv2;
     const vt_two found = VT_WHERE(rest > 0.0, rest) * inv_freedom, more = found - s->noise2;
-    /* What is no noise is alike in all pixels of a block. */
+    /* What is left beyond the noise is alike in all pixels of a block. */
     const vt_two variance = found - (1.0 - 1.0 / (s->side * s->side)) * VT_WHERE(more > 0.0, more) + 1.0 / 12.0;
     const vt_two limit = 4.0 * variance;
     const vt_two keep_x = VT_WHERE((gu2 > limit) & is_near, 1.0 - limit / gu2);

@@ -174,7 +174,7 @@ def take_step(
     energy = square - level * level * inv_pixels
     rest = energy - a2 - tx * tx - ty * ty - gu2 - gv2
     found = max(rest, 0.0) * norms[INV_FREEDOM]
-    # What is no noise is alike in all pixels of a block.
+    # What is left beyond the noise is alike in all pixels of a block.
     variance = found - (1.0 - 1.0 / (steps.side * steps.side)) * max(found - steps.noise2, 0.0) + 1.0 / 12.0
     limit = 4.0 * variance
     keep_x = 1.0 - limit / gu2 if is_near and gu2 > limit else 0.0
