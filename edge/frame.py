@@ -37,15 +37,17 @@ class FramePlan:
     """The steps of a frame, as a demand needs them of a calibration.
 
     cells     whether cells are made
-    areas, untouched  whether they are needed of each frame in contact, and of each without one; else not
-              while the pins' motion shows that it goes on, or that nothing touches
+    areas     whether they are needed of each frame in contact; else not while the pins' motion shows that it
+              goes on
+    watched   somebody looks at the cells: frames without a contact have them, too, and all have triangles; else
+              they are not made while the pins' motion shows that nothing touches
     features  what is computed of them
     grip      whether friction and slip margin are made of the forces
     """
 
     cells: bool
     areas: bool
-    untouched: bool
+    watched: bool
     features: FeaturePlan
     grip: bool
 
@@ -64,7 +66,7 @@ def plan_of(
     return FramePlan(
         cells=not OF_CELLS.isdisjoint(needed),
         areas=calibration.of_volume or not needed <= OF_MODES,
-        untouched=watched,
+        watched=watched,
         features=FeaturePlan(needed, moments=calibration.of_moments, fits=fits, modes_at_rest=False),
         grip=Feature.FORCE in demand and calibration.outputs >= OF_GRIP,
     )
@@ -98,11 +100,12 @@ class _View:
         if tracks.confidence < Tracks.LOW_CONFIDENCE and not (even_untrusted and tracks.n_seen >= 3):
             return Result(frame, tracks, None, None, uncalibrated(), searched)
         moved = drift.correct(tracks, self.rows) if drift and drift.learnt else tracks
-        touched = self._extractor.touched(moved, plan.areas, plan.untouched) if plan.cells else None
+        touched = self._extractor.touched(moved, plan.areas, plan.watched) if plan.cells else None
         if touched is not None:
             self.tessellator.keep(moved)
         try:
-            cells = self.tessellator.cells(moved) if plan.cells and touched is None else None
+            wanted = plan.cells and touched is None
+            cells = self.tessellator.cells(moved, plan.watched) if wanted else None
         except DegenerateLayout:  # the pins that remain span no plane: treat them as lost
             return Result(frame, tracks, None, None, uncalibrated(), searched)
         features = self._extractor.extract(moved, cells, plan.features, touched, frame.capture_ns)

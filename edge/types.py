@@ -289,7 +289,8 @@ class Cells:
     area_px2       (n,) float64; NaN where the pin is lost, or outside of the boundary
     rest_area_px2  (n,) float64; the same boundary rule on the rest frame
     xy_img         (n, 2) float64 px; the points tessellated: seen pins, and predictions for lost ones
-    triangles      (m, 3) int32; Delaunay triangles that touch a pin; indices >= n are boundary points
+    triangles      (m, 3) int32; Delaunay triangles that touch a pin; indices >= n are boundary points;
+                   None: nobody draws the cells
     boundary_img   (b, 2) float64 px; the artificial points of the paper, moving with the rim
     whole_px2      (n,) float64; as `area_px2`, with a lost pin's cell at its predicted place;
                    None: no pin is lost
@@ -301,7 +302,7 @@ class Cells:
     area_px2: Array
     rest_area_px2: Array
     xy_img: Array
-    triangles: Index
+    triangles: Index | None
     boundary_img: Array
     whole_px2: Array | None = None
     gap: float = 0.0

@@ -68,7 +68,8 @@ class JoinedViews:
         rows, triangles, end = self._rows, [], len(self._rest)
         for cells, own in zip(of_views, rows, strict=True):
             start, end = end, end + len(cells.boundary_img)
-            triangles.append(np.append(own, np.arange(start, end, dtype=np.int32))[cells.triangles])
+            if cells.triangles is not None:
+                triangles.append(np.append(own, np.arange(start, end, dtype=np.int32))[cells.triangles])
         whole = None
         if any(cells.whole_px2 is not None for cells in of_views):
             areas = [cells.area_px2 if cells.whole_px2 is None else cells.whole_px2 for cells in of_views]
@@ -77,7 +78,7 @@ class JoinedViews:
             joined(rows, [cells.area_px2 for cells in of_views]),
             joined(rows, [cells.rest_area_px2 for cells in of_views]),
             joined(rows, [cells.xy_img for cells in of_views]),
-            np.concatenate(triangles),
+            np.concatenate(triangles) if len(triangles) == len(rows) else None,
             np.concatenate([cells.boundary_img for cells in of_views]),
             whole,
             *self._gap(of_views),

@@ -47,9 +47,10 @@ class Tessellator:
         """Make now what otherwise the first lost pin would wait for (20 ms); from any thread."""
         self._lost.precision  # noqa: B018
 
-    def cells(self, tracks: Tracks) -> Cells:
+    def cells(self, tracks: Tracks, drawn: bool = True) -> Cells:
         """Area of each pin's bounded cell in this frame.
 
+        drawn          somebody wants their triangles
         tracks.xy_img  (n, 2) px, row i is pin i; NaN where lost
         tracks.autocorrelation  how much the frame that this was called for before tells of lost pins
         Returns        new arrays; but `rest_area_px2` and `triangles` are shared by frames and read-only, and
@@ -69,16 +70,17 @@ class Tessellator:
             raise DegenerateLayout(f"{self._seen_of(tracks)}: {error}") from error
         if not self._mesh.total_area >= self._collapsed_px2:  # rare, or NaN: a cell is not bounded
             self._must_not_have_collapsed(tracks)
-        if changes != self._changes:
+        if drawn and changes != self._changes:
             self._triangles, self._changes = self._mesh.triangles(), changes
+        triangles = self._triangles if drawn else None
         area, around, whole = self._areas.take(), self._arounds.take(), None
         if not are_lost:
-            return Cells(area, self.rest_area_px2, xy, self._triangles, around)
+            return Cells(area, self.rest_area_px2, xy, triangles, around)
         whole = area.copy()
         area[self._lost.lost] = np.nan
         gap, gap_img = self._lost.gap, self._lost.gap_img
         # The fields are given by place: names cost 3,600 instructions a frame.
-        return Cells(area, self.rest_area_px2, xy, self._triangles, around, whole, gap, gap_img)
+        return Cells(area, self.rest_area_px2, xy, triangles, around, whole, gap, gap_img)
 
     def keep(self, tracks: Tracks) -> None:
         """Make a frame whose cells nobody needs the last one; all of its pins are seen."""
@@ -111,7 +113,12 @@ def _side_length(xy: Array) -> float:
 
 
 def cell_polygons(cells: Cells) -> list[Array]:
-    """Corners of each pin's cell in turn, (k, 2) px, for drawings; (0, 2) where the area is NaN."""
+    """Corners of each pin's cell in turn, (k, 2) px, for drawings; (0, 2) where the area is NaN, or no
+    triangles are there.
+    """
+    n = len(cells.xy_img)
+    if cells.triangles is None:
+        return [np.empty((0, 2))] * n
     points = np.concatenate([cells.xy_img, cells.boundary_img])
     centre = circumcentres(points, cells.triangles)
     pin = cells.triangles.ravel()
@@ -119,7 +126,6 @@ def cell_polygons(cells: Cells) -> list[Array]:
     arm = corner - points[pin]
     # A cell is convex and holds its pin: the angle about the pin puts the corners in order.
     order = np.lexsort((np.arctan2(arm[:, 1], arm[:, 0]), pin))
-    n = len(cells.xy_img)
     starts = np.searchsorted(pin[order], np.arange(n + 1))
     corner = corner[order]
     return [

@@ -93,7 +93,7 @@ def touch(result: Result, rest: Rest, wants: frozenset[str]) -> tuple[dict[str, 
             x, y = features.grid_img
             header["grid"] = [float(x[0]), float(y[0]), float(x[1] - x[0]), len(x)]
             arrays["surface"] = _f4(features.surface)
-    if cells is not None and features is not None:
+    if cells is not None and cells.triangles is not None and features is not None:
         arrays["change"] = _f4(features.area_change)
         arrays["points"] = _f4(np.concatenate([cells.xy_img, cells.boundary_img]))
         arrays["triangles"] = ("u2", cells.triangles.astype("<u2").tobytes())
