@@ -39,8 +39,8 @@ class FramePlan:
     cells     whether cells are made
     areas     whether they are needed of each frame in contact; else not while the pins' motion shows that it
               goes on
-    watched   somebody looks at the cells: frames without a contact have them, too, and all have triangles; else
-              they are not made while the pins' motion shows that nothing touches
+    watched   somebody looks at the cells: frames without a contact have them, too, and all have triangles;
+              else they are not made while the pins' motion shows that nothing touches
     features  what is computed of them
     grip      whether friction and slip margin are made of the forces
     """
