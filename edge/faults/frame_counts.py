@@ -25,7 +25,7 @@ def level_of(image: Image, bits: cython.int) -> tuple[float, float]:
     """Mean level and share of saturated pixels, of full scale; 0 of an image without pixels.
 
     image   (h, w) uint8 or uint16, of which `bits` of each pixel are significant
-    Raises  ValueError: no such image
+    Raises  ValueError: no such image, or no such number of bits
     """
     _check_image(image)
     if not 1 <= bits <= 16:

@@ -244,7 +244,7 @@ class FeatureExtractor:
         torsion, slip, probability, of_twist, vibration, to_hz = of_pins
         gap = (0.0 if n_seen == self._n else NAN) if cells is None else cells.gap
         motion: PinMotion = self._motion
-        # By place, in the order of `Features`: names cost 3,000 instructions, and the tuples 1,500.
+        # They are given by place, in the order of `Features`: names cost 3,000 instructions, tuples 1,500.
         return Features(
             self._changes.take(), self._motions.take(), in_contact,
             self._means.take() if plan.shear else None, modes_px,

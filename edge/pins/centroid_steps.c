@@ -71,7 +71,7 @@ typedef unsigned short vt_pairs __attribute__((vector_size(32), aligned(1), may_
 typedef unsigned vt_words __attribute__((vector_size(32)));
 typedef short vt_blocks __attribute__((vector_size(16), aligned(1), may_alias));
 
-/* The same of blocks: each pixel is the sum of one. */
+/* This does the same with blocks: each pixel is the sum of one. */
 static inline short *vt_add_rows(const unsigned char *row, const Py_ssize_t *step, const Py_ssize_t *end,
                                  Py_ssize_t stride, short *to)
 {
@@ -362,7 +362,7 @@ VT_INLINE static inline int vt_step_two(const vt_steps *s, const double *sums, c
     const vt_two gu2 = gu * gu, gv2 = gv * gv, energy = square - level * level * inv_pixels;
     const vt_two rest = energy - a2 - tx * tx - ty * ty - gu2 - gv2;
     const vt_two found = VT_WHERE(rest > 0.0, rest) * inv_freedom, more = found - s->noise2;
-    /* What is left beyond the noise is alike in all pixels of a block. */
+    /* The residual beyond the noise is alike in all pixels of a block. */
     const vt_two variance = found - (1.0 - 1.0 / (s->side * s->side)) * VT_WHERE(more > 0.0, more) + 1.0 / 12.0;
     const vt_two limit = 4.0 * variance;
     const vt_two keep_x = VT_WHERE((gu2 > limit) & is_near, 1.0 - limit / gu2);

@@ -79,7 +79,6 @@ def sum_window(windows: Windows, begin: int, kind: int, norm: int) -> None:
 
     begin  byte of the image where the middle of the window is
     norm   row of its kind's phase in `norms`
-
     """
     image, _, kinds, all_steps, values, uv, norms, _, sums, dark, side = windows
     (rows, columns), stride = image.shape, image.strides[0]
@@ -174,7 +173,7 @@ def take_step(
     energy = square - level * level * inv_pixels
     rest = energy - a2 - tx * tx - ty * ty - gu2 - gv2
     found = max(rest, 0.0) * norms[INV_FREEDOM]
-    # What is left beyond the noise is alike in all pixels of a block.
+    # The residual beyond the noise is alike in all pixels of a block.
     variance = found - (1.0 - 1.0 / (steps.side * steps.side)) * max(found - steps.noise2, 0.0) + 1.0 / 12.0
     limit = 4.0 * variance
     keep_x = 1.0 - limit / gu2 if is_near and gu2 > limit else 0.0
