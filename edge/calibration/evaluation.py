@@ -41,6 +41,11 @@ from edge.calibration.file import Curve, Lost, Model, Process
 from edge.calibration.inputs import MODES
 from edge.types import Array, Complex, ContactRegion, Features, Index, PinPattern
 
+if cython.compiled:
+    from cython.cimports.edge.geometry.copies import numbers_of
+else:
+    from edge.geometry.copies import numbers_of
+
 HUGE_VAL = cython.declare(cython.double, float("inf"))
 M_PI = cython.declare(cython.double, math.pi)
 NAN = cython.declare(cython.double, float("nan"))
@@ -92,13 +97,9 @@ class InputRow:
             for i in range(n):
                 self._set(2 + i, NAN, 0.0)
         else:
-            modes_px: cython.const[cython.doublecomplex][::1] = modes
-            if modes_px.shape[0] != n:
-                raise ValueError(f"modes ({n},) are wanted, not {modes.shape}")
-            mode: cython.doublecomplex
+            parts = numbers_of(modes, n, True)
             for i in range(n):
-                mode = modes_px[i]
-                self._set(2 + i, mode.real / r, mode.imag / r)
+                self._set(2 + i, parts[2 * i] / r, parts[2 * i + 1] / r)
         if contacts:
             self._set_place_peak_size(contacts[0], first, first + 1, first + 2)
         else:
