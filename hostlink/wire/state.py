@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from itertools import accumulate, repeat
 from math import nan
-from typing import TYPE_CHECKING, Any, Final, TypeVar, cast, dataclass_transform
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeVar, cast, dataclass_transform
 from zlib import crc32
 
 from hostlink.wire.body import Decoded, FromFrame, body_in, received
@@ -41,8 +41,7 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True, slots=True)
-class Contact:
+class Contact(NamedTuple):
     """One place where something touches. Frame `tip`; NaN where not known."""
 
     x_mm: float
@@ -143,12 +142,10 @@ class State(StateFields, FromFrame):
 
 def all_fields(given: dict[str, Any]) -> dict[str, Any]:
     """All fields in the order of the table, then the contacts. Raises  as of `State`"""
-    values = _DEFAULTS.copy()
-    values.update(given)
+    values = _DEFAULTS | given
     if len(values) > len(_DEFAULTS):
         raise TypeError(f"a sample has no field {', '.join(sorted(values.keys() - _DEFAULTS.keys()))}")
-    if len(values["contacts"]) > CONTACTS_MAX:
-        n = len(values["contacts"])
+    if (n := len(values["contacts"])) > CONTACTS_MAX:
         raise ValueError(f"{n} contacts, at most {CONTACTS_MAX} fit: give the strongest")
     return values
 
