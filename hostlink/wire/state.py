@@ -13,12 +13,9 @@ from math import nan
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeVar, cast, dataclass_transform
 from zlib import crc32
 
-from hostlink.wire.body import Decoded, FromFrame, body_in, received
-from hostlink.wire.e2e import protected_p5
+from hostlink.wire.body import Decoded, FromFrame, body_in, frame_of, received
 from hostlink.wire.fields import (
-    CHECK_SIZE,
     CONTACTS_MAX,
-    DATA_ID,
     LAYOUT,
     OLDER,
     SCHEMA,
@@ -214,12 +211,6 @@ def pack_state(state: State, counter: int) -> bytes:
              refused (a loss); not for one that the divider skipped (no loss)
     """
     return frame_of(state.body or _BODY.pack(VERSION, *quantise(state)), counter)
-
-
-def frame_of(body: bytes, counter: int) -> bytes:
-    """The frame around version and fields: E2E header, check."""
-    checked = body + check_of(body).to_bytes(CHECK_SIZE, "little")
-    return protected_p5(checked, counter, DATA_ID)
 
 
 def unpack_state(frame: bytes) -> State:
