@@ -72,12 +72,13 @@ class InputRow:
     _n: cython.Py_ssize_t
     _pattern: PinPattern | None  # given last
     _radius: cython.double  # the tip's, px
+    needed: cython.uchar[::1]  # the vectors among them that anybody reads; others are left as they were
 
     def __init__(self, inputs: Sequence[str]) -> None:
         self._n, self._pattern = len(inputs), None
         self.x0 = self.y0 = self._radius = 0.0
         self.values = np.zeros(len(inputs), np.complex128)
-        self.numbers = self.values.view(np.float64)
+        self.numbers, self.needed = self.values.view(np.float64), np.ones(len(inputs), np.uint8)
 
     @cython.ccall
     @cython.exceptval(check=True)
@@ -160,7 +161,7 @@ class InputRow:
         """(2,) from a place, divided by a scale; None: not computed."""
         if xy is None:
             self._set(i, NAN, 0.0)
-        else:
+        elif self.needed[i]:
             pair: list[float] = xy.tolist()  # to read an array's element costs as much as both so
             x: cython.double = pair[0]
             y: cython.double = pair[1]
@@ -274,7 +275,9 @@ class ModelKernel:
             needed[nodes] |= wanted
         for k in range(len(needed) - 1, 0, -1):
             needed[parent[k]] |= needed[k]
-        self._active = np.flatnonzero(needed[1:]).astype(np.int32) + np.int32(1)
+        self._active = active = np.flatnonzero(needed[1:]).astype(np.int32) + np.int32(1)
+        columns = np.arange(self._inputs._n)
+        np.asarray(self._inputs.needed)[:] = np.isin(columns, np.asarray(self._column)[active])
 
     def of_frame(
         self, features: Features, pattern: PinPattern

@@ -151,6 +151,7 @@ class ContactField:
         self.plane_divergence = self.plane_curl = 0.0
         self.points = np.array(points, np.float64, order="C")
         terms = np.column_stack([np.ones(n), rest_xy - rest_xy[0]])
+        self._motion = np.empty(2 * n)
         self._terms, self._inverse = np.ravel(terms[:, 1:]), np.linalg.inv(terms.T @ terms)
         self._divergence_rel, self._heights_rel = PARAMS.divergence_rel, 1.0 - PARAMS.divergence_rel
 
@@ -243,6 +244,7 @@ class ContactField:
         """Motion less its plane, whose divergence is added later: the smaller values quantize more finely."""
         g: cython.double[:, ::1] = self._inverse
         at: cython.double[::1] = self._terms
+        motion: cython.double[::1] = self._motion
         rest: cython.const[cython.double][:, ::1] = self._rest
         detrended: cython.float[::1] = self._detrended
         column: cython.Py_ssize_t[::1] = self._column_both
@@ -255,8 +257,8 @@ class ContactField:
         yy: cython.double = 0.0
         for i in range(self._n):
             x, y = at[2 * i], at[2 * i + 1]
-            dx = xy[i, 0] - rest[i, 0]
-            dy = xy[i, 1] - rest[i, 1]
+            dx = motion[2 * i] = xy[i, 0] - rest[i, 0]
+            dy = motion[2 * i + 1] = xy[i, 1] - rest[i, 1]
             x0 += dx
             xx += x * dx
             xy_ += y * dx
@@ -270,10 +272,8 @@ class ContactField:
         xy_, yy = g[2, 0] * dx + g[2, 1] * x + g[2, 2] * xy_, g[2, 0] * dy + g[2, 1] * y + g[2, 2] * yy
         for i in range(self._n):
             x, y = at[2 * i], at[2 * i + 1]
-            dx = xy[i, 0] - rest[i, 0]
-            dy = xy[i, 1] - rest[i, 1]
-            detrended[column[i]] = dx - x0 - xx * x - xy_ * y
-            detrended[column[i] + 1] = dy - y0 - yx * x - yy * y
+            detrended[column[i]] = motion[2 * i] - x0 - xx * x - xy_ * y
+            detrended[column[i] + 1] = motion[2 * i + 1] - y0 - yx * x - yy * y
         self.plane_divergence = xx + yy
         self.plane_curl = yx - xy_
 
