@@ -53,8 +53,7 @@ class Drift:
 
     def offset_of(self, rows: Index | None = None) -> Array:
         """(k, 2) px, to be subtracted from the places of these pins, which are all if there are as many."""
-        whole = rows is None or len(rows) == len(self._offset)
-        return self._offset if whole else self._offset[rows]
+        return self._offset if rows is None or len(rows) == len(self._offset) else self._offset[rows]
 
     def learn(self, tracks: Tracks, capture_ns: int, quiet: bool) -> None:
         """Learn from one frame, as seen, if it is quiet: untouched, without a gap before it or a fault."""

@@ -89,10 +89,7 @@ class InputRow:
         self._must_have(first + 5, pattern)
         r: cython.double = self._radius
         volume, modes, contacts = features.volume_px2, features.modes_px, features.contacts
-        if volume is None:
-            self._set(0, NAN, 0.0)
-        else:
-            self._set(0, volume / (M_PI * r * r), 0.0)
+        self._set(0, NAN if volume is None else volume / (M_PI * r * r), 0.0)
         self._set_vector(1, features.shear_px, r)
         if modes is None:
             for i in range(n):
@@ -443,7 +440,8 @@ class Places:
 
     def __init__(self, models: tuple[ModelKernel, ModelKernel], mm_per_px: float, own_depth: bool) -> None:
         place, names = np.empty((1, 3)), CONTACT_OUTPUTS + JOINT_OUTPUTS
-        self._columns = [[names.index(name) % 3 for name in model.names] for model in models]
+        own, joint = models  # ValueError: others
+        self._columns = [[names.index(name) % 3 for name in model.names] for model in (own, joint)]
         self._models, self._scale, self._own_depth = models, mm_per_px, own_depth
         self._place, self._copies = place.ravel(), Copies(place)
 

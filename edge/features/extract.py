@@ -188,9 +188,11 @@ class FeatureExtractor:
 
     @cython.cfunc
     def _take(self, xy_img: Array, sigma_px: Array, offset_px: Array | None) -> cython.void:
+        """Compute the motion of the pins at these places, unless it is that already."""
         motion: PinMotion = self._motion
-        self._xy_img, self._n_seen = xy_img, motion.since_rest(xy_img, sigma_px, offset_px)
-        self._sigma_px = sqrt(motion.sigma_px * motion.sigma_px + self._rest_variance)
+        if xy_img is not self._xy_img:
+            self._xy_img, self._n_seen = xy_img, motion.since_rest(xy_img, sigma_px, offset_px)
+            self._sigma_px = sqrt(motion.sigma_px * motion.sigma_px + self._rest_variance)
 
     def touched(
         self, tracks: Tracks, if_touched: cython.bint = True, if_untouched: cython.bint = True
@@ -200,8 +202,7 @@ class FeatureExtractor:
         if_touched, if_untouched  whether areas are needed all the same while something touches, or nothing
         """
         motion: PinMotion = self._motion
-        if tracks.xy_img is not self._xy_img:
-            self._take(tracks.xy_img, tracks.sigma_px, None)
+        self._take(tracks.xy_img, tracks.sigma_px, None)
         if self._n_seen < self._n:
             return None
         known = self._detector.known(motion.xy, motion.mean, self._sigma_px, if_touched, if_untouched)
@@ -226,8 +227,7 @@ class FeatureExtractor:
         if plan is not self._plan:
             self._plan = plan
             self.forget_contacts()
-        if tracks.xy_img is not self._xy_img:
-            self._take(tracks.xy_img, tracks.sigma_px, None)
+        self._take(tracks.xy_img, tracks.sigma_px, None)
         self._xy_img = None  # once a frame
         n_seen, now_px, sigma_px = self._n_seen, self._motion.sigma_px, self._sigma_px
         is_filled: cython.bint = n_seen < self._n and cells is not None and self._fill(cells.xy_img, n_seen)

@@ -24,7 +24,6 @@ cdef class PinMotion:
     cpdef double torsion(self) noexcept
     cpdef bint is_pressing(self, const double[::1] now, const double[::1] before, double least_rel, double least) noexcept
     cpdef Py_ssize_t fit_step(self, const double[:, ::1] before) noexcept
-    cdef void _add(self, double u, double v, double dx, double dy) noexcept
     cdef void _solve_plane(self) noexcept
 
 

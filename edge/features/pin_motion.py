@@ -236,13 +236,17 @@ class PinMotion:
         dx: cython.double
         dy: cython.double
         left: cython.double = 0.0
+        row: cython.double[5] = [1.0] * 5  # 1, x, y, and the two right sides
         self._g[:, :] = 0.0
         for p in range(self.n_pins):
             i = rows[p]
             dx = now[i, 0] - before[i, 0]
             dy = now[i, 1] - before[i, 1]
             if not isnan(dx):
-                self._add(disc[i, 0], disc[i, 1], dx, dy)
+                row[1], row[2], row[3], row[4] = disc[i, 0], disc[i, 1], dx, dy
+                for j in range(3):
+                    for k in range(j, 5):
+                        self._g[j, k] += row[j] * row[k]
                 used += 1
         for i in range(3):
             self._g[i, i] += _RIDGE
@@ -258,21 +262,6 @@ class PinMotion:
         self.left_px2 = left
         self.curl = fabs(self._g[1, 4] - self._g[2, 3])
         return used
-
-    def _add(self, u: cython.double, v: cython.double, dx: cython.double, dy: cython.double) -> None:
-        """Add one pin to the planes' equations; upper triangle."""
-        self._g[0, 0] += 1.0
-        self._g[0, 1] += u
-        self._g[0, 2] += v
-        self._g[1, 1] += u * u
-        self._g[1, 2] += u * v
-        self._g[2, 2] += v * v
-        self._g[0, 3] += dx
-        self._g[1, 3] += u * dx
-        self._g[2, 3] += v * dx
-        self._g[0, 4] += dy
-        self._g[1, 4] += u * dy
-        self._g[2, 4] += v * dy
 
     def _solve_plane(self) -> None:
         """Gauss-Jordan on `_g`: its right sides become the coefficients of 1, x, y for each component."""
