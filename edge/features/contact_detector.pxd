@@ -45,6 +45,7 @@ cdef class ContactDetector:
     cdef double _ring_sum(self, const double[::1] values, Py_ssize_t i) noexcept
     cdef bint _goes_on(self, const double[::1] area_change, const double[:, ::1] xy, double limit) noexcept
     cdef bint _is_coherent(self, const double[:, ::1] xy, double limit) noexcept
+    @cython.locals(xx=double, xy_=double, yx=double, yy=double)
     cdef double _median_area_change(self, const double[:, ::1] xy, Py_ssize_t i) noexcept
     cdef Py_ssize_t _ring_median(self, const double[:, ::1] xy, Py_ssize_t i, double shift_x, double shift_y) noexcept
     cdef double _median_motion(self, const double[:, ::1] xy, Py_ssize_t component) noexcept

@@ -283,10 +283,7 @@ class ContactDetector:
 
     def _median_area_change(self, xy: Array, i: cython.Py_ssize_t) -> float:
         """Area change at pin i by the slope of the ring medians round it."""
-        xx: cython.double = 0.0
-        xy_: cython.double = 0.0
-        yx: cython.double = 0.0
-        yy: cython.double = 0.0
+        xx = xy_ = yx = yy = 0.0
         for k in range(self._width):
             j = self._ring[i, k]
             if isnan(self._middle[j, 0]):

@@ -43,6 +43,7 @@ cdef class ContactField:
     cpdef void find_curl(self, const int[::1] which, Py_ssize_t n) noexcept
     cpdef object whole_surface(self)
     cdef void _find_active(self) noexcept
+    @cython.locals(x0=double, xx=double, xy_=double, y0=double, yx=double, yy=double)
     cdef void _detrend(self, const double[:, ::1] xy) noexcept
 
 

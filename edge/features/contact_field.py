@@ -249,12 +249,7 @@ class ContactField:
         detrended: cython.float[::1] = self._detrended
         column: cython.Py_ssize_t[::1] = self._column_both
         # Sums, then coefficients, in x and y.
-        x0: cython.double = 0.0
-        xx: cython.double = 0.0
-        xy_: cython.double = 0.0
-        y0: cython.double = 0.0
-        yx: cython.double = 0.0
-        yy: cython.double = 0.0
+        x0 = xx = xy_ = y0 = yx = yy = 0.0
         for i in range(self._n):
             x, y = at[2 * i], at[2 * i + 1]
             dx = motion[2 * i] = xy[i, 0] - rest[i, 0]

@@ -69,7 +69,9 @@ cdef class ContactFinder:
     cpdef double visible_share(self, const unsigned char[::1] seen, double x, double y) noexcept
     cpdef void find_moments(self) noexcept
     cdef Py_ssize_t _find_near(self, Py_ssize_t i) noexcept
+    @cython.locals(total=double, divergence_x=double, divergence_y=double, curl_x=double, curl_y=double)
     cdef void _find_moments(self, Py_ssize_t i, Py_ssize_t n) noexcept
     cdef double _radius_px(self, Py_ssize_t i) noexcept
+    @cython.locals(total=double, x=double, y=double)
     cdef void _find_place(self, Py_ssize_t i) noexcept
     cdef bint _is_nearer_to_another(self, double x, double y, double d2, Py_ssize_t i) noexcept

@@ -457,11 +457,7 @@ class ContactFinder:
         return n
 
     def _find_moments(self, i: cython.Py_ssize_t, n: cython.Py_ssize_t) -> None:
-        total: cython.double = 0.0
-        divergence_x: cython.double = 0.0
-        divergence_y: cython.double = 0.0
-        curl_x: cython.double = 0.0
-        curl_y: cython.double = 0.0
+        total = divergence_x = divergence_y = curl_x = curl_y = 0.0
         points: cython.double[:, ::1] = self.field.points
         self.field.find_curl(self._near, n)
         for k in range(n):
@@ -487,9 +483,7 @@ class ContactFinder:
     def _find_place(self, i: cython.Py_ssize_t) -> None:
         xy: cython.const[cython.double][:, ::1] = self._xy
         area_change: cython.float[::1] = self.field.area_change
-        total: cython.double = 0.0
-        x: cython.double = 0.0
-        y: cython.double = 0.0
+        total = x = y = 0.0
         radius = self._radius_px(i)
         limit = radius * radius
         for p in range(xy.shape[0]):

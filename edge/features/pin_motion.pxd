@@ -19,7 +19,9 @@ cdef class PinMotion:
     cdef double[:, ::1] _disc  # places at rest on the tip's unit disc
     cdef double[:, ::1] _g  # (3, 5), equations of a plane: three unknowns, two right sides
 
+    @cython.locals(x=double, y=double, sigma=double, widest=double, longest2=double, step2=double)
     cpdef Py_ssize_t since_rest(self, object xy, object sigma_px, object offset_px=*) except -1
+    @cython.locals(total=double, x=double, y=double, xx=double, xy=double, yy=double)
     cpdef Py_ssize_t find_contact(self, const double[::1] area_change, double least) noexcept
     cpdef double torsion(self) noexcept
     cpdef bint is_pressing(self, const double[::1] now, const double[::1] before, double least_rel, double least) noexcept
@@ -49,6 +51,7 @@ cdef class AreaChange:
     cpdef void since_rest(self, object area_px2, double[::1] out) except *
     cpdef void fill(self, const double[::1] change, const double[:, ::1] xy) noexcept
     cpdef double volume(self, double threshold) noexcept
+    @cython.locals(xx=double, xy_=double, yx=double, yy=double)
     cdef double _between(self, const double[:, ::1] xy, Py_ssize_t i) noexcept
 
 

@@ -90,12 +90,7 @@ class PinMotion:
         Raises     ValueError: sizes that do not fit
         """
         n = n_seen = self._n
-        x: cython.double = 0.0
-        y: cython.double = 0.0
-        sigma: cython.double = 0.0
-        widest: cython.double = 0.0
-        longest2: cython.double = 0.0
-        step2: cython.double = 0.0
+        x = y = sigma = widest = longest2 = step2 = 0.0
         kept: cython.double[::1] = self._xy
         out: cython.double[::1] = self._motion
         rest: cython.const[cython.double][::1] = self._at_rest
@@ -137,12 +132,7 @@ class PinMotion:
                      when nothing is compressed
         """
         n_pins: cython.Py_ssize_t = 0
-        total: cython.double = 0.0
-        x: cython.double = 0.0
-        y: cython.double = 0.0
-        xx: cython.double = 0.0
-        xy: cython.double = 0.0
-        yy: cython.double = 0.0
+        total = x = y = xx = xy = yy = 0.0
         disc: cython.double[:, ::1] = self._disc
         for i in range(self._n):
             c = area_change[i]
@@ -367,10 +357,7 @@ class AreaChange:
 
     def _between(self, xy: Array, i: cython.Py_ssize_t) -> float:
         """Area change at pin i by the motion of its ring: the determinant of the gradient, less 1."""
-        xx: cython.double = 0.0
-        xy_: cython.double = 0.0
-        yx: cython.double = 0.0
-        yy: cython.double = 0.0
+        xx = xy_ = yx = yy = 0.0
         for k in range(self._ring.shape[1]):
             j = self._ring[i, k]
             x = xy[j, 0] - self._rest[j, 0]

@@ -33,9 +33,11 @@ cdef class Slip:
     cpdef void update(self, const double[::1] area_change, double sigma_px) noexcept
     cdef void _compare(self, const double[::1] area_change, double sigma_px, Py_ssize_t span) noexcept
     cdef void _forget_path(self) noexcept
+    @cython.locals(compressed=double, x=double, y=double, square=double)
     cdef void _begin_path(self, const double[::1] area_change) noexcept
     cdef void _weigh(self, double radius2, double pitch2) noexcept
     cdef void _go_on(self, const double[::1] area_change, double sigma_px) noexcept
+    @cython.locals(total=double, x=double, y=double, turn=double, across_x=double, across_y=double)
     cdef void _measure(self, int[::1] rows, Py_ssize_t n, double[::1] out) noexcept
     cdef bint _follow(self, Py_ssize_t kind, double s, double q, double sigma) noexcept
     cdef void _evaluate(self, Py_ssize_t kind, Py_ssize_t n, double noise_s, double noise_q) noexcept

@@ -168,10 +168,7 @@ class Slip:
             self._begin[i, 1] = motion[i, 1]
             self._is_around[i] = not isnan(motion[i, 0])
         n = 0  # seen pins in the contact
-        compressed: cython.double = 0.0
-        x: cython.double = 0.0
-        y: cython.double = 0.0
-        square: cython.double = 0.0
+        compressed = x = y = square = 0.0
         for p in range(self._motion.n_pins):
             i = pins[p]
             if self._is_around[i]:
@@ -263,12 +260,7 @@ class Slip:
         motion: cython.double[:, ::1] = self._motion.motion
         begin: cython.double[:, ::1] = self._begin
         across: cython.double[:, ::1] = self._across
-        total: cython.double = 0.0
-        x: cython.double = 0.0
-        y: cython.double = 0.0
-        turn: cython.double = 0.0
-        across_x: cython.double = 0.0
-        across_y: cython.double = 0.0
+        total = x = y = turn = across_x = across_y = 0.0
         for p in range(n):
             i = rows[p]
             dx = motion[i, 0] - begin[i, 0]
