@@ -13,12 +13,12 @@ by q, which lags more and more behind s. For a round contact, of whose area a sh
 So the curvature of q over s shows x: no force, no stiffness and no coefficient of friction need be known. Of
 a drag the power is 1.5 on a half-space (Hertz's pressure) and 2 on a layer that is thin for the contact (a
 paraboloid of pressure, and each part sticks for itself); a tip is between them. s is a mean over the
-contact's pins, with weights that fall off within a sixth of its area; q is one over all pins around it, with
-the weights r^-3: what is near moves most, and depends least on how the tip is held. Angles come from those
-weights over r. The contact's middle and radius are those of its compression. The skin evens its motion over
-about a pitch, so that the core takes part in the lag: of a disc evened by a Gaussian of that width,
-exp(-r^2 / 2) of the surroundings reach the middle, r its radius in pitches. The smaller a contact, the less
-its curve shows.
+contact's pins, with weights that fall off within a sixth of its area: 98 % of them lie where it still sticks
+while a third slides. q is one over all pins around it, with the weights r^-3: what is near moves most, and
+depends least on how the tip is held. Angles come from those weights over r. The contact's middle and radius
+are those of its compression. The skin evens its motion over about a pitch, so that the core takes part in the
+lag: of a disc evened by a Gaussian of that width, exp(-r^2 / 2) of the surroundings reach the middle, r its
+radius in pitches. The smaller a contact, the less its curve shows.
 
 The path since the touch (or since it was last pressed, released or turned back) is compared with the curves
 of all x. It begins at the mean of the frames in which nothing moved. The factor between path and curve is
