@@ -40,7 +40,7 @@ class Tessellator:
         self._triangles = self._mesh.triangles()
         self.rest_area_px2 = self._area.copy()
         self.rest_area_px2.flags.writeable = False
-        self._collapsed_px2 = np.finfo(float).eps ** 0.5 * float(self.rest_area_px2.sum())
+        self._collapsed_px2 = float(np.finfo(float).eps ** 0.5 * self.rest_area_px2.sum())
         self._last_counts = False  # whether those are of the frame before
 
     def prepare(self) -> None:
