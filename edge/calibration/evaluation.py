@@ -513,10 +513,14 @@ def _sums_of(model: Process, nodes: Index, signs: Array) -> tuple[Index, Array, 
 
 
 def _blocks_of(factor: Array, parts: Index) -> list[tuple[Index, Array]]:
-    """The rows of L (rows, n), `ROWS` together: the parts (k,) that they weigh, and how (k, ROWS)."""
+    """The rows of L (rows, n), `ROWS` together: the parts (k,) that they weigh, and how (k, ROWS).
+
+    Weights that are nothing but the rounding of others of the same part are left out.
+    """
+    least = np.finfo(np.float64).eps ** (2.0 / 3.0) * np.abs(factor).max(axis=0, initial=0.0)
     rows = np.pad(factor, ((0, -len(factor) % ROWS), (0, 0)))
     blocks = rows.reshape(-1, ROWS, len(parts)).transpose(0, 2, 1)
-    return [(parts[used], block[used]) for block in blocks for used in [block.any(axis=1)]]
+    return [(parts[used], block[used]) for block in blocks for used in [np.abs(block).max(axis=1) > least]]
 
 
 def _limits(model: Process, lost: Lost) -> tuple[float, ...]:
