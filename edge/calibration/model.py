@@ -48,6 +48,7 @@ from edge.calibration.file import (
 )
 from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, MOMENTS
 from edge.errors import CalibrationError
+from edge.geometry.copies import Copies
 from edge.geometry.parts import of_parts
 from edge.limits import BadContent
 from edge.types import NOWHERE, Array, ContactRegion, Feature, Features, PinPattern, Reading
@@ -116,6 +117,8 @@ class Calibration:
             self.of_moments = any(view.of_moments for view in self._views)
             self.of_volume = any(view.of_volume for view in self._views)
             self._processes = [process for view in self._views for process in view._processes]
+        self._only = np.zeros((1, 3))  # a single contact's place, and its numbers
+        self._of_only, self._onlies = memoryview(self._only.reshape(-1)), Copies(self._only)
         self._demand: frozenset[Feature] | None = None
         self._gives_contacts = True  # the demand includes them
         self._at_rest: tuple[object, Reading] | None = None  # what is known of an untouched frame gives that
@@ -283,7 +286,10 @@ class Calibration:
                 place[2], beyond[2] = single_mm, False
             places.append(place)
             outside |= frozenset(compress(CONTACT_OUTPUTS, beyond))
-        return np.array(places, np.float64), outside
+        if len(places) > 1:
+            return np.array(places, np.float64), outside
+        self._of_only[0], self._of_only[1], self._of_only[2] = places[0]
+        return self._onlies.take(), outside
 
 
 def _inputs_of(model: Model) -> frozenset[str]:
