@@ -22,7 +22,7 @@ PHASES = 4  # subpixel offsets along each axis
 FAR_PX = 2.0**0.5 / PHASES  # a phase's diagonal: a longer step goes beyond the middles of those next to it
 LANES = 16  # bytes: a window's rows are copied in multiples of it
 BLOCK = 32  # a plane's length is a multiple of it: loops have no remainder
-PLANES = 5  # d, tx, ty, u, v: BLOCK numbers of each follow each other
+PLANES = len(("d", "tx", "ty", "u", "v"))  # BLOCK numbers of each follow each other
 #: The largest number of a template, and half width of a window, px: two levels times it, or four less their
 #: middle, fit 16 bits.
 HALF_MAX = int(np.iinfo(np.int16).max // (2 << np.iinfo(np.uint8).bits))
