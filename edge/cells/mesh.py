@@ -121,7 +121,7 @@ class Mesh:
     stacked: cython.uchar[::1]  # whether it is on the stack
     stack: cython.int[::1]  # half-edges to check
     parts: cython.double[:, ::1]  # of each triangle, as `measure` writes them
-    doubtful: cython.int[::1]  # the triangles that are not certain, as it finds them
+    unsure: cython.int[::1]  # the triangles that are not certain, as it finds them
     attached: cython.bint
     # `attach` writes what follows.
     rest: cython.const[cython.double][:, ::1]
@@ -156,7 +156,7 @@ class Mesh:
         self.same_as, self.sharers = np.zeros((2, n_all), np.int32)
         self.tail, self.twin, self.stack = np.zeros((3, 3 * n_triangles), np.int32)
         self.stacked = np.zeros(3 * n_triangles, np.uint8)
-        self.parts, self.doubtful = np.zeros((n_triangles, 4)), np.zeros(n_triangles + 1, np.int32)
+        self.parts, self.unsure = np.zeros((n_triangles, 4)), np.zeros(n_triangles + 1, np.int32)
         self.total_area = 0.0
 
     def update(
@@ -390,12 +390,12 @@ class Mesh:
             self.has_bounds = False
             for i in range(self.n_pins):
                 self.bound[i] = 0.0
-        doubtful_n = measure(
+        unsure_n = measure(
             tail, self.x, self.y, self.n_triangles, SLIVER, ERROR_BOUND, AREA_TOLERANCE, parts, area,
-            self.doubtful,
+            self.unsure,
         )  # fmt: skip
-        for i in range(doubtful_n):
-            t: cython.Py_ssize_t = self.doubtful[i]
+        for i in range(unsure_n):
+            t: cython.Py_ssize_t = self.unsure[i]
             if parts[t, 3] == INFINITY and self._is_turned(t):
                 return False
             for k in range(3):

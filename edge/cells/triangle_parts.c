@@ -14,7 +14,7 @@ typedef long long vt_mask __attribute__((vector_size(16)));
 /* The number n of triangles is even: each point adds two. */
 __attribute__((always_inline)) static inline Py_ssize_t vt_measure_by(
     const int *restrict tail, const double *restrict x, const double *restrict y, Py_ssize_t n, double sliver,
-    double bound, double tolerance, double *restrict parts, double *restrict area, int *restrict doubtful)
+    double bound, double tolerance, double *restrict parts, double *restrict area, int *restrict unsure)
 {
     Py_ssize_t found = 0;
     const vt_mask infinite = (vt_mask)((vt_two){0} + __builtin_inf());
@@ -40,8 +40,8 @@ __attribute__((always_inline)) static inline Py_ssize_t vt_measure_by(
         const vt_two at_c = VT_WHERE(certain, bc + ca);
         VT_ADD(0);
         VT_ADD(1);
-        doubtful[found] = (int)t, found += 1 + certain[0];
-        doubtful[found] = (int)t + 1, found += 1 + certain[1];
+        unsure[found] = (int)t, found += 1 + certain[0];
+        unsure[found] = (int)t + 1, found += 1 + certain[1];
     }
     return found;
 }
@@ -50,18 +50,18 @@ __attribute__((always_inline)) static inline Py_ssize_t vt_measure_by(
 #if defined(__x86_64__) && defined(__GNUC__)
 __attribute__((target("avx2"))) static Py_ssize_t vt_measure_avx2(
     const int *tail, const double *x, const double *y, Py_ssize_t n, double sliver, double bound, double tolerance,
-    double *parts, double *area, int *doubtful)
+    double *parts, double *area, int *unsure)
 {
-    return vt_measure_by(tail, x, y, n, sliver, bound, tolerance, parts, area, doubtful);
+    return vt_measure_by(tail, x, y, n, sliver, bound, tolerance, parts, area, unsure);
 }
 #endif
 
 static Py_ssize_t vt_measure(const int *tail, const double *x, const double *y, Py_ssize_t n, double sliver,
-                             double bound, double tolerance, double *parts, double *area, int *doubtful)
+                             double bound, double tolerance, double *parts, double *area, int *unsure)
 {
 #if defined(__x86_64__) && defined(__GNUC__)
     if (__builtin_cpu_supports("avx2"))
-        return vt_measure_avx2(tail, x, y, n, sliver, bound, tolerance, parts, area, doubtful);
+        return vt_measure_avx2(tail, x, y, n, sliver, bound, tolerance, parts, area, unsure);
 #endif
-    return vt_measure_by(tail, x, y, n, sliver, bound, tolerance, parts, area, doubtful);
+    return vt_measure_by(tail, x, y, n, sliver, bound, tolerance, parts, area, unsure);
 }

@@ -10,7 +10,7 @@ from edge.types import Array, Index
 
 def measure(
     tail: Index, x: Array, y: Array, n: int, sliver: float, bound: float, tolerance: float, parts: Array,
-    area: Array, doubtful: Index,
+    area: Array, unsure: Index,
 ) -> int:  # fmt: skip
     """Write the parts of the first n triangles, and add those to the areas of triangles that are certain.
 
@@ -24,7 +24,7 @@ def measure(
             its squared length, and the bound of their error
     tolerance  this share of each part of a certain triangle is above the bound
     area    of each point; a part counts for both ends of its edge
-    doubtful  (t,) written: the triangles that are not certain
+    unsure  (t,) written: the triangles that are not certain
     Returns  how many these are
     """
     corners = np.asarray(tail)[: 3 * n].reshape(n, 3)
@@ -47,5 +47,5 @@ def measure(
     certain = (error < tolerance * ab) & (error < tolerance * bc) & (error < tolerance * ca)
     np.add.at(np.asarray(area), corners[certain], np.stack([ab + ca, ab + bc, bc + ca], axis=1)[certain])
     found_n = int(n - certain.sum())
-    doubtful[:found_n] = np.flatnonzero(~certain)
+    unsure[:found_n] = np.flatnonzero(~certain)
     return found_n
