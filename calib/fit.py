@@ -71,6 +71,7 @@ from edge.calibration.file import (
     encode,
 )
 from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS
+from edge.features.modes import mode_basis
 from edge.geometry.parts import parts_of
 from edge.types import Array, Complex, Index, Mask, Rest
 
@@ -356,11 +357,13 @@ class _Observed:
 
     which     (n,) the frames of the extract
     possible  errors of the inputs
+    motion    (r, modes), whose products with modes are as far apart as the pins' motion
     """
 
     extract: Extract
     which: Index
     possible: InputNoise
+    motion: Complex
     parts: dict[bytes, _Observed] = field(default_factory=dict)
 
     @cached_property
@@ -383,7 +386,7 @@ class _Observed:
         key = chosen.tobytes()
         if key not in self.parts:
             possible = replace(self.possible, rows=self.possible.rows[chosen])
-            self.parts[key] = _Observed(self.extract, self.which[chosen], possible)
+            self.parts[key] = _Observed(self.extract, self.which[chosen], possible, self.motion)
         return self.parts[key]
 
 
@@ -506,6 +509,7 @@ def _start_processes(problem: _Problem, search: Search, pool: Executor | None) -
             lossy=problem.seen.lossy,
             all_round=problem.all_round,
             pose=problem.pose,
+            motion=problem.seen.motion,
         )
         calls: dict[ModelKind, Callable[[], FittedProcess]] = {}
         if poses >= PARAMS.process_rows_min:
@@ -543,6 +547,7 @@ def _problems(rest: Rest, targets: Targets, extract: Extract, usable: Mask) -> I
     # The error of a mode's coefficient is a mean over the errors of the pins, along x and along y.
     pattern = rest.pattern
     off = PARAMS.pin_noise * pattern.pitch_px / pattern.tip_radius_px * np.sqrt(2.0 / len(rest))
+    motion: Complex = np.linalg.qr(mode_basis(rest))[1]
     shared: dict[bytes, _Observed] = {}
     for (_, of_contact, _, chosen), members in alike.items():
         groups, (rows, *_), columns = zip(*members, strict=True)
@@ -550,7 +555,7 @@ def _problems(rest: Rest, targets: Targets, extract: Extract, usable: Mask) -> I
             which = np.flatnonzero(rows).astype(np.int32)
             every = np.arange(len(which), dtype=np.int32)
             possible = InputNoise((len(which), extract.inputs.shape[1]), off, every)
-            shared[chosen] = _Observed(extract, which, possible)
+            shared[chosen] = _Observed(extract, which, possible, motion)
         yield _Problem(
             groups=groups,
             seen=shared[chosen],
