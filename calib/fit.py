@@ -664,9 +664,9 @@ def _best(
     if kind not in processes:
         model, of_light_touch = of_all_frames(chosen.name), None
     else:
-        process: Polynomial | Process = _process(problem, i, processes[kind])
+        process = _process(problem, i, processes[kind])
         if kind is ModelKind.CARRIED:
-            process = _valid_too(process, search.known[outputs], float(problem.share.sum()))
+            process = _valid_too(process, search.known[outputs])
         model = mirror(process)
         good = _sufficient(of_all, whole.y[:, i], whole.share, Prefer.SPEED)
         simple = min(good, key=_terms_then_error)[0] if good else None
@@ -802,17 +802,11 @@ def _valid(y: Complex, *, real: bool) -> list[tuple[float, float]]:
     return [(-far, far), (-far, far)]
 
 
-def _valid_too(model: Polynomial | Process, known: KnownModel, poses: float) -> Polynomial | Process:
-    """The model, valid a little beyond its own data where the other tip's is, too.
-
-    Evenly spread over a range, so many poses span less of it: on each side one part in so many less one is
-    missing, and twice that leaves room for chance. Nothing shows how the tips differ further out.
-    """
-    valid = []
-    for (low, high), (other_low, other_high) in zip(model.valid, known.valid, strict=True):
-        more = 2.0 * (high - low) / (poses - 1.0)
-        valid.append((min(low, max(other_low, low - more)), max(high, min(other_high, high + more))))
-    return msgspec.structs.replace(model, valid=valid)
+def _valid_too(model: Process, known: KnownModel) -> Process:
+    """The model, valid where the other tip's is, too; beyond its own frames sigma grows."""
+    ends = [np.transpose(both) for both in zip(model.valid, known.valid, strict=True)]
+    valid = [(float(low.min()), float(high.max())) for low, high in ends]
+    return msgspec.structs.replace(model, valid=valid, own=model.valid)
 
 
 def _mirrored(model: Polynomial | Process) -> Polynomial | Process:
