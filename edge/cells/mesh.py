@@ -171,16 +171,16 @@ class Mesh:
         """
         if points.shape[0] != self.n_points or points.shape[1] != 2 or areas.shape[0] != self.n_pins:
             raise ValueError(f"points ({self.n_points}, 2) and areas ({self.n_pins},) are wanted")
-        return self._update(points, areas)
+        for i in range(self.n_points):
+            self.x[i], self.y[i] = points[i, 0], points[i, 1]
+        return self._update(areas)
 
     @cython.cfunc
     @cython.exceptval(-1)
-    def _update(
-        self, points: cython.const[cython.double][:, ::1], areas: cython.double[::1]
-    ) -> cython.Py_ssize_t:
+    def _update(self, areas: cython.double[::1]) -> cython.Py_ssize_t:
         kept = self.n_triangles
-        self.n_triangles = 0  # until the points have been taken
-        self._take(points)
+        self.n_triangles = 0  # until the points have been looked at
+        self._enclose()
         self.n_triangles = kept
         if not self._triangulate():
             self.n_triangles = 0
@@ -199,7 +199,8 @@ class Mesh:
         rest    (n_pins + n_boundary + n_fence, 2) float64
         rim     (r,) int32, the pins that boundary and fence follow
         motion  how they do
-        points  (n_pins + n_boundary + n_fence, 2) float64, and areas (n_pins,) float64; `follow` writes them
+        points  (n_pins + n_boundary + n_fence, 2) float64: `follow` writes those that are no pins
+        areas   (n_pins,) float64, written too
         Raises  ValueError: sizes that do not fit, a rim pin that does not exist
         """
         n, r, around = self.n_points, len(rim), self.n_points - self.n_pins
@@ -224,6 +225,8 @@ class Mesh:
         if not self.attached or xy.shape[0] != n or xy.shape[1] != 2:
             raise ValueError(f"xy ({n}, 2) is wanted, after `attach`")
         points: cython.double[:, ::1] = self.points
+        x_of: cython.double[::1] = self.x
+        y_of: cython.double[::1] = self.y
         rest: cython.const[cython.double][:, ::1] = self.rest
         rim: cython.const[cython.int][::1] = self.rim
         terms: cython.const[cython.double][:, ::1] = self.terms
@@ -236,8 +239,7 @@ class Mesh:
         x: cython.double
         y: cython.double
         for i in range(n):
-            points[i, 0] = xy[i, 0]
-            points[i, 1] = xy[i, 1]
+            x_of[i], y_of[i] = xy[i, 0], xy[i, 1]
         for k in range(r):
             x = xy[rim[k], 0] - rest[rim[k], 0]
             y = xy[rim[k], 1] - rest[rim[k], 1]
@@ -261,9 +263,9 @@ class Mesh:
             for i in range(self.start[k], self.start[k + 1]):
                 x += weight[i] * residual[near[i]]
                 y += weight[i] * residual[near[i] + 1]
-            points[n + k, 0] = x
-            points[n + k, 1] = y
-        return self._update(points, self.areas)
+            points[n + k, 0], points[n + k, 1] = x, y
+            x_of[n + k], y_of[n + k] = x, y
+        return self._update(self.areas)
 
     def forget(self) -> None:
         """Triangulate the next points from scratch: no rounding of theirs depends on those before."""
@@ -315,8 +317,8 @@ class Mesh:
                 return False
 
     @cython.cfunc
-    def _take(self, points: cython.const[cython.double][:, ::1]) -> cython.void:
-        """Take the coordinates, and place the guards round them."""
+    def _enclose(self) -> cython.void:
+        """Check the coordinates, and place the guards round them."""
         n = self.n_points
         x_of: cython.double[::1] = self.x
         y_of: cython.double[::1] = self.y
@@ -327,8 +329,7 @@ class Mesh:
         least: cython.double = INFINITY  # of their magnitudes
         zero: cython.double = 0.0  # NaN if a coordinate is not finite: 0 times it is
         for i in range(n):
-            x, y = points[i, 0], points[i, 1]
-            x_of[i], y_of[i] = x, y
+            x, y = x_of[i], y_of[i]
             left, right = x if x < left else left, x if x > right else right
             top, bottom = y if y < top else top, y if y > bottom else bottom
             least = fabs(x) if fabs(x) < least else least
