@@ -206,6 +206,7 @@ class ModelKernel:
     _sign: cython.double[::1]  # -1 where it is the input's conjugate
     _active: cython.int[::1]
     _wanted: list[bool]
+    _in_pairs: list[bool]  # whether blocks of each model's L are `_blocks_of_pairs`
     # (models + 1, 6) first part, noise term, output, term of `lost`, block of L, knot
     _first: cython.int[:, ::1]
     _part: cython.int[::1]  # numbers in `_parts` that the models sum up
@@ -235,7 +236,8 @@ class ModelKernel:
         lost = [_lost_of(part) for part in parts]
         knots = [model.knots if isinstance(model, Curve) else [] for model in models]
         tree = _Tree(inputs)
-        sums = [_sums_of(part, *tree.nodes(part.terms)) for part in parts]
+        terms = [tree.nodes(part.terms) for part in parts]
+        sums = [_sums_of(part, *of_part) for part, of_part in zip(parts, terms, strict=True)]
         summed = [numbers for numbers, _, _ in sums]
         noise = [tree.nodes(part.noise_terms)[0] for part in parts]
         of_lost = [tree.nodes(part.terms)[0] for part in lost]
@@ -244,7 +246,16 @@ class ModelKernel:
         self._part, self._noise_node, self._lost_node = map(_joined, (summed, noise, of_lost))
         self._parent, self._column, sign = np.array(tree.products, np.int32).T.copy()
         self._sign = sign.astype(np.float64)
-        blocks = [_blocks_of(factor, numbers) for numbers, _, factor in sums]
+        self._in_pairs = [
+            len(part.outputs) == 2 and len(set(nodes.tolist())) == len(nodes)
+            for part, (nodes, _) in zip(parts, terms, strict=True)
+        ]
+        blocks = [
+            _blocks_of_pairs(part, *of_part) if in_pairs else _blocks_of(factor, numbers)
+            for part, of_part, in_pairs, (numbers, _, factor) in zip(
+                parts, terms, self._in_pairs, sums, strict=True
+            )
+        ]
         rows = zip(summed, noise, [part.outputs for part in parts], of_lost, blocks, knots, strict=True)
         counts = [tuple(map(len, row)) for row in rows]
         self._first = np.cumsum([(0,) * 6, *counts], axis=0, dtype=np.int32)
@@ -358,17 +369,29 @@ class ModelKernel:
     @cython.cfunc
     def _learnt(self, m: cython.Py_ssize_t) -> cython.double:
         """|L psi|^2."""
-        sums: cython.double[8] = [0.0] * 8
+        sums: cython.double[16] = [0.0] * 16
         factor: cython.double[:, ::1] = self._factor
+        parts: cython.double[::1] = self._parts
+        part: cython.int[::1] = self._factor_part
+        in_pairs: cython.bint = self._in_pairs[m]
         total: cython.double = 0.0
         for b in range(self._first[m, 4], self._first[m + 1, 4]):
-            for r in range(8):
+            for r in range(16):
                 sums[r] = 0.0
-            for k in range(self._block[b], self._block[b + 1]):
-                x = self._parts[self._factor_part[k]]
-                for r in range(8):
-                    sums[r] += factor[k, r] * x
-            for r in range(8):
+            if in_pairs:
+                for k in range(self._block[b], self._block[b + 1], 2):
+                    x = parts[part[k]]
+                    y = part[k + 1] * parts[part[k] + 1]
+                    for r in range(8):
+                        sums[r] += factor[k, r] * x + factor[k + 1, r] * y
+                    for r in range(8):
+                        sums[8 + r] += factor[k, r] * y - factor[k + 1, r] * x
+            else:
+                for k in range(self._block[b], self._block[b + 1]):
+                    x = parts[part[k]]
+                    for r in range(8):
+                        sums[r] += factor[k, r] * x
+            for r in range(16):
                 total += sums[r] * sums[r]
         return total
 
@@ -543,3 +566,14 @@ def _check_sizes(model: Process) -> None:
     given = tuple(len(part) for part in lists)
     if given != sizes or outputs not in (1, 2):
         raise ValueError(f"{sizes} weights, noise, across, valid, sigma, lost are wanted, not {given}")
+
+
+def _blocks_of_pairs(model: Process, nodes: Index, signs: Array) -> list[tuple[Index, Array]]:
+    """The complex rows of L, `ROWS` together: of each term its product's real part and -1 if it is the
+    conjugate, else 1; and the real part of its weights, and the imaginary one less than 0.
+    """
+    rows = np.array(model.factor, np.float64).reshape(-1, len(nodes), 2) @ (1, 1j)
+    rows = np.pad(rows, ((0, -len(rows) % ROWS), (0, 0)))
+    parts = np.column_stack([2 * nodes, np.where(signs < 0.0, -1, 1)]).ravel().astype(np.int32)
+    blocks = rows.reshape(-1, ROWS, len(nodes)).transpose(0, 2, 1)
+    return [(parts, np.stack([b.real, -b.imag], axis=1).reshape(-1, ROWS)) for b in blocks]
