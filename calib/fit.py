@@ -735,14 +735,18 @@ def _as_good(
     """Whether a model errs more than the best by no more than one standard error of the difference.
 
     Frames that are hard for all models are in the errors of each, not in their difference. In few poses that
-    error is large because they do not tell: then a model that errs clearly more is not as good.
+    error is large because they do not tell: then a model that errs clearly more is not as good. One frame
+    that is far from all others does not decide against a process, whose sigma says so.
 
     shown  it must not err clearly more even if the difference is one standard error larger
     """
     more = np.abs(tried[2] - y) ** 2 - np.abs(predicted - y) ** 2
     error = error_of_mean(more, share)
     allowed = min(error, PARAMS.worse_max * best.rms**2 - shown * error)
-    return tried[0].rms ** 2 - best.rms**2 <= allowed
+    worse = tried[0].rms ** 2 - best.rms**2
+    if _kind_of(tried[0].name) in PROCESS_KINDS:
+        worse -= max(0.0, float((share * more).max()) / float(share.sum()))
+    return worse <= allowed
 
 
 def _polynomial(

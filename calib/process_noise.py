@@ -79,7 +79,7 @@ def fit_lost(lossy: Complex, names: Sequence[str], change: Complex, *, turning: 
     """Likeliest for these changes of the value, over sigma, that the loss of pins brought about."""
     gap, volume = lossy[:, names.index("gap")].real, lossy[:, names.index("volume")].real
     known = np.isfinite(change) & (gap > 0) & (volume > 0)
-    if known.sum() < PARAMS.losses_min:
+    if known.sum() < PARAMS.losses_min or not change[known].any():  # a constant alone changes with no pin
         return None
     lossy, gap, volume = lossy[known], gap[known], volume[known]
     parts = [change[known].real, change[known].imag] if turning else [change[known].real]

@@ -9,7 +9,7 @@ cdef enum:  # columns of `NORM` that a pin at the image's border needs
 
 cdef extern from "centroid_steps.c":
     ctypedef struct Kind "vt_kind":
-        Py_ssize_t half, first_span, end_span, first_step, end_step, row_bytes, first, first_uv, plane, pixels
+        Py_ssize_t half, first_span, end_span, first_step, end_step, row_bytes, first, plane, pixels
     ctypedef struct Fetch "vt_fetch":
         Py_ssize_t row, end, stride, first, beyond, rows, ahead
 
@@ -18,8 +18,7 @@ cdef extern from "centroid_steps.c":
         Fetch *fetch
         const Kind *kinds
         const Py_ssize_t *steps
-        const short *values
-        const signed char *uv
+        const signed char *values
         const double *norms
         unsigned char *pixels
         double *sums
@@ -47,12 +46,12 @@ cdef extern from "centroid_steps.c":
 
 
 cdef inline Windows windows_of(
-    const unsigned char[:, :] image, Fetch[::1] fetch, Kind[::1] kinds, Py_ssize_t[:, ::1] steps, short[::1] values,
-    signed char[::1] uv, double[:, ::1] norms, unsigned char[::1] pixels, double[::1] sums, bint dark,
+    const unsigned char[:, :] image, Fetch[::1] fetch, Kind[::1] kinds, Py_ssize_t[:, ::1] steps, signed char[::1] values,
+    double[:, ::1] norms, unsigned char[::1] pixels, double[::1] sums, bint dark,
     Py_ssize_t side
 ) noexcept nogil:
     return Windows(
-        &image[0, 0], &fetch[0], &kinds[0], &steps[0, 0], &values[0], &uv[0], &norms[0, 0], &pixels[0], &sums[0], dark,
+        &image[0, 0], &fetch[0], &kinds[0], &steps[0, 0], &values[0], &norms[0, 0], &pixels[0], &sums[0], dark,
         side
     )
 

@@ -10,24 +10,21 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from edge.pins.templates import NORM, PHASES
+from edge.pins.templates import BLOCK, NORM, PHASES, PLANES
 from edge.types import Array, Image, Index
-
-Shorts = NDArray[np.int16]
 
 #: Columns of what is known of one kind of pins:
 #: half             px, half width of its window
 #: first_span, end_span  its rows in the spans of all kinds
 #: first_step, end_step  and in their steps
 #: row_bytes        read of each row of a window: the longest, filled up to LANES
-#: first, first_uv, plane  as in `TemplateSet`
+#: first, plane     as in `TemplateSet`
 #: pixels           of its support
 KIND = np.dtype(
     [
         (name, np.intp)
         for name in (
-            "half", "first_span", "end_span", "first_step", "end_step", "row_bytes", "first", "first_uv",
-            "plane", "pixels",
+            "half", "first_span", "end_span", "first_step", "end_step", "row_bytes", "first", "plane", "pixels",
         )
     ]
 )  # fmt: skip
@@ -62,8 +59,7 @@ class Windows(NamedTuple):
     fetch: NDArray[np.void]
     kinds: NDArray[np.void]
     steps: Index
-    values: Shorts
-    uv: NDArray[np.int8]
+    values: NDArray[np.int8]
     norms: Array
     pixels: NDArray[np.uint8]
     sums: Array
@@ -80,7 +76,7 @@ def sum_window(windows: Windows, begin: int, kind: int, norm: int) -> None:
     begin  byte of the image where the middle of the window is
     norm   row of its kind's phase in `norms`
     """
-    image, _, kinds, all_steps, values, uv, norms, _, sums, dark, side = windows
+    image, _, kinds, all_steps, values, norms, _, sums, dark, side = windows
     (rows, columns), stride = image.shape, image.strides[0]
     memory = np.lib.stride_tricks.as_strided(image, (stride * (rows - 1) + columns,), (1,))
     k, row, found = kinds[kind], begin, [np.empty(0, np.int64)]
@@ -88,12 +84,11 @@ def sum_window(windows: Windows, begin: int, kind: int, norm: int) -> None:
         row += step
         pixels = memory[row + stride * np.arange(side)[:, None] + np.arange(side * length)]
         found.append(pixels.reshape(side, length, side).sum(axis=(0, 2), dtype=np.int64))
-    n, first_uv = k["plane"], k["first_uv"]
-    first = k["first"] + 3 * n * (norm % PHASES**2)
-    level = np.zeros(n, np.int64)
+    level = np.zeros(k["plane"], np.int64)
     level[: k["pixels"]] = np.concatenate(found)
-    d, tx, ty = values[first : first + 3 * n].astype(np.int64).reshape(3, n) @ level
-    u, v = uv[first_uv : first_uv + 2 * n].astype(np.int64).reshape(2, n) @ level
+    first, size = k["first"] + PLANES * level.size * (norm % PHASES**2), PLANES * level.size
+    blocks = values[first : first + size].astype(np.int64).reshape(-1, PLANES, BLOCK)
+    d, tx, ty, u, v = blocks.swapaxes(0, 1).reshape(PLANES, -1) @ level
     sums[:8] = np.array([d, tx, ty, level.sum(), u, v, level @ level, 1], np.float64) * norms[norm, :8]
     if dark:  # the sums of the other templates are 0
         most = 255.0 * side * side
