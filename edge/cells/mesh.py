@@ -121,6 +121,7 @@ class Mesh:
     stacked: cython.uchar[::1]  # whether it is on the stack
     stack: cython.int[::1]  # half-edges to check
     parts: cython.double[:, ::1]  # of each triangle, as `measure` writes them
+    unsure: cython.int[::1]  # the triangles that are not certain, as it finds them
     attached: cython.bint
     # `attach` writes what follows.
     rest: cython.const[cython.double][:, ::1]
@@ -155,7 +156,7 @@ class Mesh:
         self.same_as, self.sharers = np.zeros((2, n_all), np.int32)
         self.tail, self.twin, self.stack = np.zeros((3, 3 * n_triangles), np.int32)
         self.stacked = np.zeros(3 * n_triangles, np.uint8)
-        self.parts = np.zeros((n_triangles, 4))
+        self.parts, self.unsure = np.zeros((n_triangles, 4)), np.zeros(n_triangles + 1, np.int32)
         self.total_area = 0.0
 
     def update(
@@ -381,9 +382,6 @@ class Mesh:
         An edge both of whose parts are certain is Delaunay. Certain parts are added triangle by triangle.
         Returns false, and areas are of no use, where a triangle is turned over.
         """
-        a: cython.Py_ssize_t
-        b: cython.Py_ssize_t
-        c: cython.Py_ssize_t
         tail: cython.int[::1] = self.tail
         area: cython.double[::1] = self.area
         parts: cython.double[:, ::1] = self.parts
@@ -393,15 +391,12 @@ class Mesh:
             self.has_bounds = False
             for i in range(self.n_pins):
                 self.bound[i] = 0.0
-        measure(self.tail, self.x, self.y, self.n_triangles, SLIVER, ERROR_BOUND, self.parts)
-        for t in range(self.n_triangles):
-            ab, bc, ca = parts[t, 0], parts[t, 1], parts[t, 2]
-            if parts[t, 3] < AREA_TOLERANCE * min(ab, bc, ca):
-                a, b, c = tail[3 * t], tail[3 * t + 1], tail[3 * t + 2]
-                area[a] += ab + ca
-                area[b] += ab + bc
-                area[c] += bc + ca
-                continue
+        unsure_n = measure(
+            tail, self.x, self.y, self.n_triangles, SLIVER, ERROR_BOUND, AREA_TOLERANCE, parts, area,
+            self.unsure,
+        )  # fmt: skip
+        for i in range(unsure_n):
+            t: cython.Py_ssize_t = self.unsure[i]
             if parts[t, 3] == INFINITY and self._is_turned(t):
                 return False
             for k in range(3):

@@ -2,9 +2,9 @@
  * `centroid_steps.py` describes both, and is the same for uncompiled runs to the last bit.
  *
  * All sums are exact integers. The support's pixels are copied together, row after row, which takes a fifth of the
- * instructions; then seven sums are formed in one pass. AVX2, chosen at run time, and NEON have loops of their own: GCC 12
- * needs 2 and 1.3 times as many instructions for the plain one. Steps are of two pins at a time: vectors of 16 bytes are
- * what x86-64 and aarch64 both have.
+ * instructions; then seven sums are formed in one pass. AVX2, chosen at run time, and NEON have loops of their own, as GCC
+ * does not find instructions that multiply bytes and add the products. Steps are of two pins at a time: vectors of 16 bytes
+ * are what x86-64 and aarch64 both have.
  */
 #include <math.h>
 #include <string.h>
@@ -17,7 +17,7 @@
 #endif
 
 typedef struct {
-    Py_ssize_t half, first_span, end_span, first_step, end_step, row_bytes, first, plane, pixels;
+    Py_ssize_t first_span, end_span, first_step, end_step, row_bytes, first, plane, pixels;
 } vt_kind;
 typedef struct {
     Py_ssize_t row, end, stride, first, beyond, rows, ahead;
@@ -207,8 +207,8 @@ static inline void vt_sums_neon(const unsigned char *restrict pixels, const sign
 
 /* A pin's window, and where its step begins, px. */
 typedef struct {
-    int pin, kind, norm, begin;
     double x, y;
+    size_t pin, norm, begin;
 } vt_start;
 typedef void vt_sum(const vt_windows *, const vt_start *, Py_ssize_t n, double *sums);
 
@@ -218,12 +218,12 @@ VT_INLINE static inline void vt_sum_windows_by(vt_sums_of *sums_of, const vt_win
 {
     const vt_windows w = *windows;
     for (; n > 0; n--, from++, sums += 8) {
-        const vt_kind *const k = w.kinds + from->kind;
+        const vt_kind *const k = w.kinds + from->norm / VT_PHASES;
         const unsigned char *const row = w.image + from->begin;
         const Py_ssize_t *const step = w.steps + 2 * k->first_step, *const end = w.steps + 2 * k->end_step;
-        const signed char *const t = w.values + k->first + VT_PLANES * k->plane * (from->norm & (VT_PHASES - 1));
-        const double *const norm = w.norms + VT_NORM * (Py_ssize_t)from->norm;
-        if (n & 1) vt_fetch_rows(w.image, w.fetch, from->begin);
+        const signed char *const t = w.values + k->first + VT_PLANES * k->plane * (from->norm % VT_PHASES);
+        const double *const norm = w.norms + VT_NORM * from->norm;
+        if (n & 1) vt_fetch_rows(w.image, w.fetch, (Py_ssize_t)from->begin);
         if (sums_of) {
             *(vt_row32 *)vt_take_rows(row, step, end, k->row_bytes, w.pixels) = (vt_row32){0};
             sums_of(w.pixels, t, k, norm, sums);
@@ -261,9 +261,9 @@ static void vt_sum_windows(const vt_windows *w, const vt_start *from, Py_ssize_t
     sum_windows(w, from, n, sums);
 }
 
-static void vt_sum_window(const vt_windows *w, Py_ssize_t begin, Py_ssize_t kind, Py_ssize_t norm)
+static void vt_sum_window(const vt_windows *w, Py_ssize_t begin, Py_ssize_t norm)
 {
-    const vt_start from = {0, (int)kind, (int)norm, (int)begin, 0.0, 0.0};
+    const vt_start from = {0.0, 0.0, 0, (size_t)norm, (size_t)begin};
     vt_sum_windows(w, &from, 1, w->sums);
 }
 
@@ -274,7 +274,7 @@ typedef long long vt_mask __attribute__((vector_size(16)));
 /* The steps of a frame share this, as `steps_of` describes it. */
 typedef struct {
     const double *norms, *predicted, *inner;
-    const int *kind_of, *norm_of;
+    const int *norm_of;
     Py_ssize_t stride;
     double reach2, noise2, gain, side;
     double *xy, *sigma, *amplitude, *fit;
@@ -291,19 +291,17 @@ static int vt_is_within_reach(const vt_steps *s, const vt_start *from, double ex
 {
     double *const xy = s->xy + 2 * from->pin;
     const double *const at = s->predicted + 2 * from->pin;
-    const double length = sqrt(ex * ex + ey * ey), longest = s->norms[VT_NORM * (Py_ssize_t)from->norm + 20];
+    const double length = sqrt(ex * ex + ey * ey), longest = s->norms[VT_NORM * from->norm + 20];
     if (length > longest) xy[0] = from->x + longest / length * ex, xy[1] = from->y + longest / length * ey;
     const double dx = xy[0] - at[0], dy = xy[1] - at[1];
     return dx * dx + dy * dy <= s->reach2;
 }
 
 /* A step of two pins, or of one twice, from their sums. Returns 1 if the first one has to go on, 2 for the other. */
-VT_INLINE static inline int vt_step_two(const vt_steps *steps, const double *sums, const vt_start *from, double near2,
+VT_INLINE static inline int vt_step_two(const vt_steps *s, const double *sums, const vt_start *from, double near2,
                                         double far2, int first)
 {
-    const vt_steps *const s = steps;
-    const double *const p = s->norms + VT_NORM * (Py_ssize_t)from[0].norm;
-    const double *const q = s->norms + VT_NORM * (Py_ssize_t)from[1].norm;
+    const double *const p = s->norms + VT_NORM * from[0].norm, *const q = s->norms + VT_NORM * from[1].norm;
     const double *const other = sums + 8;
     VT_COLUMNS(sums, other, 0, a, tx);
     VT_COLUMNS(sums, other, 2, ty, level);
@@ -338,12 +336,14 @@ VT_INLINE static inline int vt_step_two(const vt_steps *steps, const double *sum
     const vt_two variances = 0.5 * variance * spread * inverse * inverse + hidden * hidden;
     const vt_two amplitude = VT_WHERE(seen, a * inv_d * s->gain);
     const vt_two fit = VT_WHERE((left > 0.0) & seen, a2 / left);
+    const vt_two sigma = {sqrt(variances[0]), sqrt(variances[1])};
     int goes_on = 0;
+    _Pragma("GCC unroll 2")
     for (int k = 0; k < 2; k++) {
         const Py_ssize_t i = from[k].pin;
         s->amplitude[i] = amplitude[k], s->fit[i] = fit[k];
         if (!seen[k]) continue;
-        s->sigma[i] = sqrt(variances[k]);
+        s->sigma[i] = sigma[k];
         *(vt_any_two *)(s->xy + 2 * i) = *(const vt_any_two *)&from[k].x + (vt_two){step_x[k], step_y[k]};
         if (!on[k] && first) continue; /* so short that it is within reach */
         if (!vt_is_within_reach(s, from + k, step_x[k], step_y[k])) s->amplitude[i] = s->fit[i] = 0.0;
@@ -356,7 +356,7 @@ static int vt_step(const vt_steps *s, const double *sums, Py_ssize_t i, Py_ssize
                    double near2, double far2, int first)
 {
     double twice[16];
-    const vt_start one = {(int)i, 0, (int)norm, 0, x, y}, from[2] = {one, one};
+    const vt_start one = {x, y, (size_t)i, (size_t)norm, 0}, from[2] = {one, one};
     memcpy(twice, sums, 8 * sizeof *sums);
     memcpy(twice + 8, sums, 8 * sizeof *sums);
     return vt_step_two(s, twice, from, near2, far2, first) & 1;
@@ -372,6 +372,7 @@ VT_INLINE static inline Py_ssize_t vt_take_steps_by(const vt_windows *windows, c
     Py_ssize_t asked = 0, j = 0;
     const vt_two least = {s.inner[0], s.inner[1]}, beyond = {s.inner[2], s.inner[3]};
     const double *const begin = first ? s.predicted : s.xy, to_middle = s.side > 1.0 ? 0.0 : 2.0; /* phases */
+    const double to_place = 0.125 - 0.25 * to_middle;
     while (j < n) {
         Py_ssize_t taken = 0;
         for (; j < n && taken < VT_MANY; j++) {
@@ -383,19 +384,16 @@ VT_INLINE static inline Py_ssize_t vt_take_steps_by(const vt_windows *windows, c
                 continue;
             }
             const int x = (int)at[0], y = (int)at[1], norm = s.norm_of[i] + (y & 3) * 4 + (x & 3);
-            from[taken++] = (vt_start){i, s.kind_of[i], norm, (y >> 2) * (int)s.stride + (x >> 2),
-                                       0.25 * (x - to_middle) + 0.125, 0.25 * (y - to_middle) + 0.125};
+            from[taken++] = (vt_start){0.25 * x + to_place, 0.25 * y + to_place, (size_t)i, (size_t)norm,
+                                       (size_t)((y >> 2) * s.stride + (x >> 2))};
         }
         vt_sum_windows(windows, from, taken, sums);
         for (Py_ssize_t k = 0; k < taken; k += 2) {
-            if (k + 1 == taken) {
-                if (vt_step(&s, sums + 8 * k, from[k].pin, from[k].norm, from[k].x, from[k].y, near2, far2, first))
-                    who[asked++] = 2 * from[k].pin + 1;
-                break;
-            }
+            const int is_last = k + 1 == taken;
+            if (is_last) from[taken] = from[k], memcpy(sums + 8 * taken, sums + 8 * k, 8 * sizeof *sums);
             const int goes_on = vt_step_two(&s, sums + 8 * k, from + k, near2, far2, first);
-            if (goes_on & 1) who[asked++] = 2 * from[k].pin + 1;
-            if (goes_on & 2) who[asked++] = 2 * from[k + 1].pin + 1;
+            if (goes_on & 1) who[asked++] = (int)(2 * from[k].pin + 1);
+            if (goes_on & 2 && !is_last) who[asked++] = (int)(2 * from[k + 1].pin + 1);
         }
     }
     return asked;

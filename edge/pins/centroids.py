@@ -31,7 +31,18 @@ from cython.cimports.libc.math import sqrt
 from numpy.typing import NDArray
 
 from edge.pins.centroid_steps import FETCH, KIND
-from edge.pins.templates import BLOCK, FAR_PX, HALF_MAX, LANES, NORM, PHASES, PLANES, SIDE, STEP_MAX, TemplateSet
+from edge.pins.templates import (
+    BLOCK,
+    FAR_PX,
+    HALF_MAX,
+    LANES,
+    NORM,
+    PHASES,
+    PLANES,
+    SIDE,
+    STEP_MAX,
+    TemplateSet,
+)
 from edge.types import Array, Image, Index
 
 if cython.compiled:
@@ -254,7 +265,7 @@ class CentroidKernel:
         if n == 0:
             return
         self._steps_of = steps_of(
-            self._norms, self.predicted, self._inner, self._kind_of, self._norm_of, self._stride,
+            self._norms, self.predicted, self._inner, self._norm_of, self._stride,
             self._reach2, self._noise2, self._gain, self._side, self.xy, self.sigma, self.amplitude, self.fit,
         )  # fmt: skip
         if self._wide:
@@ -416,7 +427,7 @@ class CentroidKernel:
         middle_x = middle_of(px, self._to_middle)
         middle_y = middle_of(py, self._to_middle)
         if not self._wide and self._inner[0] <= x4 < self._inner[2] and self._inner[1] <= y4 < self._inner[3]:
-            sum_window(self._windows, cy * self._stride + cx, kind, norm)
+            sum_window(self._windows, cy * self._stride + cx, norm)
         else:
             self._take_window(cx, cy, kind)
             if self._in_view < self._kinds[kind].pixels:
@@ -593,8 +604,7 @@ def _kinds_of(templates: TemplateSet) -> NDArray[np.void]:
     lengths = np.array([len(spans) for spans in templates.spans])
     end = np.cumsum(lengths)
     kinds = np.zeros(len(templates.half), KIND).view(np.recarray)
-    kinds.half, kinds.plane = templates.half, templates.plane
-    kinds.first = templates.first
+    kinds.first, kinds.plane = templates.first, templates.plane
     kinds.first_span, kinds.end_span = end - lengths, end
     space = LANES * np.arange(len(lengths))  # behind each kind's steps
     kinds.first_step, kinds.end_step = end - lengths + space, end + space

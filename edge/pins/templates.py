@@ -22,7 +22,7 @@ PHASES = 4  # subpixel offsets along each axis
 FAR_PX = 2.0**0.5 / PHASES  # a phase's diagonal: a longer step goes beyond the middles of those next to it
 LANES = 16  # bytes: a window's rows are copied in multiples of it
 BLOCK = 32  # a plane's length is a multiple of it: loops have no remainder
-PLANES = 5  # d, tx, ty, u, v: BLOCK numbers of each follow each other
+PLANES = len(("d", "tx", "ty", "u", "v"))  # BLOCK numbers of each follow each other
 #: The largest number of a template, and half width of a window, px: two levels times it, or four less their
 #: middle, fit 16 bits.
 HALF_MAX = int(np.iinfo(np.int16).max // (2 << np.iinfo(np.uint8).bits))
@@ -141,7 +141,7 @@ def _templates(radius: float, edge_px: float, pitch_px: float, side: int) -> _Ki
     size = np.abs(exact)  # no sum of its integers may overflow 32 bits
     most = np.maximum(size.max(axis=(0, 2)), size.sum(axis=2).max(axis=0) * (STEP_MAX * HALF_MAX / 2.0**30))
     scale = (HALF_MAX - 1) / np.array([most[0], *2 * [most[1:].max()]])
-    whole = _whole(exact * scale[:, None], np.argsort(exact[:, :1], axis=-1))
+    whole = _whole(exact * scale[:, None], np.argsort(exact[:, :1], axis=-1).astype(np.int32))
     values = np.zeros((PHASES * PHASES, PLANES, -(-n // BLOCK) * BLOCK), np.int8)
     values[:, :3, :n], values[:, 3:, :n] = whole, np.stack([columns, rows])[:, inside]
     by_d, by_tx, by_ty = (np.sqrt((exact**2).sum(axis=-1)) / (exact * whole).sum(axis=-1)).T
@@ -183,7 +183,7 @@ def _spans(inside: Mask) -> Index:
 def _whole(rows: Array, order: Index) -> Array:
     """Rows of numbers whose sums are zero, rounded to integers whose sums are.
 
-    What rounding leaves goes to the next one in this order: sums with what changes slowly in it hardly change.
+    What rounding leaves goes to the next one in this order: sums with the levels of the disc hardly change.
     """
     sums = np.rint(np.cumsum(np.take_along_axis(rows, order, axis=-1), axis=-1))
     whole = np.empty_like(rows)
