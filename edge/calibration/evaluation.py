@@ -35,11 +35,16 @@ from collections.abc import Sequence
 import cython
 import msgspec
 import numpy as np
-from cython.cimports.libc.math import exp, isnan, log, sqrt
+from cython.cimports.libc.math import exp, isfinite, isnan, log, sqrt
 
 from edge.calibration.file import Curve, Lost, Model, Process
 from edge.calibration.inputs import MODES
 from edge.types import Array, Complex, ContactRegion, Features, Index, PinPattern
+
+if cython.compiled:
+    from cython.cimports.edge.geometry.copies import Copies, numbers_of
+else:
+    from edge.geometry.copies import Copies, numbers_of
 
 HUGE_VAL = cython.declare(cython.double, float("inf"))
 M_PI = cython.declare(cython.double, math.pi)
@@ -92,13 +97,9 @@ class InputRow:
             for i in range(n):
                 self._set(2 + i, NAN, 0.0)
         else:
-            modes_px: cython.const[cython.doublecomplex][::1] = modes
-            if modes_px.shape[0] != n:
-                raise ValueError(f"modes ({n},) are wanted, not {modes.shape}")
-            mode: cython.doublecomplex
+            parts = numbers_of(modes, n, True)
             for i in range(n):
-                mode = modes_px[i]
-                self._set(2 + i, mode.real / r, mode.imag / r)
+                self._set(2 + i, parts[2 * i] / r, parts[2 * i + 1] / r)
         if contacts:
             self._set_place_peak_size(contacts[0], first, first + 1, first + 2)
         else:
@@ -303,14 +304,6 @@ class ModelKernel:
                 outside |= {name}
         return values, sigmas, outside
 
-    def of_contact(
-        self, contact: ContactRegion, features: Features, pattern: PinPattern
-    ) -> list[tuple[float, bool]]:
-        """Values of a contact, and whether each is out of range."""
-        self._inputs.write_contact(contact, features, pattern)
-        self._run()
-        return [(self._outputs[i, 0], self._outputs[i, 2] != 0.0) for i in range(self._outputs.shape[0])]
-
     def of_inputs(self, z: Complex) -> Array:
         """(outputs, 3) value, sigma, and whether out of range, of (inputs,) complex128; a new array."""
         self._inputs.values[:] = z
@@ -449,6 +442,85 @@ class ModelKernel:
         self._outputs[o, 0] = value
         self._outputs[o, 1] = self._valid[o, 2] * sqrt(variance)
         self._outputs[o, 2] = 0.0 if known or isnan(value) else 1.0
+
+
+@cython.final
+@cython.cclass
+class Places:
+    """Places and depths of a frame's contacts, as `Reading.contacts` has them.
+
+    own, joint        models of a contact, and of one that was fitted together with others
+    of_own, of_joint  for each of their outputs: 0, x; 1, y; 2, depth
+    mm_per_px         of a place that no model gives; None: it is not known
+    own_depth         a single contact's depth is its models', if they give one
+    """
+
+    _own: ModelKernel
+    _joint: ModelKernel
+    _of_own: list[int]
+    _of_joint: list[int]
+    _scale: cython.double
+    _own_depth: cython.bint
+    _place: cython.double[::1]  # of one contact
+    _copies: Copies
+
+    def __init__(
+        self, own: ModelKernel, joint: ModelKernel, of_own: list[int], of_joint: list[int],
+        mm_per_px: float | None, own_depth: bool,
+    ) -> None:  # fmt: skip
+        self._own, self._joint, self._of_own, self._of_joint = own, joint, of_own, of_joint
+        self._scale, self._own_depth = NAN if mm_per_px is None else mm_per_px, own_depth
+        place = np.empty((1, 3))
+        self._place, self._copies = place.ravel(), Copies(place)
+
+    def of_frame(
+        self,
+        found: tuple[ContactRegion, ...],
+        features: Features,
+        pattern: PinPattern,
+        depth_mm: float | None,
+    ) -> tuple[Array, cython.int]:
+        """(k, 3) mm of k contacts, and what of any is out of range: a bit each for x, y, depth.
+
+        depth_mm  of a single contact, with a range of its own; None: not known
+        """
+        beyond: cython.int = 0
+        place: cython.double[::1] = self._place
+        rows: list[list[float]] = []
+        k: cython.Py_ssize_t = len(found)
+        for contact in found:
+            place[0] = place[1] = place[2] = NAN
+            if not isnan(self._scale):
+                at, centre = contact.xy_img.tolist(), pattern.centre_img.tolist()
+                place[0], place[1] = (at[0] - centre[0]) * self._scale, (at[1] - centre[1]) * self._scale
+            far = self._write(self._own, self._of_own, contact, features, pattern) if self._of_own else 0
+            if self._of_joint and k > 1 and contact.fitted is not None:
+                far |= self._write(self._joint, self._of_joint, contact, features, pattern)
+            if k == 1 and depth_mm is not None and not (self._own_depth and isfinite(place[2])):
+                place[2] = depth_mm
+                far &= 3
+            beyond |= far
+            if k > 1:
+                rows.append([place[0], place[1], place[2]])
+        return (self._copies.take() if k == 1 else np.array(rows)), beyond
+
+    @cython.cfunc
+    @cython.exceptval(-1)
+    def _write(
+        self, models: ModelKernel, columns: list[int], contact: ContactRegion, features: Features,
+        pattern: PinPattern,
+    ) -> cython.int:  # fmt: skip
+        """Write what the models give of a contact; which of it is out of range."""
+        far: cython.int = 0
+        one: cython.int = 1
+        models._inputs.write_contact(contact, features, pattern)
+        models._run()
+        for i in range(models._outputs.shape[0]):
+            column: cython.int = columns[i]
+            self._place[column] = models._outputs[i, 0]
+            if models._outputs[i, 2] != 0.0:
+                far |= one << column
+        return far
 
 
 class _Tree:
