@@ -211,7 +211,7 @@ class ModelKernel:
     # (models + 1, 6) first part, noise term, output, term of `lost`, block of L, knot
     _first: cython.int[:, ::1]
     _part: cython.int[::1]  # numbers in `_parts` that the models sum up
-    _weight: cython.double[:, ::1]  # (n, 2) of each: for the real part of the value, and the imaginary
+    _weight: cython.double[:, ::1]  # (2, n) of each: for the real part of the value, and the imaginary
     _block: cython.int[::1]  # (blocks + 1,) where each begins in the next two
     _factor_part: cython.int[::1]  # numbers in `_parts`
     _factor: cython.double[:, ::1]
@@ -260,7 +260,7 @@ class ModelKernel:
         rows = zip(summed, noise, [part.outputs for part in parts], of_lost, blocks, knots, strict=True)
         counts = [tuple(map(len, row)) for row in rows]
         self._first = np.cumsum([(0,) * 6, *counts], axis=0, dtype=np.int32)
-        self._weight = np.concatenate([np.empty((0, 2)), *(weights.T for _, weights, _ in sums)])
+        self._weight = np.concatenate([np.empty((2, 0)), *(weights for _, weights, _ in sums)], axis=1)
         used = [numbers for of_model in blocks for numbers, _ in of_model]
         self._block = np.cumsum([0, *map(len, used)], dtype=np.int32)
         self._factor_part = _joined(used)
@@ -337,9 +337,10 @@ class ModelKernel:
         re: cython.double = 0.0
         im: cython.double = 0.0
         for k in range(self._first[m, 0], self._first[m + 1, 0]):
-            x = self._parts[self._part[k]]
-            re += self._weight[k, 0] * x
-            im += self._weight[k, 1] * x
+            re += self._weight[0, k] * self._parts[self._part[k]]
+        if self._first[m + 1, 2] - first == 2:
+            for k in range(self._first[m, 0], self._first[m + 1, 0]):
+                im += self._weight[1, k] * self._parts[self._part[k]]
         learnt: cython.double = self._learnt(m)
         # Written so that a NaN is reported as out of range too.
         known: cython.bint = learnt <= self._limits[m, 0]
