@@ -105,10 +105,7 @@ class PinMotion:
         for i in range(n):
             at_x, at_y = at[2 * i] - offset[2 * i], at[2 * i + 1] - offset[2 * i + 1]
             u, v = at_x - rest[2 * i], at_y - rest[2 * i + 1]
-            du, dv = (
-                u - out[2 * i],
-                v - out[2 * i + 1],
-            )  # all is read before anything is written: in vectors of two
+            du, dv = u - out[2 * i], v - out[2 * i + 1]  # all is read first: in vectors of two
             kept[2 * i], kept[2 * i + 1] = at_x, at_y
             out[2 * i], out[2 * i + 1] = u, v
             step2 = du * du + dv * dv if du * du + dv * dv > step2 else step2
@@ -118,13 +115,11 @@ class PinMotion:
             y += v
             sigma += sigmas[i]
         if isnan(x):  # some are lost
-            x = y = sigma = widest = 0.0
+            x = y = sigma = 0.0
             n_seen = 0
             for i in range(n):
                 if not isnan(out[2 * i]):
-                    x += out[2 * i]
-                    y += out[2 * i + 1]
-                    widest = sigmas[i] if sigmas[i] > widest else widest
+                    x, y = x + out[2 * i], y + out[2 * i + 1]
                     sigma += sigmas[i]
                     n_seen += 1
         self.longest_px, self.step_px, self.sigma_max_px = sqrt(longest2), sqrt(step2), widest
