@@ -38,7 +38,7 @@ import msgspec
 import numpy as np
 from cython.cimports.libc.math import exp, isfinite, isnan, log, sqrt
 
-from edge.calibration.file import Curve, Lost, Model, Process
+from edge.calibration.file import CONTACT_OUTPUTS, JOINT_OUTPUTS, Curve, Lost, Model, Process
 from edge.calibration.inputs import MODES
 from edge.types import Array, Complex, ContactRegion, Features, Index, PinPattern
 
@@ -212,7 +212,7 @@ class ModelKernel:
     # (models + 1, 6) first part, noise term, output, term of `lost`, block of L, knot
     _first: cython.int[:, ::1]
     _part: cython.int[::1]  # numbers in `_parts` that the models sum up
-    _weight: cython.double[:, ::1]  # (n, 2) of each: for the real part of the value, and the imaginary
+    _weight: cython.double[:, ::1]  # (2, n) of each: for the real part of the value, and the imaginary
     _block: cython.int[::1]  # (blocks + 1,) where each begins in the next two
     _factor_part: cython.int[::1]  # numbers in `_parts`
     _factor: cython.double[:, ::1]
@@ -261,7 +261,7 @@ class ModelKernel:
         rows = zip(summed, noise, [part.outputs for part in parts], of_lost, blocks, knots, strict=True)
         counts = [tuple(map(len, row)) for row in rows]
         self._first = np.cumsum([(0,) * 6, *counts], axis=0, dtype=np.int32)
-        self._weight = np.concatenate([np.empty((0, 2)), *(weights.T for _, weights, _ in sums)])
+        self._weight = np.concatenate([np.empty((2, 0)), *(weights for _, weights, _ in sums)], axis=1)
         used = [numbers for of_model in blocks for numbers, _ in of_model]
         self._block = np.cumsum([0, *map(len, used)], dtype=np.int32)
         self._factor_part = _joined(used)
@@ -339,9 +339,10 @@ class ModelKernel:
         re: cython.double = 0.0
         im: cython.double = 0.0
         for k in range(self._first[m, 0], self._first[m + 1, 0]):
-            x = self._parts[self._part[k]]
-            re += self._weight[k, 0] * x
-            im += self._weight[k, 1] * x
+            re += self._weight[0, k] * self._parts[self._part[k]]
+        if self._first[m + 1, 2] - first == 2:
+            for k in range(self._first[m, 0], self._first[m + 1, 0]):
+                im += self._weight[1, k] * self._parts[self._part[k]]
         learnt: cython.double = self._learnt(m)
         # Written so that a NaN is reported as out of range too.
         known: cython.bint = learnt <= self._limits[m, 0]
@@ -453,55 +454,53 @@ class ModelKernel:
 @cython.final
 @cython.cclass
 class Places:
-    """Places and depths of a frame's contacts, as `Reading.contacts` has them.
+    """Places and depths of contacts, as in `Reading.contacts`.
 
-    own, joint        models of a contact, and of one that was fitted together with others
-    of_own, of_joint  for each of their outputs: 0, x; 1, y; 2, depth
-    mm_per_px         of a place that no model gives; None: it is not known
-    own_depth         a single contact's depth is its models', if they give one
+    models     of a contact, and of one that was fitted together with others
+    mm_per_px  of a place that no model gives; NaN: it is not known
+    own_depth  a single contact's depth is its models', if they give one
     """
 
-    _own: ModelKernel
-    _joint: ModelKernel
-    _of_own: list[int]
-    _of_joint: list[int]
+    _models: tuple[ModelKernel, ModelKernel]
+    _columns: list[list[int]]  # of each output
     _scale: cython.double
     _own_depth: cython.bint
-    _place: cython.double[::1]  # of one contact
-    _copies: Copies
+    _place: cython.double[::1]
+    _copies: Copies  # of one contact's place
 
-    def __init__(
-        self, own: ModelKernel, joint: ModelKernel, of_own: list[int], of_joint: list[int],
-        mm_per_px: float | None, own_depth: bool,
-    ) -> None:  # fmt: skip
-        self._own, self._joint, self._of_own, self._of_joint = own, joint, of_own, of_joint
-        self._scale, self._own_depth = NAN if mm_per_px is None else mm_per_px, own_depth
-        place = np.empty((1, 3))
+    def __init__(self, models: tuple[ModelKernel, ModelKernel], mm_per_px: float, own_depth: bool) -> None:
+        place, names = np.empty((1, 3)), CONTACT_OUTPUTS + JOINT_OUTPUTS
+        self._columns = [[names.index(name) % 3 for name in model.names] for model in models]
+        self._models, self._scale, self._own_depth = models, mm_per_px, own_depth
         self._place, self._copies = place.ravel(), Copies(place)
 
     def of_frame(
-        self,
-        found: tuple[ContactRegion, ...],
-        features: Features,
-        pattern: PinPattern,
-        depth_mm: float | None,
-    ) -> tuple[Array, cython.int]:
-        """(k, 3) mm of k contacts, and what of any is out of range: a bit each for x, y, depth.
+        self, found: Sequence[ContactRegion], features: Features, pattern: PinPattern, depth_mm: float | None
+    ) -> tuple[Array, int]:
+        """(k, 3) mm of k contacts, 1 or more; and what of any is out of range: a bit each for x, y, depth.
 
         depth_mm  of a single contact, with a range of its own; None: not known
         """
         beyond: cython.int = 0
+        k: cython.Py_ssize_t = len(found)
         place: cython.double[::1] = self._place
         rows: list[list[float]] = []
-        k: cython.Py_ssize_t = len(found)
         for contact in found:
+            far: cython.int = 0
             place[0] = place[1] = place[2] = NAN
             if not isnan(self._scale):
-                at, centre = contact.xy_img.tolist(), pattern.centre_img.tolist()
-                place[0], place[1] = (at[0] - centre[0]) * self._scale, (at[1] - centre[1]) * self._scale
-            far = self._write(self._own, self._of_own, contact, features, pattern) if self._of_own else 0
-            if self._of_joint and k > 1 and contact.fitted is not None:
-                far |= self._write(self._joint, self._of_joint, contact, features, pattern)
+                (x, y), (x0, y0) = contact.xy_img.tolist(), pattern.centre_img.tolist()
+                place[0], place[1] = (x - x0) * self._scale, (y - y0) * self._scale
+            for j in range(2 if k > 1 and contact.fitted is not None else 1):
+                models: ModelKernel = self._models[j]
+                if models._outputs.shape[0]:
+                    models._inputs.write_contact(contact, features, pattern)
+                    models._run()
+                for i in range(models._outputs.shape[0]):
+                    column: cython.int = self._columns[j][i]
+                    place[column] = models._outputs[i, 0]
+                    is_far: cython.int = models._outputs[i, 2] != 0.0
+                    far = far & ~(1 << column) | is_far << column
             if k == 1 and depth_mm is not None and not (self._own_depth and isfinite(place[2])):
                 place[2] = depth_mm
                 far &= 3
@@ -509,24 +508,6 @@ class Places:
             if k > 1:
                 rows.append([place[0], place[1], place[2]])
         return (self._copies.take() if k == 1 else np.array(rows)), beyond
-
-    @cython.cfunc
-    @cython.exceptval(-1)
-    def _write(
-        self, models: ModelKernel, columns: list[int], contact: ContactRegion, features: Features,
-        pattern: PinPattern,
-    ) -> cython.int:  # fmt: skip
-        """Write what the models give of a contact; which of it is out of range."""
-        far: cython.int = 0
-        one: cython.int = 1
-        models._inputs.write_contact(contact, features, pattern)
-        models._run()
-        for i in range(models._outputs.shape[0]):
-            column: cython.int = columns[i]
-            self._place[column] = models._outputs[i, 0]
-            if models._outputs[i, 2] != 0.0:
-                far |= one << column
-        return far
 
 
 class _Tree:

@@ -100,13 +100,9 @@ class Calibration:
         read = frozenset().union(*map(_inputs_of, models))
         self.of_moments = not read.isdisjoint(MOMENTS)
         self.of_volume = "volume" in read
-        self._places = Places(
-            self.contact_models, self._joint,
-            [CONTACT_OUTPUTS.index(name) for name in self.contact_models.names],
-            [JOINT_OUTPUTS.index(name) for name in self._joint.names],
-            None if self.outputs >= set(CONTACT_OUTPUTS[:2]) else content.mm_per_px,
-            self.rest.pattern.on_surface,
-        )  # fmt: skip
+        scale = None if self.outputs >= set(CONTACT_OUTPUTS[:2]) else content.mm_per_px
+        models = self.contact_models, self._joint
+        self._places = Places(models, math.nan if scale is None else scale, self.rest.pattern.on_surface)
         self._unknown = dict.fromkeys(self.frame_models.names, math.nan)
         self._untouched = {name: UNTOUCHED[name] for name in self.frame_models.names}
         self._untouched_sigmas = dict(zip(self.frame_models.names, self.frame_models.sigmas, strict=True))

@@ -127,7 +127,6 @@ class Mesh:
     rest: cython.const[cython.double][:, ::1]
     rim: cython.const[cython.int][::1]
     fit: cython.const[cython.double][:, ::1]
-    terms: cython.const[cython.double][:, ::1]
     start: cython.int[::1]  # as `weighted_rows` gives them
     near: cython.ushort[::1]
     weight: cython.float[::1]
@@ -205,15 +204,15 @@ class Mesh:
         Raises  ValueError: sizes that do not fit, a rim pin that does not exist
         """
         n, r, around = self.n_points, len(rim), self.n_points - self.n_pins
-        fit, terms, weight = (np.ascontiguousarray(part, np.float64) for part in motion)
-        sizes = (rest.shape, fit.shape, terms.shape, weight.shape, points.shape, areas.shape)
-        wanted = ((n, 2), (3, r), (r + around, 3), (around, r), (n, 2), (self.n_pins,))
+        fit, weight = (np.ascontiguousarray(part, np.float64) for part in motion)
+        sizes = (rest.shape, fit.shape, weight.shape, points.shape, areas.shape)
+        wanted = ((n, 2), (3, r), (around, r), (n, 2), (self.n_pins,))
         if sizes != wanted or not (r and rim.min() >= 0 and rim.max() < self.n_pins):
             raise ValueError(f"{wanted} and 1 or more of {self.n_pins} pins are wanted, not {sizes}")
         self.points, self.areas = points, areas
         rows = weighted_rows(np.tile(np.arange(r, dtype=np.int32), (around, 1)), weight)
         self.rest, self.rim = np.array(rest, np.float64), np.array(rim, np.int32)
-        self.fit, self.terms, self.residual = fit, terms, np.zeros(2 * r)
+        self.fit, self.residual = fit, np.zeros(2 * r)
         self.start, self.near, self.weight = rows
         self.attached = True
 
@@ -230,7 +229,6 @@ class Mesh:
         y_of: cython.double[::1] = self.y
         rest: cython.const[cython.double][:, ::1] = self.rest
         rim: cython.const[cython.int][::1] = self.rim
-        terms: cython.const[cython.double][:, ::1] = self.terms
         residual: cython.double[::1] = self.residual
         near: cython.ushort[::1] = self.near
         weight: cython.float[::1] = self.weight
@@ -250,17 +248,13 @@ class Mesh:
         for k in range(r):
             x = xy[rim[k], 0] - rest[rim[k], 0]
             y = xy[rim[k], 1] - rest[rim[k], 1]
-            for i in range(3):
-                x -= terms[k, i] * affine_x[i]
-                y -= terms[k, i] * affine_y[i]
-            residual[2 * k] = x
-            residual[2 * k + 1] = y
+            u, v = rest[rim[k], 0], rest[rim[k], 1]
+            residual[2 * k] = x - affine_x[0] - affine_x[1] * u - affine_x[2] * v
+            residual[2 * k + 1] = y - affine_y[0] - affine_y[1] * u - affine_y[2] * v
         for k in range(self.n_points - n):
-            x = rest[n + k, 0]
-            y = rest[n + k, 1]
-            for i in range(3):
-                x += terms[r + k, i] * affine_x[i]
-                y += terms[r + k, i] * affine_y[i]
+            u, v = rest[n + k, 0], rest[n + k, 1]
+            x = u + affine_x[0] + affine_x[1] * u + affine_x[2] * v
+            y = v + affine_y[0] + affine_y[1] * u + affine_y[2] * v
             for i in range(self.start[k], self.start[k + 1]):
                 x += weight[i] * residual[near[i]]
                 y += weight[i] * residual[near[i] + 1]

@@ -22,10 +22,8 @@ cdef class Copies:
 
 cdef inline const double *numbers_of(object array, Py_ssize_t n, bint are_complex=False) except NULL:
     cdef Py_buffer view
-    cdef Py_ssize_t size = 16 if are_complex else 8
     PyObject_GetBuffer(array, &view, PyBUF_C_CONTIGUOUS | PyBUF_FORMAT)
-    cdef bint fits = view.format[0] == (c"Z" if are_complex else c"d") and view.itemsize == size
-    fits = fits and view.len == size * n
+    cdef bint fits = view.format[0] == (c"Z" if are_complex else c"d") and view.len == (16 if are_complex else 8) * n
     PyBuffer_Release(&view)
     if not fits:
         raise ValueError(f"an array of {n} numbers is wanted")
