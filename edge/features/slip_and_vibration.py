@@ -68,8 +68,6 @@ M_PI = cython.declare(cython.double, np.pi)
 NAN = cython.declare(cython.double, float("nan"))
 #: Shares of the area that slides, in the middle of equal intervals; a path has as many points.
 _SHARES = cython.declare(cython.Py_ssize_t, 24)
-#: Standard deviation within one of them, of even probability.
-_STEP = cython.declare(cython.double, 1.0 / (24.0 * 12.0**0.5))
 
 
 def _curves() -> Array:
@@ -332,7 +330,7 @@ class Slip:
         of_points = cython.cast(cython.double, n) / _SHARES  # a full path has the model's error once
         for p in range(n):
             of_s = q[p] / s[p] * noise_s
-            of_model = _STEP * q[p]
+            of_model = q[p] / (sqrt(12.0) * _SHARES)  # the standard deviation within one share
             weight[p] = 1.0 / (noise_q * noise_q + of_s * of_s + of_points * of_model * of_model)
         for k in range(_SHARES):
             along: cython.double = 0.0
