@@ -135,7 +135,8 @@ class ContactField:
         self._n = n
         self._rest = np.ascontiguousarray(rest_xy, np.float64)
         near, near_both = _in_patches(rest_xy, BLOCK), _in_patches(rest_xy, BLOCK // 2)
-        self._column, self._column_both = np.argsort(near), 2 * np.argsort(near_both)
+        columns = np.argsort(near), 2 * np.argsort(near_both)
+        self._column, self._column_both = (column.astype(np.int32) for column in columns)
         self._interpolator = QuantizedOperator(interpolator[:, near])
         self._divergences = QuantizedOperator(divergences[:, (2 * near_both[:, None] + [0, 1]).ravel()])
         self.area_change = np.zeros(n, np.float32)
@@ -161,7 +162,7 @@ class ContactField:
             raise ValueError(f"area_change ({self._n},) is wanted")
         single: cython.float[::1] = self.area_change
         row: cython.float[::1] = self._change_row
-        column: cython.Py_ssize_t[::1] = self._column
+        column: cython.int[::1] = self._column
         for i in range(self._n):
             single[i] = cython.cast(cython.float, change[i])
             row[column[i]] = single[i]
@@ -247,7 +248,7 @@ class ContactField:
         motion: cython.double[::1] = self._motion
         rest: cython.const[cython.double][:, ::1] = self._rest
         detrended: cython.float[::1] = self._detrended
-        column: cython.Py_ssize_t[::1] = self._column_both
+        column: cython.int[::1] = self._column_both
         # Sums, then coefficients, in x and y.
         x0 = xx = xy_ = y0 = yx = yy = 0.0
         for i in range(self._n):
@@ -321,7 +322,8 @@ class PeakFinder:
         """
         place: cython.int[::1] = self.place
         grid: cython.float[::1] = self.grid
-        self.mark[:] = _UNKNOWN
+        for i in range(self.n_active):  # all peaks, and plateaus on the way, are among these
+            self.mark[place[self.active[i]]] = _UNKNOWN
         self.n_peaks = 0
         for i in range(self.n_active):
             p = self.active[i]

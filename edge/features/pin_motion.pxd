@@ -16,7 +16,7 @@ cdef class PinMotion:
     cdef const double[::1] _at_rest  # this, `xy` and `motion` in one piece: their addresses need no sums
     cdef double[::1] _xy, _motion
     cdef object _no_offset  # zeros
-    cdef double[:, ::1] _disc  # places at rest on the tip's unit disc
+    cdef double _x0, _y0, _per_px  # of the tip's unit disc: its middle, px, and what a px is of its radius
     cdef double[:, ::1] _g  # (3, 5), equations of a plane: three unknowns, two right sides
 
     @cython.locals(x=double, y=double, sigma=double, widest=double, longest2=double, step2=double)

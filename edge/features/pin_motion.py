@@ -49,8 +49,8 @@ _FLAT = cython.declare(cython.double, 1e-12)
 #: Squared semi-axes of the contact's ellipse in variances: two standard deviations, a uniform disc's own
 #: edge.
 _ELLIPSE = cython.declare(cython.double, 4.0)
-#: Modes, padded to whole vectors.
-ROW = 24
+#: Modes.
+ROW = 21
 
 
 class PinMotion:
@@ -77,7 +77,8 @@ class PinMotion:
         self.sigma_px = self.sigma_max_px = self.longest_px = self.step_px = 0.0
         self._rest, self._no_offset = np.ascontiguousarray(rest.xy_img, np.float64), np.zeros((n, 2))
         self._at_rest = np.ravel(self._rest)
-        self._disc = (self._rest - rest.pattern.centre_img) * (1.0 / rest.pattern.tip_radius_px)
+        self._x0, self._y0 = rest.pattern.centre_img.tolist()
+        self._per_px = 1.0 / rest.pattern.tip_radius_px
         self.pins, self.n_pins = np.arange(n, dtype=np.int32), n
         self._g = np.empty((3, 5))
 
@@ -133,12 +134,12 @@ class PinMotion:
         """
         n_pins: cython.Py_ssize_t = 0
         total = x = y = xx = xy = yy = 0.0
-        disc: cython.double[:, ::1] = self._disc
+        rest: cython.const[cython.double][:, ::1] = self._rest
         for i in range(self._n):
             c = area_change[i]
             if c > least:
-                u = disc[i, 0]
-                v = disc[i, 1]
+                u = (rest[i, 0] - self._x0) * self._per_px
+                v = (rest[i, 1] - self._y0) * self._per_px
                 total += c
                 x += c * u
                 y += c * v
@@ -157,8 +158,8 @@ class PinMotion:
         for i in range(self._n):
             pins[n_pins] = cython.cast(cython.int, i)  # written over if it is not chosen
             if is_ellipse:
-                u = disc[i, 0] - x
-                v = disc[i, 1] - y
+                u = (rest[i, 0] - self._x0) * self._per_px - x
+                v = (rest[i, 1] - self._y0) * self._per_px - y
                 n_pins += u * u * yy - 2.0 * u * v * xy + v * v * xx <= _ELLIPSE * det
             else:
                 n_pins += not total > 0.0 or area_change[i] > least
@@ -221,7 +222,7 @@ class PinMotion:
         """
         rows: cython.int[::1] = self.pins
         now: cython.double[:, ::1] = self.motion
-        disc: cython.double[:, ::1] = self._disc
+        rest: cython.const[cython.double][:, ::1] = self._rest
         used = 0
         dx: cython.double
         dy: cython.double
@@ -233,7 +234,11 @@ class PinMotion:
             dx = now[i, 0] - before[i, 0]
             dy = now[i, 1] - before[i, 1]
             if not isnan(dx):
-                row[1], row[2], row[3], row[4] = disc[i, 0], disc[i, 1], dx, dy
+                row[1], row[2] = (
+                    (rest[i, 0] - self._x0) * self._per_px,
+                    (rest[i, 1] - self._y0) * self._per_px,
+                )
+                row[3], row[4] = dx, dy
                 for j in range(3):
                     for k in range(j, 5):
                         self._g[j, k] += row[j] * row[k]
@@ -246,8 +251,10 @@ class PinMotion:
             dx = now[i, 0] - before[i, 0]
             dy = now[i, 1] - before[i, 1]
             if not isnan(dx):
-                dx = dx - self._g[0, 3] - self._g[1, 3] * disc[i, 0] - self._g[2, 3] * disc[i, 1]
-                dy = dy - self._g[0, 4] - self._g[1, 4] * disc[i, 0] - self._g[2, 4] * disc[i, 1]
+                u = (rest[i, 0] - self._x0) * self._per_px
+                v = (rest[i, 1] - self._y0) * self._per_px
+                dx = dx - self._g[0, 3] - self._g[1, 3] * u - self._g[2, 3] * v
+                dy = dy - self._g[0, 4] - self._g[1, 4] * u - self._g[2, 4] * v
                 left += dx * dx + dy * dy
         self.left_px2 = left
         self.curl = fabs(self._g[1, 4] - self._g[2, 3])
@@ -287,13 +294,13 @@ class ModeProduct:
 
     def fit(self, motion: Array) -> Complex:
         """Coefficients (21,) complex128 px of the motion (n, 2) float64 px."""
-        of_x: cython.float[24] = [0.0] * 24  # these stay in registers until all pins are in: ROW numbers each
-        of_y: cython.float[24] = [0.0] * 24
+        of_x: cython.float[21] = [0.0] * 21  # these stay in registers until all pins are in: ROW numbers each
+        of_y: cython.float[21] = [0.0] * 21
         rows: cython.const[cython.float][:, ::1] = self._rows
         for i in range(rows.shape[0]):
             x = cython.cast(cython.float, motion[i, 0])
             y = cython.cast(cython.float, motion[i, 1])
-            for j in range(24):
+            for j in range(21):
                 of_x[j] += rows[i, j] * x
                 of_y[j] += rows[i, j] * y
         for j in range(self._mirror.shape[0]):
