@@ -10,7 +10,6 @@ cdef class QuantizedOperator:
     cdef short[::1] _vector  # (w,), the values in whole steps
 
     cpdef void apply_rows(self, const int[::1] which, Py_ssize_t n) noexcept
-    cdef int _product(self, Py_ssize_t row) noexcept
     cdef float _quantize(self) noexcept
 
 
@@ -33,7 +32,7 @@ cdef class ContactField:
     cdef int[::1] _near_start  # (n + 1,)
     cdef unsigned char[::1] _is_active  # (k,)
     cdef float _min_area_change, _heights_rel
-    cdef const double[:, ::1] _rest
+    cdef const double[:, ::1] _rest, _from_first  # and the way from the first one
     cdef double[:, ::1] _inverse  # (3, 3), of the equations of a plane through all pins, about the first
     cdef float _divergence_rel  # shares of the blend
 

@@ -77,19 +77,19 @@ class QuantizedOperator:
         step: cython.float = self._quantize()
         row_step: cython.float[::1] = self._row_step
         result: cython.float[::1] = self.result
-        for p in range(n):
-            result[p] = cython.cast(cython.float, self._product(which[p])) * row_step[which[p]] * step
-
-    def _product(self, row: cython.Py_ssize_t) -> int:
-        """A row times the vector, in whole steps, which fits 32 bits."""
         weights: cython.short[::1] = self._weights
         vector: cython.short[::1] = self._vector
-        total: cython.int = 0
-        for r in range(self._start[row], self._start[row + 1]):
-            ahead = self._ahead[r]
-            for i in range(self._begin[r], self._begin[r + 1]):
-                total += cython.cast(cython.int, weights[i]) * cython.cast(cython.int, vector[ahead + i])
-        return total
+        start: cython.int[::1] = self._start
+        begin: cython.int[::1] = self._begin
+        ahead: cython.int[::1] = self._ahead
+        for p in range(n):
+            total: cython.int = 0  # whole steps, which fit 32 bits
+            for r in range(start[which[p]], start[which[p] + 1]):
+                w: cython.Py_ssize_t = begin[r]
+                v: cython.Py_ssize_t = w + ahead[r]
+                for i in range((begin[r + 1] - w) & -16):  # so that the compiler knows it, too: BLOCK
+                    total += cython.cast(cython.int, weights[w + i]) * cython.cast(cython.int, vector[v + i])
+            result[p] = cython.cast(cython.float, total) * row_step[which[p]] * step
 
     def _quantize(self) -> float:
         """The values in whole steps; returns the step."""
@@ -134,6 +134,7 @@ class ContactField:
             )
         self._n = n
         self._rest = np.ascontiguousarray(rest_xy, np.float64)
+        self._from_first = np.ascontiguousarray(rest_xy - rest_xy[0], np.float64)
         near, near_both = _in_patches(rest_xy, BLOCK), _in_patches(rest_xy, BLOCK // 2)
         self._column, self._column_both = np.argsort(near), 2 * np.argsort(near_both)
         self._interpolator = QuantizedOperator(interpolator[:, near])
@@ -243,6 +244,7 @@ class ContactField:
         """Motion less its plane, whose divergence is added later: the smaller values quantize more finely."""
         g: cython.double[:, ::1] = self._inverse
         rest: cython.const[cython.double][:, ::1] = self._rest
+        from_first: cython.const[cython.double][:, ::1] = self._from_first
         detrended: cython.float[::1] = self._detrended
         column: cython.Py_ssize_t[::1] = self._column_both
         # Sums, then coefficients, in x and y.
@@ -253,8 +255,7 @@ class ContactField:
         yx: cython.double = 0.0
         yy: cython.double = 0.0
         for i in range(self._n):
-            x = rest[i, 0] - rest[0, 0]
-            y = rest[i, 1] - rest[0, 1]
+            x, y = from_first[i, 0], from_first[i, 1]
             dx = xy[i, 0] - rest[i, 0]
             dy = xy[i, 1] - rest[i, 1]
             x0 += dx
@@ -269,12 +270,10 @@ class ContactField:
         xx, yx = g[1, 0] * dx + g[1, 1] * x + g[1, 2] * xy_, g[1, 0] * dy + g[1, 1] * y + g[1, 2] * yy
         xy_, yy = g[2, 0] * dx + g[2, 1] * x + g[2, 2] * xy_, g[2, 0] * dy + g[2, 1] * y + g[2, 2] * yy
         for i in range(self._n):
-            x = rest[i, 0] - rest[0, 0]
-            y = rest[i, 1] - rest[0, 1]
-            dx = xy[i, 0] - rest[i, 0]
-            dy = xy[i, 1] - rest[i, 1]
-            detrended[column[i]] = dx - x0 - xx * x - xy_ * y
-            detrended[column[i] + 1] = dy - y0 - yx * x - yy * y
+            x, y = from_first[i, 0], from_first[i, 1]
+            dx = xy[i, 0] - rest[i, 0] - x0 - xx * x - xy_ * y
+            dy = xy[i, 1] - rest[i, 1] - y0 - yx * x - yy * y
+            detrended[column[i]], detrended[column[i] + 1] = dx, dy
         self.plane_divergence = xx + yy
         self.plane_curl = yx - xy_
 
