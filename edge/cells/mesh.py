@@ -129,7 +129,7 @@ class Mesh:
     fit: cython.const[cython.double][:, ::1]
     start: cython.int[::1]  # as `weighted_rows` gives them
     near: cython.ushort[::1]
-    weight: cython.float[::1]
+    weight: cython.double[::1]
     residual: cython.double[::1]  # of the rim's motion beside the affine one: x, y, x, y, ...
     points: cython.double[:, ::1]
     areas: cython.double[::1]
@@ -213,7 +213,7 @@ class Mesh:
         rows = weighted_rows(np.tile(np.arange(r, dtype=np.int32), (around, 1)), weight)
         self.rest, self.rim = np.array(rest, np.float64), np.array(rim, np.int32)
         self.fit, self.residual = fit, np.zeros(2 * r)
-        self.start, self.near, self.weight = rows
+        self.start, self.near, self.weight = rows[0], rows[1], np.asarray(rows[2], np.float64)
         self.attached = True
 
     def follow(self, xy: cython.const[cython.double][:, ::1]) -> cython.Py_ssize_t:
@@ -231,7 +231,7 @@ class Mesh:
         rim: cython.const[cython.int][::1] = self.rim
         residual: cython.double[::1] = self.residual
         near: cython.ushort[::1] = self.near
-        weight: cython.float[::1] = self.weight
+        weight: cython.double[::1] = self.weight
         r = rim.shape[0]
         affine_x: cython.double[3] = [0.0] * 3
         affine_y: cython.double[3] = [0.0] * 3
@@ -321,24 +321,24 @@ class Mesh:
         right: cython.double = -INFINITY
         top: cython.double = INFINITY
         bottom: cython.double = -INFINITY
-        least: cython.double = INFINITY  # of their magnitudes
-        zero: cython.double = 0.0  # NaN if a coordinate is not finite: 0 times it is
+        nearest: cython.double = INFINITY  # of the products of both coordinates
+        total: cython.double = 0.0  # not finite if a coordinate is not
         for i in range(n):
             x, y = x_of[i], y_of[i]
             left, right = x if x < left else left, x if x > right else right
             top, bottom = y if y < top else top, y if y > bottom else bottom
-            least = fabs(x) if fabs(x) < least else least
-            least = fabs(y) if fabs(y) < least else least
-            zero += 0.0 * x + 0.0 * y
-        if zero != 0.0:
+            nearest = fabs(x * y) if fabs(x * y) < nearest else nearest
+            total += x + y
+        if not fabs(total) < INFINITY:
             raise DegenerateLayout("a coordinate is not finite")
         size = max(right - left, bottom - top)
         if not EXTENT_MIN < size < EXTENT_MAX:
             raise DegenerateLayout("all points at one place, or farther apart than 7e19")
-        if least < SNAP * size:
+        least = SNAP * size
+        if nearest <= least * max(fabs(left), fabs(right), fabs(top), fabs(bottom)):  # else none is so small
             for i in range(n):
-                x_of[i] = x_of[i] if fabs(x_of[i]) >= SNAP * size else 0.0
-                y_of[i] = y_of[i] if fabs(y_of[i]) >= SNAP * size else 0.0
+                x_of[i] = x_of[i] if fabs(x_of[i]) >= least else 0.0
+                y_of[i] = y_of[i] if fabs(y_of[i]) >= least else 0.0
         # The more points, the flatter triangles their outline can have, and the further out the guards are.
         half = size * n
         x_mid, y_mid = left + 0.5 * (right - left), top + 0.5 * (bottom - top)

@@ -10,7 +10,6 @@ cdef class QuantizedOperator:
     cdef short[::1] _vector  # (w,), the values in whole steps
 
     cpdef void apply_rows(self, const int[::1] which, Py_ssize_t n) noexcept
-    cdef int _product(self, Py_ssize_t row) noexcept
     cdef float _quantize(self) noexcept
 
 

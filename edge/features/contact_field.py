@@ -77,19 +77,19 @@ class QuantizedOperator:
         step: cython.float = self._quantize()
         row_step: cython.float[::1] = self._row_step
         result: cython.float[::1] = self.result
-        for p in range(n):
-            result[p] = cython.cast(cython.float, self._product(which[p])) * row_step[which[p]] * step
-
-    def _product(self, row: cython.Py_ssize_t) -> int:
-        """A row times the vector, in whole steps, which fits 32 bits."""
         weights: cython.short[::1] = self._weights
         vector: cython.short[::1] = self._vector
-        total: cython.int = 0
-        for r in range(self._start[row], self._start[row + 1]):
-            ahead = self._ahead[r]
-            for i in range(self._begin[r], self._begin[r + 1]):
-                total += cython.cast(cython.int, weights[i]) * cython.cast(cython.int, vector[ahead + i])
-        return total
+        start: cython.int[::1] = self._start
+        begin: cython.int[::1] = self._begin
+        ahead: cython.int[::1] = self._ahead
+        for p in range(n):
+            total: cython.int = 0  # whole steps, which fit 32 bits
+            for r in range(start[which[p]], start[which[p] + 1]):
+                w: cython.Py_ssize_t = begin[r]
+                v: cython.Py_ssize_t = w + ahead[r]
+                for i in range((begin[r + 1] - w) & -16):  # so that the compiler knows it, too: BLOCK
+                    total += cython.cast(cython.int, weights[w + i]) * cython.cast(cython.int, vector[v + i])
+            result[p] = cython.cast(cython.float, total) * row_step[which[p]] * step
 
     def _quantize(self) -> float:
         """The values in whole steps; returns the step."""

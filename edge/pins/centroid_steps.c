@@ -319,9 +319,12 @@ VT_INLINE static inline int vt_step_two(const vt_steps *s, const double *sums, c
     const vt_two su = u + d_u * a, sv = v + d_v * a, gu = su + tx_u * tx, gv = sv + ty_v * ty;
     const vt_two gu2 = gu * gu, gv2 = gv * gv, energy = square - level * level * inv_pixels;
     const vt_two rest = energy - a2 - tx * tx - ty * ty - gu2 - gv2;
-    const vt_two found = VT_WHERE(rest > 0.0, rest) * inv_freedom, more = found - s->noise2;
-    /* The residual beyond the noise is alike in all pixels of a block. */
-    const vt_two variance = found - (1.0 - 1.0 / (s->side * s->side)) * VT_WHERE(more > 0.0, more) + 1.0 / 12.0;
+    vt_two variance = VT_WHERE(rest > 0.0, rest) * inv_freedom;
+    if (s->side > 1.0) { /* The residual beyond the noise is alike in all pixels of a block. */
+        const vt_two more = variance - s->noise2;
+        variance -= (1.0 - 1.0 / (s->side * s->side)) * VT_WHERE(more > 0.0, more);
+    }
+    variance += 1.0 / 12.0;
     const vt_two limit = 4.0 * variance;
     const vt_two keep_x = VT_WHERE((gu2 > limit) & is_near, 1.0 - limit / gu2);
     const vt_two keep_y = VT_WHERE((gv2 > limit) & is_near, 1.0 - limit / gv2);
@@ -339,13 +342,15 @@ VT_INLINE static inline int vt_step_two(const vt_steps *s, const double *sums, c
     const vt_two sigma = {sqrt(variances[0]), sqrt(variances[1])};
     int goes_on = 0;
     _Pragma("GCC unroll 2")
-    for (int k = 0; k < 2; k++) {
-        const Py_ssize_t i = from[k].pin;
-        s->amplitude[i] = amplitude[k], s->fit[i] = fit[k];
-        if (!seen[k]) continue;
-        s->sigma[i] = sigma[k];
+    for (int k = 0; k < 2; k++) { /* of a pin that is not seen the place does not count */
+        const size_t i = from[k].pin;
+        s->amplitude[i] = amplitude[k], s->fit[i] = fit[k], s->sigma[i] = sigma[k];
         *(vt_any_two *)(s->xy + 2 * i) = *(const vt_any_two *)&from[k].x + (vt_two){step_x[k], step_y[k]};
-        if (!on[k] && first) continue; /* so short that it is within reach */
+    }
+    if (first && !(on[0] | on[1])) return 0; /* so short that they are within reach */
+    for (int k = 0; k < 2; k++) {
+        const size_t i = from[k].pin;
+        if (!on[k] && first) continue;
         if (!vt_is_within_reach(s, from + k, step_x[k], step_y[k])) s->amplitude[i] = s->fit[i] = 0.0;
         else if (on[k]) goes_on |= 1 << k;
     }

@@ -26,8 +26,8 @@ class CentroidRefiner:
         if self._lens is not None:
             self._magnification = magnification(self._lens, rest.xy_img)
         radius = np.asarray(rest.pins.radius_px, np.float64)
-        # Large pins are read by blocks, which hide less of a radius that is off.
-        side = SIDE if pattern.pin_radius_px >= 2.0 * SIDE * PARAMS.reduced_radius_px else 1
+        # Where kinds are a pixel apart, pins are read by blocks, which hide less of a radius that is off.
+        side = SIDE if (PARAMS.radius_kind_step - 1.0) * pattern.pin_radius_px >= 1.0 else 1
         step = PARAMS.radius_kind_step ** (1.0 / side)
         kinds, kind_of = np.unique(np.rint(np.log(radius) / np.log(step)), return_inverse=True)
         levels, most = (side * side * level for level in (pattern.brightness, np.iinfo(np.uint8).max))

@@ -141,7 +141,9 @@ def _templates(radius: float, edge_px: float, pitch_px: float, side: int) -> _Ki
     size = np.abs(exact)  # no sum of its integers may overflow 32 bits
     most = np.maximum(size.max(axis=(0, 2)), size.sum(axis=2).max(axis=0) * (STEP_MAX * HALF_MAX / 2.0**30))
     scale = (HALF_MAX - 1) / np.array([most[0], *2 * [most[1:].max()]])
-    whole = _whole(exact * scale[:, None], np.argsort(exact[:, :1], axis=-1).astype(np.int32))
+    # Levels that are alike by symmetry keep their order, whatever a processor's last digit.
+    order = np.argsort(np.round(exact[:, :1], 9), axis=-1, kind="stable").astype(np.int32)
+    whole = _whole(exact * scale[:, None], order)
     values = np.zeros((PHASES * PHASES, PLANES, -(-n // BLOCK) * BLOCK), np.int8)
     values[:, :3, :n], values[:, 3:, :n] = whole, np.stack([columns, rows])[:, inside]
     by_d, by_tx, by_ty = (np.sqrt((exact**2).sum(axis=-1)) / (exact * whole).sum(axis=-1)).T
