@@ -739,7 +739,7 @@ def _as_good(
 
     Frames that are hard for all models are in the errors of each, not in their difference. In few poses that
     error is large because they do not tell: then a model that errs clearly more is not as good. One frame
-    that is far from all others does not decide against a process, whose sigma says so.
+    that is far from all others does not decide against a process of many, whose sigma says so.
 
     shown  it must not err clearly more even if the difference is one standard error larger
     """
@@ -747,10 +747,10 @@ def _as_good(
     error = error_of_mean(more, share)
     allowed = min(error, PARAMS.worse_max * best.rms**2 - shown * error)
     worse = tried[0].rms ** 2 - best.rms**2
-    if _kind_of(tried[0].name) in PROCESS_KINDS:
+    kind, few = _kind_of(tried[0].name), share.sum() < ENOUGH
+    if kind is ModelKind.CARRIED or (kind is ModelKind.PROCESS and not few):
         worse -= max(0.0, float((share * more).max()) / float(share.sum()))
-    few_known = _kind_of(tried[0].name) is ModelKind.CARRIED and share.sum() < ENOUGH
-    return worse <= (error if few_known else allowed)
+    return worse <= (error if few and kind is ModelKind.CARRIED else allowed)
 
 
 def _polynomial(
