@@ -37,7 +37,7 @@ from calib.errors import FitError
 from calib.extract import Extract
 from calib.fit_params import PARAMS
 from calib.press_axis import check_press
-from calib.process_fit import FittedProcess, fit_process
+from calib.process_fit import INPUTS, FittedProcess, fit_process
 from calib.ridge import (
     Candidate,
     InputNoise,
@@ -101,6 +101,7 @@ class ModelKind(StrEnum):
 
 
 PROCESS_KINDS = (ModelKind.CARRIED, ModelKind.PROCESS)
+ENOUGH = 2 * len(INPUTS)  # poses that decide a weight for each input of a process
 
 
 class Prefer(StrEnum):
@@ -512,7 +513,8 @@ def _start_processes(problem: _Problem, search: Search, pool: Executor | None) -
             motion=problem.seen.motion,
         )
         calls: dict[ModelKind, Callable[[], FittedProcess]] = {}
-        if poses >= PARAMS.process_rows_min:
+        # Too few poses to decide a weight for each input are better told by another tip's model.
+        if poses >= (ENOUGH if group.outputs in search.known else PARAMS.process_rows_min):
             calls[ModelKind.PROCESS] = partial(call, problem.inputs, terms_max=search.terms_max)
         if len(y) >= PARAMS.known_rows_min and group.outputs in search.known:
             known = search.known[group.outputs].in_the_image(problem.inputs, problem.names)
@@ -716,7 +718,8 @@ def _sufficient(tried: list[_Tried], y: Complex, share: Array, prefer: Prefer) -
         return []
     best, _, predicted = min(tried, key=lambda t: t[0].rms)
     good = [t for t in tried if _as_good(t, best, predicted, y, share)]
-    if prefer is Prefer.SPEED and _kind_of(best.name) is not ModelKind.CARRIED:
+    among = good if share.sum() < ENOUGH else [t for t in good if t[0] is best]
+    if prefer is Prefer.SPEED and not any(_kind_of(t[0].name) is ModelKind.CARRIED for t in among):
         # Few poses may not tell whether a smaller model errs clearly more: then none is taken for speed.
         shown = [t for t in good if _as_good(t, best, predicted, y, share, shown=True)]
         if len(shown) > 1:
@@ -741,7 +744,7 @@ def _as_good(
 
     Frames that are hard for all models are in the errors of each, not in their difference. In few poses that
     error is large because they do not tell: then a model that errs clearly more is not as good. One frame
-    that is far from all others does not decide against a process, whose sigma says so.
+    that is far from all others does not decide against a process of many, whose sigma says so.
 
     shown  it must not err clearly more even if the difference is one standard error larger
     """
@@ -749,9 +752,10 @@ def _as_good(
     error = error_of_mean(more, share)
     allowed = min(error, PARAMS.worse_max * best.rms**2 - shown * error)
     worse = tried[0].rms ** 2 - best.rms**2
-    if _kind_of(tried[0].name) in PROCESS_KINDS:
+    kind, few = _kind_of(tried[0].name), share.sum() < ENOUGH
+    if kind is ModelKind.CARRIED or (kind is ModelKind.PROCESS and not few):
         worse -= max(0.0, float((share * more).max()) / float(share.sum()))
-    return worse <= allowed
+    return worse <= (error if few and kind is ModelKind.CARRIED else allowed)
 
 
 def _polynomial(

@@ -352,6 +352,7 @@ class _Errors:
         self._inputs, self._names, self._learnt = data.inputs, names, learnt
         self._share = share_of_pose(data.pose)
         self._turning, self._all_round = symmetry is Symmetry.TURNING, all_round
+        self._few_known = known is not None and self._share.sum() < 2 * len(INPUTS)
         self._error = predicted - data.target
         length = np.abs(predicted)
         self._direction = np.where(length > 0, predicted / np.where(length > 0, length, 1.0), 1.0)
@@ -366,6 +367,9 @@ class _Errors:
         error = (self._error * self._direction.conj())[rows]
         along = fitted(squares=error.real**2, before=self._before[0])
         across = fitted(squares=error.imag**2, before=self._before[1])
+        if self._few_known:  # what slid lightly may have gone in another direction: the larger one counts
+            one = max((along, across), key=lambda noise: noise.level)
+            return one.over(one.level), None, one.level
         level = (along.level + across.level) / 2.0
         return along.over(level), across.over(level), level
 
@@ -396,8 +400,9 @@ class _Errors:
         inputs, error, learnt = self._inputs[rows], self._error[rows], self._learnt[rows]
         one = level * along.variance(inputs, self._names)
         if across is None:
-            for _ in range(1 + self._turning):
-                yield np.abs(error) / np.sqrt(learnt + one)
+            both = (error.real, error.imag) if self._few_known and self._all_round else (np.abs(error),) * 2
+            for part in both[: 1 + self._turning]:
+                yield part / np.sqrt(learnt + one)
             return
         other = level * across.variance(inputs, self._names)
         share = self._direction[rows].real ** 2
