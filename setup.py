@@ -10,6 +10,7 @@ A kernel is a Python module that Cython compiles. A new one needs a line in KERN
 from __future__ import annotations
 
 import fcntl
+import multiprocessing
 import os
 import re
 from pathlib import Path
@@ -52,6 +53,8 @@ KERNELS = {
 }
 #: Cython's own code for typed memoryviews, which all kernels share.
 SHARED = "edge._memoryview"
+#: One more than any array of a kernel has, for which the kernel holds 112 bytes then, not 208 as of 8.
+DIMENSIONS = 4
 
 
 class Variant(NamedTuple):
@@ -150,13 +153,18 @@ class BuildKernels(build_ext):
 
     def _translate(self) -> None:
         """Replace each kernel's Python by the C that Cython makes of it."""
+        from Cython.Compiler import Options
+
+        Options.buffer_max_dims = DIMENSIONS  # before the next import reads it, and for forked processes
+        multiprocessing.set_start_method("fork", force=True)
         from Cython.Build import cythonize
 
         folder = self.place / "c"
         directives = VARIANTS[self.variant].directives
         for extension in self.extensions:
             made = folder / Path(*extension.name.split("."))
-            note, settings = made.with_suffix(".settings"), repr((directives, extension.extra_compile_args))
+            note = made.with_suffix(".settings")
+            settings = repr((directives, DIMENSIONS, extension.extra_compile_args))
             if not note.is_file() or note.read_text() != settings:  # what is there was made otherwise
                 made.with_suffix(".c").unlink(missing_ok=True)
                 note.parent.mkdir(parents=True, exist_ok=True)

@@ -669,9 +669,9 @@ def _best(
     if kind not in processes:
         model, of_light_touch = of_all_frames(chosen.name), None
     else:
-        process: Polynomial | Process = _process(problem, i, processes[kind])
+        process = _process(problem, i, processes[kind])
         if kind is ModelKind.CARRIED:
-            process = _valid_too(process, search.known[outputs], float(problem.share.sum()))
+            process = _valid_too(process, search.known[outputs])
         model = mirror(process)
         good = _sufficient(of_all, whole.y[:, i], whole.share, Prefer.SPEED)
         simple = min(good, key=_terms_then_error)[0] if good else None
@@ -740,14 +740,18 @@ def _as_good(
     """Whether a model errs more than the best by no more than one standard error of the difference.
 
     Frames that are hard for all models are in the errors of each, not in their difference. In few poses that
-    error is large because they do not tell: then a model that errs clearly more is not as good.
+    error is large because they do not tell: then a model that errs clearly more is not as good. One frame
+    that is far from all others does not decide against a process, whose sigma says so.
 
     shown  it must not err clearly more even if the difference is one standard error larger
     """
     more = np.abs(tried[2] - y) ** 2 - np.abs(predicted - y) ** 2
     error = error_of_mean(more, share)
     allowed = min(error, PARAMS.worse_max * best.rms**2 - shown * error)
-    return tried[0].rms ** 2 - best.rms**2 <= allowed
+    worse = tried[0].rms ** 2 - best.rms**2
+    if _kind_of(tried[0].name) in PROCESS_KINDS:
+        worse -= max(0.0, float((share * more).max()) / float(share.sum()))
+    return worse <= allowed
 
 
 def _polynomial(
@@ -803,17 +807,11 @@ def _valid(y: Complex, *, real: bool) -> list[tuple[float, float]]:
     return [(-far, far), (-far, far)]
 
 
-def _valid_too(model: Polynomial | Process, known: KnownModel, poses: float) -> Polynomial | Process:
-    """The model, valid a little beyond its own data where the other tip's is, too.
-
-    Evenly spread over a range, so many poses span less of it: on each side one part in so many less one is
-    missing, and twice that leaves room for chance. Nothing shows how the tips differ further out.
-    """
-    valid = []
-    for (low, high), (other_low, other_high) in zip(model.valid, known.valid, strict=True):
-        more = 2.0 * (high - low) / (poses - 1.0)
-        valid.append((min(low, max(other_low, low - more)), max(high, min(other_high, high + more))))
-    return msgspec.structs.replace(model, valid=valid)
+def _valid_too(model: Process, known: KnownModel) -> Process:
+    """The model, valid where the other tip's is, too; beyond its own frames sigma grows."""
+    ends = [np.transpose(both) for both in zip(model.valid, known.valid, strict=True)]
+    valid = [(float(low.min()), float(high.max())) for low, high in ends]
+    return msgspec.structs.replace(model, valid=valid, own=model.valid)
 
 
 def _mirrored(model: Polynomial | Process) -> Polynomial | Process:

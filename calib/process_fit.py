@@ -41,7 +41,7 @@ from scipy.linalg import block_diag, cholesky, solve_triangular
 
 from calib.carry_over import KnownModel, changed
 from calib.process_likelihood import Repeats, Settings, Symmetry, fit_settings
-from calib.process_noise import TOO_FEW, NoiseModel, fit_lost, fit_noise, likeliest_scales, scales_of
+from calib.process_noise import TOO_FEW, WITHIN, NoiseModel, fit_lost, fit_noise, likeliest_scales, scales_of
 from calib.ridge import blocks, share_of_pose
 from calib.terms import evaluate_terms, term_columns
 from edge.calibration.file import TERMS_MAX, Lost
@@ -87,7 +87,7 @@ class ProcessParams:
     own_min: float = 0.1  # variance of a frame about its pose, over that of the pose, assumed at least
     groups_min: int = 3  # that settings are fitted without
     rows_groups: int = 1440  # frames of all groups' fits together that are worth their time, with more groups
-    far: float = 4.0  # times the largest of held-out frames: twice their sigma
+    far: float = 4.0  # times the largest variance of held-out frames: twice their sigma
 
 
 EVERY = slice(None)
@@ -190,7 +190,7 @@ def fit_process(
         weights=(weights + mean / unit * np.eye(1, len(weights))[0]) * unit,
         factor=features.of_terms(factor / math.sqrt(level)),
         sigma=np.maximum(scale * unit * math.sqrt(level), SIGMA_MIN),
-        far=PARAMS.far * float(learnt.max()) / level,
+        far=PARAMS.far * (1.0 + float(learnt.max()) / level) - 1.0,
         noise=along,
         across=across,
         lost=_effect_of_loss(features, weights / over, inputs, lossy, names)
@@ -379,7 +379,7 @@ class _Errors:
             return np.full(len(standardised), scales_of([np.concatenate(standardised)])[0, 0])
         if not self._known:
             return likeliest_scales(standardised, poses)
-        return np.asarray(scales_of(standardised).max(axis=1, initial=float(poses <= TOO_FEW)))
+        return np.asarray(scales_of(standardised, len(WITHIN)).max(axis=1, initial=float(poses <= TOO_FEW)))
 
     def _standardised(self, group: Index) -> list[Array]:
         """Errors of each output over their deviation, by a noise that has not seen their group."""

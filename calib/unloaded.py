@@ -1,14 +1,15 @@
 """The untouched tip, from frames of which none shows it: the pins' places extrapolated to no load.
 
-    place of a pin = place at rest + load (a + B . rest of the truth)
+    motion of the pins = motion of the rest frame's own + load (a + b . rest of the truth)
 
-The truth of each frame is known: its load (depth, or force), shear, tilt and so on. Without load none of the
-others has an effect, so that each of them comes multiplied by it. What the formula leaves out begins with the
-square of the load, which is therefore the scale of its error: shallow frames count most, deep ones little.
+The motion is in modes. The truth of each frame is known: its load (depth, or force), shear, tilt and so on.
+Without load none of the others has an effect, so that each of them comes multiplied by it, and each only in
+the modes that turn as it does when tip and touch are turned together: ten frames are enough for the unknowns
+that are left. What the formula leaves out begins with the square of the load, which is therefore the scale of
+its error: shallow frames count most, deep ones little.
 
-That gives the smooth part of the pins' places, of which the modes of motion are capable. By how much a pin
-deviates from its neighbours is not extrapolated, which would amplify noise: it is the same with load and
-without, so that the mean over the frames is taken, with the same weights.
+By how much a pin deviates from its neighbours is not extrapolated, which would amplify noise: it is the same
+with load and without, so that the mean over the frames is taken, with the same weights.
 
 The estimate is better than the least deformed frame, whose own shear and tilt would be in every value later.
 Here they cancel; what remains is nearly the same all round.
@@ -16,18 +17,22 @@ Here they cancel; what remains is nearly the same all round.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import cv2
 import numpy as np
 
+from calib.designs import GROUPS
+from calib.process_likelihood import Symmetry
 from edge.features.modes import MODE_POWERS
 from edge.geometry.lattice import pitch_of
 from edge.geometry.parts import own_pins
 from edge.pins import detect
 from edge.tracking import Tracker
-from edge.types import Array, Image, Rest, Tracks
+from edge.types import Array, Complex, Image, Rest, Tracks
 
 __all__ = ["LOADS", "UnloadedParams", "load_of", "unloaded"]
 
@@ -39,13 +44,11 @@ LOADS = ("displacement_mm", "force_n")
 class UnloadedParams:
     """Parameters of the estimate; evidence in docs/tuning.md, "Rest frame".
 
-    frames_min    with fewer there is no estimate
-    frames_terms  frames for each unknown of a pin: with fewer the rest of the truth is not used
-    reach         of the span of the loads: how far below the least of them no load may be
+    frames_min  with fewer there is no estimate
+    reach       of the span of the loads: how far below the least of them no load may be
     """
 
-    frames_min: int = 12
-    frames_terms: int = 4
+    frames_min: int = 8
     reach: float = 5.0
 
 
@@ -78,11 +81,12 @@ def unloaded(
     known = np.isfinite(places).any(axis=(1, 2)) & (load > 0)
     if known.sum() < params.frames_min or load[known].min() > params.reach * np.ptp(load[known]):
         return None
-    xy = _at_no_load(places[known], load[known], _others(values, known, params))
+    modes = _modes(rest)
+    motion = np.array([_in_modes(modes, xy - rest.xy_img) for xy in places[known]])
+    xy = rest.xy_img + _xy(modes @ _at_no_load(motion, load[known], {k: v[known] for k, v in values.items()}))
     mean = _mean(places[known], load[known])
-    xy = np.where(np.isfinite(xy), xy, rest.xy_img)
     mean = np.where(np.isfinite(mean), mean, xy)
-    xy = mean + _smooth(xy - mean, rest)
+    xy = mean + _xy(modes @ _in_modes(modes, xy - mean))
     (x, y), reach = cv2.minEnclosingCircle(xy.astype(np.float32))
     pattern = replace(
         rest.pattern,
@@ -93,16 +97,6 @@ def unloaded(
     return Rest(replace(rest.pins, xy_img=xy), pattern)
 
 
-def _others(values: Mapping[str, Array], known: Array, params: UnloadedParams) -> Array:
-    """(n, k) the rest of the truth, columns with mean 0 and deviation 1; none if the frames are too few."""
-    columns = [v[known] for name, v in values.items() if name not in LOADS and np.isfinite(v[known]).all()]
-    columns = [(c - c.mean()) / c.std() for c in columns if c.std() > 0]
-    n = int(known.sum())
-    if n < params.frames_terms * (2 + len(columns)):
-        columns = []
-    return np.column_stack(columns) if columns else np.empty((n, 0))
-
-
 def _mean(places: Array, load: Array) -> Array:
     """(pins, 2) NaN: a pin is seen in no frame."""
     weight = np.where(np.isfinite(places[:, :, :1]), load[:, None, None] ** -2.0, 0.0)
@@ -111,21 +105,43 @@ def _mean(places: Array, load: Array) -> Array:
     return np.asarray(np.where(total > 0, mean, np.nan))
 
 
-def _smooth(motion: Array, rest: Rest) -> Array:
-    """(pins, 2) what the modes of motion make of it."""
+def _modes(rest: Rest) -> Complex:
+    """(pins, modes) complex128, the motion of each pin by a mode."""
     z = np.asarray((rest.xy_img - rest.pattern.centre_img) / rest.pattern.tip_radius_px @ (1, 1j))
-    modes = np.column_stack([z**a * z.conj() ** b for a, b in MODE_POWERS])
-    w = modes @ np.linalg.lstsq(modes, motion @ (1, 1j), rcond=None)[0]
-    return np.column_stack([w.real, w.imag])
+    return np.column_stack([z**a * z.conj() ** b for a, b in MODE_POWERS])
 
 
-def _at_no_load(places: Array, load: Array, others: Array) -> Array:
-    """(pins, 2) NaN: a pin is seen too rarely."""
-    design = np.column_stack([np.ones_like(load), load, load[:, None] * others]) / load[:, None] ** 2
-    observed = places / load[:, None, None] ** 2
-    found = np.full(places.shape[1:], np.nan)
-    for pin in range(places.shape[1]):
-        seen = np.isfinite(observed[:, pin, 0])
-        if seen.sum() > design.shape[1]:
-            found[pin] = np.linalg.lstsq(design[seen], observed[seen, pin], rcond=None)[0][0]
-    return found
+def _in_modes(modes: Complex, motion: Array) -> Complex:
+    """(modes,) of the motion (pins, 2), of the pins that it is known of."""
+    seen = np.isfinite(motion[:, 0])
+    return np.asarray(np.linalg.lstsq(modes[seen], motion[seen] @ (1, 1j), rcond=None)[0], np.complex128)
+
+
+def _xy(motion: Complex) -> Array:
+    return np.column_stack([motion.real, motion.imag])
+
+
+def _at_no_load(motion: Complex, load: Array, values: Mapping[str, Array]) -> Complex:
+    """(modes,) of the motion (frames, modes), whichever way each vector's axes lie in the image."""
+    vectors: list[Complex] = []
+    others: list[Any] = [np.ones_like(load)]
+    for group in GROUPS:
+        parts = [values[name] for name in group.outputs if name in values and name not in LOADS]
+        if len(parts) == len(group.outputs) and np.isfinite(parts).all() and np.ptp(parts) > 0:
+            column = parts[0] + (1j * parts[1] if group.symmetry is Symmetry.TURNING else 0.0)
+            column = column / np.sqrt((np.abs(column) ** 2).mean())
+            (vectors if group.symmetry is Symmetry.TURNING else others).append(column)
+    best, least = np.zeros(motion.shape[1], np.complex128), np.inf
+    for ways in itertools.product((False, True), repeat=len(vectors)):
+        turning = [v.conj() if mirrored else v for v, mirrored in zip(vectors, ways, strict=True)]
+        of_spin = {0: others, 1: turning, -1: [v.conj() for v in turning]}
+        found, left = np.zeros_like(best), 0.0
+        for k, (a, b) in enumerate(MODE_POWERS):
+            columns = [np.ones_like(load), *(load * one for one in of_spin.get(1 - a + b, ()))]
+            design = np.column_stack(columns).astype(np.complex128) / load[:, None] ** 2
+            weights = np.linalg.lstsq(design, motion[:, k] / load**2, rcond=None)[0]
+            left += float((np.abs(design @ weights - motion[:, k] / load**2) ** 2).sum())
+            found[k] = weights[0]
+        if left < least:
+            best, least = found, left
+    return best

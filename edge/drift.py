@@ -51,11 +51,10 @@ class Drift:
         """Largest offset that is subtracted, px."""
         return float(np.abs(self._offset).max(initial=0.0))
 
-    def correct(self, tracks: Tracks, rows: Index | None = None) -> Tracks:
-        """The tracks without the drift; rows: of these pins, which are all if there are as many."""
+    def offset_of(self, rows: Index | None = None) -> Array:
+        """(k, 2) px, to be subtracted from the places of these pins, which are all if there are as many."""
         whole = rows is None or len(rows) == len(self._offset)
-        t, offset = tracks, self._offset if whole else self._offset[rows]
-        return Tracks(t.xy_img - offset, t.sigma_px, t.seen, t.n_seen, t.confidence, t.autocorrelation)
+        return self._offset if whole else self._offset[rows]
 
     def learn(self, tracks: Tracks, capture_ns: int, quiet: bool) -> None:
         """Learn from one frame, as seen, if it is quiet: untouched, without a gap before it or a fault."""

@@ -99,7 +99,11 @@ class _View:
             self._extractor.forget_contacts()
         if tracks.confidence < Tracks.LOW_CONFIDENCE and not (even_untrusted and tracks.n_seen >= 3):
             return Result(frame, tracks, None, None, uncalibrated(), searched)
-        moved = drift.correct(tracks, self.rows) if drift and drift.learnt else tracks
+        moved = tracks
+        if drift is not None and drift.learnt:
+            t, extractor = tracks, self._extractor
+            xy_img = extractor.less_offset(t.xy_img, t.sigma_px, drift.offset_of(self.rows))
+            moved = Tracks(xy_img, t.sigma_px, t.seen, t.n_seen, t.confidence, t.autocorrelation)
         touched = self._extractor.touched(moved, plan.areas, plan.watched) if plan.cells else None
         if touched is not None:
             self.tessellator.keep(moved)

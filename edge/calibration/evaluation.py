@@ -25,6 +25,7 @@ Rules
 - L has real rows: of a complex row, its real and its imaginary part are two. Of a process with one output the
   real part counts alone.
 - A value outside of `valid` is set to its end. That, and `learnt` above `far`, is reported as out of range.
+  Outside of `own`, where another tip's model holds on, sigma grows by the distance.
 - A NaN among a model's inputs gives NaN. So does a gap larger than any that the fit tried.
 - The GIL is held: the scratch belongs to the object, and the work is short.
 """
@@ -35,11 +36,16 @@ from collections.abc import Sequence
 import cython
 import msgspec
 import numpy as np
-from cython.cimports.libc.math import exp, isnan, log, sqrt
+from cython.cimports.libc.math import exp, isfinite, isnan, log, sqrt
 
-from edge.calibration.file import Curve, Lost, Model, Process
+from edge.calibration.file import CONTACT_OUTPUTS, JOINT_OUTPUTS, Curve, Lost, Model, Process
 from edge.calibration.inputs import MODES
 from edge.types import Array, Complex, ContactRegion, Features, Index, PinPattern
+
+if cython.compiled:
+    from cython.cimports.edge.geometry.copies import Copies, numbers_of
+else:
+    from edge.geometry.copies import Copies, numbers_of
 
 HUGE_VAL = cython.declare(cython.double, float("inf"))
 M_PI = cython.declare(cython.double, math.pi)
@@ -92,13 +98,9 @@ class InputRow:
             for i in range(n):
                 self._set(2 + i, NAN, 0.0)
         else:
-            modes_px: cython.const[cython.doublecomplex][::1] = modes
-            if modes_px.shape[0] != n:
-                raise ValueError(f"modes ({n},) are wanted, not {modes.shape}")
-            mode: cython.doublecomplex
+            parts = numbers_of(modes, n, True)
             for i in range(n):
-                mode = modes_px[i]
-                self._set(2 + i, mode.real / r, mode.imag / r)
+                self._set(2 + i, parts[2 * i] / r, parts[2 * i + 1] / r)
         if contacts:
             self._set_place_peak_size(contacts[0], first, first + 1, first + 2)
         else:
@@ -206,10 +208,11 @@ class ModelKernel:
     _sign: cython.double[::1]  # -1 where it is the input's conjugate
     _active: cython.int[::1]
     _wanted: list[bool]
+    _in_pairs: list[bool]  # whether blocks of each model's L are `_blocks_of_pairs`
     # (models + 1, 6) first part, noise term, output, term of `lost`, block of L, knot
     _first: cython.int[:, ::1]
     _part: cython.int[::1]  # numbers in `_parts` that the models sum up
-    _weight: cython.double[:, ::1]  # (n, 2) of each: for the real part of the value, and the imaginary
+    _weight: cython.double[:, ::1]  # (2, n) of each: for the real part of the value, and the imaginary
     _block: cython.int[::1]  # (blocks + 1,) where each begins in the next two
     _factor_part: cython.int[::1]  # numbers in `_parts`
     _factor: cython.double[:, ::1]
@@ -219,7 +222,7 @@ class ModelKernel:
     _lost_weight: cython.double[::1]
     # (models, 9) far, range of the noise's logarithm, and across; scale, gap_power, volume_power, gap_max
     _limits: cython.double[:, ::1]
-    _valid: cython.double[:, ::1]  # (outputs, 3) low, high, sigma
+    _valid: cython.double[:, ::1]  # (outputs, 5) low, high, sigma; own low, high
     _knot: cython.double[:, ::1]  # of curves: input, output
     _parts: cython.double[::1]  # real and imaginary part of each product of the current frame
     _outputs: cython.double[:, ::1]  # (outputs, 3) value, sigma, whether out of range
@@ -235,7 +238,8 @@ class ModelKernel:
         lost = [_lost_of(part) for part in parts]
         knots = [model.knots if isinstance(model, Curve) else [] for model in models]
         tree = _Tree(inputs)
-        sums = [_sums_of(part, *tree.nodes(part.terms)) for part in parts]
+        terms = [tree.nodes(part.terms) for part in parts]
+        sums = [_sums_of(part, *of_part) for part, of_part in zip(parts, terms, strict=True)]
         summed = [numbers for numbers, _, _ in sums]
         noise = [tree.nodes(part.noise_terms)[0] for part in parts]
         of_lost = [tree.nodes(part.terms)[0] for part in lost]
@@ -244,11 +248,20 @@ class ModelKernel:
         self._part, self._noise_node, self._lost_node = map(_joined, (summed, noise, of_lost))
         self._parent, self._column, sign = np.array(tree.products, np.int32).T.copy()
         self._sign = sign.astype(np.float64)
-        blocks = [_blocks_of(factor, numbers) for numbers, _, factor in sums]
+        self._in_pairs = [
+            len(part.outputs) == 2 and len(set(nodes.tolist())) == len(nodes)
+            for part, (nodes, _) in zip(parts, terms, strict=True)
+        ]
+        blocks = [
+            _blocks_of_pairs(part, *of_part) if in_pairs else _blocks_of(factor, numbers)
+            for part, of_part, in_pairs, (numbers, _, factor) in zip(
+                parts, terms, self._in_pairs, sums, strict=True
+            )
+        ]
         rows = zip(summed, noise, [part.outputs for part in parts], of_lost, blocks, knots, strict=True)
         counts = [tuple(map(len, row)) for row in rows]
         self._first = np.cumsum([(0,) * 6, *counts], axis=0, dtype=np.int32)
-        self._weight = np.concatenate([np.empty((0, 2)), *(weights.T for _, weights, _ in sums)])
+        self._weight = np.concatenate([np.empty((2, 0)), *(weights for _, weights, _ in sums)], axis=1)
         used = [numbers for of_model in blocks for numbers, _ in of_model]
         self._block = np.cumsum([0, *map(len, used)], dtype=np.int32)
         self._factor_part = _joined(used)
@@ -258,8 +271,9 @@ class ModelKernel:
         self._noise_weight = np.array([along, across], np.float64)
         self._lost_weight = np.array([w for part in lost for w in part.weights], np.float64)
         self._limits = _table([_limits(*part) for part in zip(parts, lost, strict=True)], 9)
-        ranges = [(*v, s) for part in parts for v, s in zip(part.valid, part.sigma, strict=True)]
-        self._valid = _table(ranges, 3)
+        owns = [part.own or [(-math.inf, math.inf)] * len(part.outputs) for part in parts]
+        ranges = [zip(p.valid, p.sigma, own, strict=True) for p, own in zip(parts, owns, strict=True)]
+        self._valid = _table([(*v, s, *o) for of_model in ranges for v, s, o in of_model], 5)
         self._knot = _table([knot for curve in knots for knot in curve], 2)
         self._parts = np.zeros(2 * len(tree.products))
         self._outputs = np.zeros((len(self.names), 3))
@@ -291,14 +305,6 @@ class ModelKernel:
             if self._outputs[i, 2] != 0.0:
                 outside |= {name}
         return values, sigmas, outside
-
-    def of_contact(
-        self, contact: ContactRegion, features: Features, pattern: PinPattern
-    ) -> list[tuple[float, bool]]:
-        """Values of a contact, and whether each is out of range."""
-        self._inputs.write_contact(contact, features, pattern)
-        self._run()
-        return [(self._outputs[i, 0], self._outputs[i, 2] != 0.0) for i in range(self._outputs.shape[0])]
 
     def of_inputs(self, z: Complex) -> Array:
         """(outputs, 3) value, sigma, and whether out of range, of (inputs,) complex128; a new array."""
@@ -333,9 +339,10 @@ class ModelKernel:
         re: cython.double = 0.0
         im: cython.double = 0.0
         for k in range(self._first[m, 0], self._first[m + 1, 0]):
-            x = self._parts[self._part[k]]
-            re += self._weight[k, 0] * x
-            im += self._weight[k, 1] * x
+            re += self._weight[0, k] * self._parts[self._part[k]]
+        if self._first[m + 1, 2] - first == 2:
+            for k in range(self._first[m, 0], self._first[m + 1, 0]):
+                im += self._weight[1, k] * self._parts[self._part[k]]
         learnt: cython.double = self._learnt(m)
         # Written so that a NaN is reported as out of range too.
         known: cython.bint = learnt <= self._limits[m, 0]
@@ -358,17 +365,29 @@ class ModelKernel:
     @cython.cfunc
     def _learnt(self, m: cython.Py_ssize_t) -> cython.double:
         """|L psi|^2."""
-        sums: cython.double[8] = [0.0] * 8
+        sums: cython.double[16] = [0.0] * 16
         factor: cython.double[:, ::1] = self._factor
+        parts: cython.double[::1] = self._parts
+        part: cython.int[::1] = self._factor_part
+        in_pairs: cython.bint = self._in_pairs[m]
         total: cython.double = 0.0
         for b in range(self._first[m, 4], self._first[m + 1, 4]):
-            for r in range(8):
+            for r in range(16):
                 sums[r] = 0.0
-            for k in range(self._block[b], self._block[b + 1]):
-                x = self._parts[self._factor_part[k]]
-                for r in range(8):
-                    sums[r] += factor[k, r] * x
-            for r in range(8):
+            if in_pairs:
+                for k in range(self._block[b], self._block[b + 1], 2):
+                    x = parts[part[k]]
+                    y = part[k + 1] * parts[part[k] + 1]
+                    for r in range(8):
+                        sums[r] += factor[k, r] * x + factor[k + 1, r] * y
+                    for r in range(8):
+                        sums[8 + r] += factor[k, r] * y - factor[k + 1, r] * x
+            else:
+                for k in range(self._block[b], self._block[b + 1]):
+                    x = parts[part[k]]
+                    for r in range(8):
+                        sums[r] += factor[k, r] * x
+            for r in range(16):
                 total += sums[r] * sums[r]
         return total
 
@@ -418,14 +437,77 @@ class ModelKernel:
     ) -> cython.void:
         low: cython.double = self._valid[o, 0]
         high: cython.double = self._valid[o, 1]
+        sigma: cython.double = self._valid[o, 2] * sqrt(variance)
+        beyond: cython.double = max(self._valid[o, 3] - value, value - self._valid[o, 4])
+        if beyond > 0.0:
+            sigma = sqrt(sigma * sigma + beyond * beyond)
         if isnan(variance):
             value = NAN
         elif value < low or value > high:
             value = low if value < low else high
             known = False
         self._outputs[o, 0] = value
-        self._outputs[o, 1] = self._valid[o, 2] * sqrt(variance)
+        self._outputs[o, 1] = sigma
         self._outputs[o, 2] = 0.0 if known or isnan(value) else 1.0
+
+
+@cython.final
+@cython.cclass
+class Places:
+    """Places and depths of contacts, as in `Reading.contacts`.
+
+    models     of a contact, and of one that was fitted together with others
+    mm_per_px  of a place that no model gives; NaN: it is not known
+    own_depth  a single contact's depth is its models', if they give one
+    """
+
+    _models: tuple[ModelKernel, ModelKernel]
+    _columns: list[list[int]]  # of each output
+    _scale: cython.double
+    _own_depth: cython.bint
+    _place: cython.double[::1]
+    _copies: Copies  # of one contact's place
+
+    def __init__(self, models: tuple[ModelKernel, ModelKernel], mm_per_px: float, own_depth: bool) -> None:
+        place, names = np.empty((1, 3)), CONTACT_OUTPUTS + JOINT_OUTPUTS
+        self._columns = [[names.index(name) % 3 for name in model.names] for model in models]
+        self._models, self._scale, self._own_depth = models, mm_per_px, own_depth
+        self._place, self._copies = place.ravel(), Copies(place)
+
+    def of_frame(
+        self, found: Sequence[ContactRegion], features: Features, pattern: PinPattern, depth_mm: float | None
+    ) -> tuple[Array, int]:
+        """(k, 3) mm of k contacts, 1 or more; and what of any is out of range: a bit each for x, y, depth.
+
+        depth_mm  of a single contact, with a range of its own; None: not known
+        """
+        beyond: cython.int = 0
+        k: cython.Py_ssize_t = len(found)
+        place: cython.double[::1] = self._place
+        rows: list[list[float]] = []
+        for contact in found:
+            far: cython.int = 0
+            place[0] = place[1] = place[2] = NAN
+            if not isnan(self._scale):
+                (x, y), (x0, y0) = contact.xy_img.tolist(), pattern.centre_img.tolist()
+                place[0], place[1] = (x - x0) * self._scale, (y - y0) * self._scale
+            for j in range(2 if k > 1 and contact.fitted is not None else 1):
+                models: ModelKernel = self._models[j]
+                if models._outputs.shape[0]:
+                    models._inputs.write_contact(contact, features, pattern)
+                    models._run()
+                for i in range(models._outputs.shape[0]):
+                    column: cython.int = self._columns[j][i]
+                    place[column] = models._outputs[i, 0]
+                    is_far: cython.int = models._outputs[i, 2] != 0.0
+                    far = far & ~(1 << column) | is_far << column
+            if k == 1 and depth_mm is not None and not (self._own_depth and isfinite(place[2])):
+                place[2] = depth_mm
+                far &= 3
+            beyond |= far
+            if k > 1:
+                rows.append([place[0], place[1], place[2]])
+        return (self._copies.take() if k == 1 else np.array(rows)), beyond
 
 
 class _Tree:
@@ -513,10 +595,14 @@ def _sums_of(model: Process, nodes: Index, signs: Array) -> tuple[Index, Array, 
 
 
 def _blocks_of(factor: Array, parts: Index) -> list[tuple[Index, Array]]:
-    """The rows of L (rows, n), `ROWS` together: the parts (k,) that they weigh, and how (k, ROWS)."""
+    """The rows of L (rows, n), `ROWS` together: the parts (k,) that they weigh, and how (k, ROWS).
+
+    Weights that are nothing but the rounding of others of the same part are left out.
+    """
+    least = np.finfo(np.float64).eps ** (2.0 / 3.0) * np.abs(factor).max(axis=0, initial=0.0)
     rows = np.pad(factor, ((0, -len(factor) % ROWS), (0, 0)))
     blocks = rows.reshape(-1, ROWS, len(parts)).transpose(0, 2, 1)
-    return [(parts[used], block[used]) for block in blocks for used in [block.any(axis=1)]]
+    return [(parts[used], block[used]) for block in blocks for used in [np.abs(block).max(axis=1) > least]]
 
 
 def _limits(model: Process, lost: Lost) -> tuple[float, ...]:
@@ -539,3 +625,14 @@ def _check_sizes(model: Process) -> None:
     given = tuple(len(part) for part in lists)
     if given != sizes or outputs not in (1, 2):
         raise ValueError(f"{sizes} weights, noise, across, valid, sigma, lost are wanted, not {given}")
+
+
+def _blocks_of_pairs(model: Process, nodes: Index, signs: Array) -> list[tuple[Index, Array]]:
+    """The complex rows of L, `ROWS` together: of each term its product's real part and -1 if it is the
+    conjugate, else 1; and the real part of its weights, and the imaginary one less than 0.
+    """
+    rows = np.array(model.factor, np.float64).reshape(-1, len(nodes), 2) @ (1, 1j)
+    rows = np.pad(rows, ((0, -len(rows) % ROWS), (0, 0)))
+    parts = np.column_stack([2 * nodes, np.where(signs < 0.0, -1, 1)]).ravel().astype(np.int32)
+    blocks = rows.reshape(-1, ROWS, len(nodes)).transpose(0, 2, 1)
+    return [(parts, np.stack([b.real, -b.imag], axis=1).reshape(-1, ROWS)) for b in blocks]

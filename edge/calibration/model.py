@@ -25,13 +25,12 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Mapping
-from itertools import compress
 from pathlib import Path
 
 import numpy as np
 
 from edge.calibration.checks import check, is_of_contact, is_of_place, outputs_of
-from edge.calibration.evaluation import ModelKernel
+from edge.calibration.evaluation import ModelKernel, Places
 from edge.calibration.file import (
     CONTACT_OUTPUTS,
     JOINT_OUTPUTS,
@@ -50,7 +49,7 @@ from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, MOMENTS
 from edge.errors import CalibrationError
 from edge.geometry.parts import of_parts
 from edge.limits import BadContent
-from edge.types import NOWHERE, Array, ContactRegion, Feature, Features, PinPattern, Reading
+from edge.types import NOWHERE, ContactRegion, Feature, Features, PinPattern, Reading
 from hostlink.output_file import writing
 
 #: Forces along the surface. The torque that a contact can carry depends on its area.
@@ -101,10 +100,9 @@ class Calibration:
         read = frozenset().union(*map(_inputs_of, models))
         self.of_moments = not read.isdisjoint(MOMENTS)
         self.of_volume = "volume" in read
-        self._of_place = [CONTACT_OUTPUTS.index(name) for name in self.contact_models.names]
-        self._of_joint = [JOINT_OUTPUTS.index(name) for name in self._joint.names]
-        # A place that no model gives is computed with this.
-        self._scale: float | None = None if self.outputs >= set(CONTACT_OUTPUTS[:2]) else content.mm_per_px
+        scale = None if self.outputs >= set(CONTACT_OUTPUTS[:2]) else content.mm_per_px
+        models = self.contact_models, self._joint
+        self._places = Places(models, math.nan if scale is None else scale, self.rest.pattern.on_surface)
         self._unknown = dict.fromkeys(self.frame_models.names, math.nan)
         self._untouched = {name: UNTOUCHED[name] for name in self.frame_models.names}
         self._untouched_sigmas = dict(zip(self.frame_models.names, self.frame_models.sigmas, strict=True))
@@ -205,8 +203,12 @@ class Calibration:
             values, sigmas = self._untouched.copy(), self._untouched_sigmas.copy()
         found = features.contacts if self._gives_contacts else None
         self._derive(features, found, values, sigmas, interval_s)
-        contacts, outside = self._places(features, found, pattern, values.get("displacement_mm"))
-        return Reading(values, sigmas, contacts, saturated | outside, True)
+        if not found:
+            return Reading(values, sigmas, NOWHERE, saturated, True)
+        contacts, beyond = self._places.of_frame(found, features, pattern, values.get("displacement_mm"))
+        if beyond:
+            saturated |= {name for i, name in enumerate(CONTACT_OUTPUTS) if beyond >> i & 1}
+        return Reading(values, sigmas, contacts, saturated, True)
 
     def area_mm2(self, found: Contacts | None, values: Mapping[str, float]) -> float | None:
         """Area of all contacts: a model's, else that of the contacts in the image; None: not known."""
@@ -226,13 +228,13 @@ class Calibration:
     ) -> None:
         """Add the values that follow from others and the scale; see the head of the file."""
         scale = self.mm_per_px
-        force: float | None = values.get("force_n")
-        area: float | None = self.area_mm2(found, values)
+        area = self.area_mm2(found, values)
         if area is not None:
             values["contact_area_mm2"] = area
         if found:
             values["orientation_deg"] = found[0].orientation_rad * (180.0 / math.pi)
-        if force is not None and area is not None:
+        if area is not None and "force_n" in values:
+            force = values["force_n"]
             if not features.in_contact:
                 values["pressure_kpa"] = 0.0
             elif area > 0.0:
@@ -253,37 +255,6 @@ class Calibration:
             length_px = getattr(features, length)
             if length_px is not None and scale is not None:
                 values[name] = length_px * scale
-
-    def _places(
-        self, features: Features, found: Contacts | None, pattern: PinPattern, depth_mm: float | None
-    ) -> tuple[Array, frozenset[str]]:
-        """`Reading.contacts`, and what of them is out of range; a single one's depth is the frame's, if it is
-        known, with the frame's range; of dots its own.
-        """
-        outside: frozenset[str] = frozenset()
-        if not found:
-            return NOWHERE, outside
-        single_mm = depth_mm if len(found) == 1 else None
-        places: list[list[float]] = []
-        for contact in found:
-            place = [math.nan, math.nan, math.nan]
-            beyond = [False, False, False]
-            if self._scale is not None:
-                (x, y), (x0, y0) = contact.xy_img.tolist(), pattern.centre_img.tolist()
-                place[:2] = (x - x0) * self._scale, (y - y0) * self._scale
-            if self._of_place:
-                values = self.contact_models.of_contact(contact, features, pattern)
-                for i, (value, far) in zip(self._of_place, values, strict=True):
-                    place[i], beyond[i] = value, far
-            if self._of_joint and len(found) > 1 and contact.fitted is not None:
-                values = self._joint.of_contact(contact, features, pattern)
-                for i, (value, far) in zip(self._of_joint, values, strict=True):
-                    place[i], beyond[i] = value, far
-            if single_mm is not None and not (self.rest.pattern.on_surface and math.isfinite(place[2])):
-                place[2], beyond[2] = single_mm, False
-            places.append(place)
-            outside |= frozenset(compress(CONTACT_OUTPUTS, beyond))
-        return np.array(places, np.float64), outside
 
 
 def _inputs_of(model: Model) -> frozenset[str]:

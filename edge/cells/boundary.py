@@ -129,13 +129,11 @@ def make_fence(boundary: Array) -> Array:
 class RimMotion(NamedTuple):
     """How boundary and fence follow r rim pins: an affine fit to all, and the residuals of the near ones.
 
-    fit     (3, r) float64, least squares: coefficients of the terms in the motion of the rim pins
-    terms   (r + b + f, 3) float64, affine terms of rim pins, boundary and fence
+    fit     (3, r) float64, least squares: coefficients of 1, x, y (px, at rest) in the motion of the rim pins
     weight  (b + f, r) float64, of the rim pins' residuals; rows of the boundary sum to 1, of the fence to 0
     """
 
     fit: Array
-    terms: Array
     weight: Array
 
 
@@ -143,11 +141,12 @@ def rim_motion(rim: Array, boundary: Array, fence: Array, pitch_px: float) -> Ri
     """The constants of a tip; rim (r, 2) px at rest. Rim pins within a pitch count most."""
     centre = rim.mean(axis=0)
     scale = float(np.abs(rim - centre).max())
-    terms = affine_terms(np.concatenate([rim, boundary, fence]), centre, scale)
+    fit = np.linalg.pinv(affine_terms(rim, centre, scale))
+    fit[1:] /= scale
+    fit[0] -= centre @ fit[1:]
     distance2 = ((boundary[:, None, :] - rim[None, :, :]) ** 2).sum(axis=2)
     distance2 -= distance2.min(axis=1, keepdims=True)  # far from every pin, the nearest still counts
     weight = np.exp(-0.5 * distance2 / pitch_px**2)
     weight[weight < NEGLIGIBLE] = 0.0
     weight /= weight.sum(axis=1, keepdims=True)
-    fit = np.ascontiguousarray(np.linalg.pinv(terms[: len(rim)]), np.float64)
-    return RimMotion(fit, terms, np.pad(weight, ((0, len(fence)), (0, 0))))
+    return RimMotion(fit, np.pad(weight, ((0, len(fence)), (0, 0))))

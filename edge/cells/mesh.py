@@ -121,12 +121,12 @@ class Mesh:
     stacked: cython.uchar[::1]  # whether it is on the stack
     stack: cython.int[::1]  # half-edges to check
     parts: cython.double[:, ::1]  # of each triangle, as `measure` writes them
+    unsure: cython.int[::1]  # the triangles that are not certain, as it finds them
     attached: cython.bint
     # `attach` writes what follows.
     rest: cython.const[cython.double][:, ::1]
     rim: cython.const[cython.int][::1]
     fit: cython.const[cython.double][:, ::1]
-    terms: cython.const[cython.double][:, ::1]
     start: cython.int[::1]  # as `weighted_rows` gives them
     near: cython.ushort[::1]
     weight: cython.float[::1]
@@ -155,7 +155,7 @@ class Mesh:
         self.same_as, self.sharers = np.zeros((2, n_all), np.int32)
         self.tail, self.twin, self.stack = np.zeros((3, 3 * n_triangles), np.int32)
         self.stacked = np.zeros(3 * n_triangles, np.uint8)
-        self.parts = np.zeros((n_triangles, 4))
+        self.parts, self.unsure = np.zeros((n_triangles, 4)), np.zeros(n_triangles + 1, np.int32)
         self.total_area = 0.0
 
     def update(
@@ -171,16 +171,16 @@ class Mesh:
         """
         if points.shape[0] != self.n_points or points.shape[1] != 2 or areas.shape[0] != self.n_pins:
             raise ValueError(f"points ({self.n_points}, 2) and areas ({self.n_pins},) are wanted")
-        return self._update(points, areas)
+        for i in range(self.n_points):
+            self.x[i], self.y[i] = points[i, 0], points[i, 1]
+        return self._update(areas)
 
     @cython.cfunc
     @cython.exceptval(-1)
-    def _update(
-        self, points: cython.const[cython.double][:, ::1], areas: cython.double[::1]
-    ) -> cython.Py_ssize_t:
+    def _update(self, areas: cython.double[::1]) -> cython.Py_ssize_t:
         kept = self.n_triangles
-        self.n_triangles = 0  # until the points have been taken
-        self._take(points)
+        self.n_triangles = 0  # until the points have been looked at
+        self._enclose()
         self.n_triangles = kept
         if not self._triangulate():
             self.n_triangles = 0
@@ -199,19 +199,20 @@ class Mesh:
         rest    (n_pins + n_boundary + n_fence, 2) float64
         rim     (r,) int32, the pins that boundary and fence follow
         motion  how they do
-        points  (n_pins + n_boundary + n_fence, 2) float64, and areas (n_pins,) float64; `follow` writes them
+        points  (n_pins + n_boundary + n_fence, 2) float64: `follow` writes those that are no pins
+        areas   (n_pins,) float64, written too
         Raises  ValueError: sizes that do not fit, a rim pin that does not exist
         """
         n, r, around = self.n_points, len(rim), self.n_points - self.n_pins
-        fit, terms, weight = (np.ascontiguousarray(part, np.float64) for part in motion)
-        sizes = (rest.shape, fit.shape, terms.shape, weight.shape, points.shape, areas.shape)
-        wanted = ((n, 2), (3, r), (r + around, 3), (around, r), (n, 2), (self.n_pins,))
+        fit, weight = (np.ascontiguousarray(part, np.float64) for part in motion)
+        sizes = (rest.shape, fit.shape, weight.shape, points.shape, areas.shape)
+        wanted = ((n, 2), (3, r), (around, r), (n, 2), (self.n_pins,))
         if sizes != wanted or not (r and rim.min() >= 0 and rim.max() < self.n_pins):
             raise ValueError(f"{wanted} and 1 or more of {self.n_pins} pins are wanted, not {sizes}")
         self.points, self.areas = points, areas
         rows = weighted_rows(np.tile(np.arange(r, dtype=np.int32), (around, 1)), weight)
         self.rest, self.rim = np.array(rest, np.float64), np.array(rim, np.int32)
-        self.fit, self.terms, self.residual = fit, terms, np.zeros(2 * r)
+        self.fit, self.residual = fit, np.zeros(2 * r)
         self.start, self.near, self.weight = rows
         self.attached = True
 
@@ -224,9 +225,10 @@ class Mesh:
         if not self.attached or xy.shape[0] != n or xy.shape[1] != 2:
             raise ValueError(f"xy ({n}, 2) is wanted, after `attach`")
         points: cython.double[:, ::1] = self.points
+        x_of: cython.double[::1] = self.x
+        y_of: cython.double[::1] = self.y
         rest: cython.const[cython.double][:, ::1] = self.rest
         rim: cython.const[cython.int][::1] = self.rim
-        terms: cython.const[cython.double][:, ::1] = self.terms
         residual: cython.double[::1] = self.residual
         near: cython.ushort[::1] = self.near
         weight: cython.float[::1] = self.weight
@@ -236,8 +238,7 @@ class Mesh:
         x: cython.double
         y: cython.double
         for i in range(n):
-            points[i, 0] = xy[i, 0]
-            points[i, 1] = xy[i, 1]
+            x_of[i], y_of[i] = xy[i, 0], xy[i, 1]
         for k in range(r):
             x = xy[rim[k], 0] - rest[rim[k], 0]
             y = xy[rim[k], 1] - rest[rim[k], 1]
@@ -247,23 +248,19 @@ class Mesh:
         for k in range(r):
             x = xy[rim[k], 0] - rest[rim[k], 0]
             y = xy[rim[k], 1] - rest[rim[k], 1]
-            for i in range(3):
-                x -= terms[k, i] * affine_x[i]
-                y -= terms[k, i] * affine_y[i]
-            residual[2 * k] = x
-            residual[2 * k + 1] = y
+            u, v = rest[rim[k], 0], rest[rim[k], 1]
+            residual[2 * k] = x - affine_x[0] - affine_x[1] * u - affine_x[2] * v
+            residual[2 * k + 1] = y - affine_y[0] - affine_y[1] * u - affine_y[2] * v
         for k in range(self.n_points - n):
-            x = rest[n + k, 0]
-            y = rest[n + k, 1]
-            for i in range(3):
-                x += terms[r + k, i] * affine_x[i]
-                y += terms[r + k, i] * affine_y[i]
+            u, v = rest[n + k, 0], rest[n + k, 1]
+            x = u + affine_x[0] + affine_x[1] * u + affine_x[2] * v
+            y = v + affine_y[0] + affine_y[1] * u + affine_y[2] * v
             for i in range(self.start[k], self.start[k + 1]):
                 x += weight[i] * residual[near[i]]
                 y += weight[i] * residual[near[i] + 1]
-            points[n + k, 0] = x
-            points[n + k, 1] = y
-        return self._update(points, self.areas)
+            points[n + k, 0], points[n + k, 1] = x, y
+            x_of[n + k], y_of[n + k] = x, y
+        return self._update(self.areas)
 
     def forget(self) -> None:
         """Triangulate the next points from scratch: no rounding of theirs depends on those before."""
@@ -315,8 +312,8 @@ class Mesh:
                 return False
 
     @cython.cfunc
-    def _take(self, points: cython.const[cython.double][:, ::1]) -> cython.void:
-        """Take the coordinates, and place the guards round them."""
+    def _enclose(self) -> cython.void:
+        """Check the coordinates, and place the guards round them."""
         n = self.n_points
         x_of: cython.double[::1] = self.x
         y_of: cython.double[::1] = self.y
@@ -327,8 +324,7 @@ class Mesh:
         least: cython.double = INFINITY  # of their magnitudes
         zero: cython.double = 0.0  # NaN if a coordinate is not finite: 0 times it is
         for i in range(n):
-            x, y = points[i, 0], points[i, 1]
-            x_of[i], y_of[i] = x, y
+            x, y = x_of[i], y_of[i]
             left, right = x if x < left else left, x if x > right else right
             top, bottom = y if y < top else top, y if y > bottom else bottom
             least = fabs(x) if fabs(x) < least else least
@@ -380,9 +376,6 @@ class Mesh:
         An edge both of whose parts are certain is Delaunay. Certain parts are added triangle by triangle.
         Returns false, and areas are of no use, where a triangle is turned over.
         """
-        a: cython.Py_ssize_t
-        b: cython.Py_ssize_t
-        c: cython.Py_ssize_t
         tail: cython.int[::1] = self.tail
         area: cython.double[::1] = self.area
         parts: cython.double[:, ::1] = self.parts
@@ -392,15 +385,12 @@ class Mesh:
             self.has_bounds = False
             for i in range(self.n_pins):
                 self.bound[i] = 0.0
-        measure(self.tail, self.x, self.y, self.n_triangles, SLIVER, ERROR_BOUND, self.parts)
-        for t in range(self.n_triangles):
-            ab, bc, ca = parts[t, 0], parts[t, 1], parts[t, 2]
-            if parts[t, 3] < AREA_TOLERANCE * min(ab, bc, ca):
-                a, b, c = tail[3 * t], tail[3 * t + 1], tail[3 * t + 2]
-                area[a] += ab + ca
-                area[b] += ab + bc
-                area[c] += bc + ca
-                continue
+        unsure_n = measure(
+            tail, self.x, self.y, self.n_triangles, SLIVER, ERROR_BOUND, AREA_TOLERANCE, parts, area,
+            self.unsure,
+        )  # fmt: skip
+        for i in range(unsure_n):
+            t: cython.Py_ssize_t = self.unsure[i]
             if parts[t, 3] == INFINITY and self._is_turned(t):
                 return False
             for k in range(3):

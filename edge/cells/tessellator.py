@@ -27,10 +27,10 @@ class Tessellator:
         boundary, rim = make_boundary(xy, pitch_px)
         fence = make_fence(boundary)
         rest_img = np.concatenate([xy, boundary, fence])
-        # The last frame's. The points are the pins, the boundary and the fence.
+        # The last frame's. The points are the pins, which stay at rest, the boundary and the fence.
         self._points, self._area = rest_img.copy(), np.empty(len(xy))
-        self._of_pins, self._around = self._points[: len(xy)], self._points[len(xy) : len(xy) + len(boundary)]
-        self._last_img: Array = self._of_pins  # of the last frame, with predictions for lost pins
+        self._around = self._points[len(xy) : len(xy) + len(boundary)]
+        self._last_img: Array = xy  # of the last frame, with predictions for lost pins
         self._areas, self._arounds = Copies(self._area), Copies(self._around)
         self._lost = LostPins(xy, pitch_px)
         self._mesh = Mesh(len(xy), len(boundary), len(fence))
@@ -40,7 +40,7 @@ class Tessellator:
         self._triangles = self._mesh.triangles()
         self.rest_area_px2 = self._area.copy()
         self.rest_area_px2.flags.writeable = False
-        self._collapsed_px2 = np.finfo(float).eps ** 0.5 * float(self.rest_area_px2.sum())
+        self._collapsed_px2 = float(np.finfo(float).eps ** 0.5 * self.rest_area_px2.sum())
         self._last_counts = False  # whether those are of the frame before
 
     def prepare(self) -> None:
@@ -63,7 +63,7 @@ class Tessellator:
             self._lost.update(tracks.seen)
             autocorrelation = tracks.autocorrelation if self._last_counts else 0.0
             xy = self._lost.fill(xy, self._last_img, autocorrelation)
-        self._last_img, self._last_counts = self._of_pins, True
+        self._last_img, self._last_counts = xy, True
         try:
             changes = self._mesh.follow(xy)
         except DegenerateLayout as error:
@@ -92,7 +92,7 @@ class Tessellator:
         self._last_counts = False
 
     def _must_not_have_collapsed(self, tracks: Tracks) -> None:
-        total_px2 = float(np.nansum(self._area)) if spans(self._of_pins) else 0.0
+        total_px2 = float(np.nansum(self._area)) if spans(self._last_img) else 0.0
         if total_px2 < self._collapsed_px2:
             raise DegenerateLayout(f"{self._seen_of(tracks)}: all on a line or at one place")
 

@@ -8,12 +8,15 @@ typedef long long vt_mask __attribute__((vector_size(16)));
 #define VT_CORNER(of, k) {of[tail[k]], of[tail[3 + k]]}
 #define VT_WHERE(mask, a) ((vt_two)((vt_mask)(a) & (mask)))
 #define VT_BOTH(k, a, b) ((vt_two){(a)[k], (b)[k]})
+#define VT_ADD(k) \
+    area[tail[3 * k]] += at_a[k], area[tail[3 * k + 1]] += at_b[k], area[tail[3 * k + 2]] += at_c[k]
 
 /* The number n of triangles is even: each point adds two. */
-__attribute__((always_inline)) static inline void vt_measure_by(
+__attribute__((always_inline)) static inline Py_ssize_t vt_measure_by(
     const int *restrict tail, const double *restrict x, const double *restrict y, Py_ssize_t n, double sliver,
-    double bound, double *restrict parts)
+    double bound, double tolerance, double *restrict parts, double *restrict area, int *restrict unsure)
 {
+    Py_ssize_t found = 0;
     const vt_mask infinite = (vt_mask)((vt_two){0} + __builtin_inf());
     for (Py_ssize_t t = 0; t < n; t += 2, tail += 6, parts += 8) {
         const vt_two ax = VT_CORNER(x, 0), bx = VT_CORNER(x, 1), cx = VT_CORNER(x, 2);
@@ -32,26 +35,33 @@ __attribute__((always_inline)) static inline void vt_measure_by(
         *(vt_any_two *)(parts + 2) = VT_BOTH(0, ca, error);
         *(vt_any_two *)(parts + 4) = VT_BOTH(1, ab, bc);
         *(vt_any_two *)(parts + 6) = VT_BOTH(1, ca, error);
+        const vt_mask certain = (error < tolerance * ab) & (error < tolerance * bc) & (error < tolerance * ca);
+        const vt_two at_a = VT_WHERE(certain, ab + ca), at_b = VT_WHERE(certain, ab + bc);
+        const vt_two at_c = VT_WHERE(certain, bc + ca);
+        VT_ADD(0);
+        VT_ADD(1);
+        unsure[found] = (int)t, found += 1 + certain[0];
+        unsure[found] = (int)t + 1, found += 1 + certain[1];
     }
+    return found;
 }
 
 /* AVX2, chosen at run time, needs a fifth less instructions for the same, as it overwrites no operand. */
 #if defined(__x86_64__) && defined(__GNUC__)
-__attribute__((target("avx2"))) static void vt_measure_avx2(const int *tail, const double *x, const double *y,
-                                                            Py_ssize_t n, double sliver, double bound, double *parts)
+__attribute__((target("avx2"))) static Py_ssize_t vt_measure_avx2(
+    const int *tail, const double *x, const double *y, Py_ssize_t n, double sliver, double bound, double tolerance,
+    double *parts, double *area, int *unsure)
 {
-    vt_measure_by(tail, x, y, n, sliver, bound, parts);
+    return vt_measure_by(tail, x, y, n, sliver, bound, tolerance, parts, area, unsure);
 }
 #endif
 
-static void vt_measure(const int *tail, const double *x, const double *y, Py_ssize_t n, double sliver, double bound,
-                       double *parts)
+static Py_ssize_t vt_measure(const int *tail, const double *x, const double *y, Py_ssize_t n, double sliver,
+                             double bound, double tolerance, double *parts, double *area, int *unsure)
 {
 #if defined(__x86_64__) && defined(__GNUC__)
-    if (__builtin_cpu_supports("avx2")) {
-        vt_measure_avx2(tail, x, y, n, sliver, bound, parts);
-        return;
-    }
+    if (__builtin_cpu_supports("avx2"))
+        return vt_measure_avx2(tail, x, y, n, sliver, bound, tolerance, parts, area, unsure);
 #endif
-    vt_measure_by(tail, x, y, n, sliver, bound, parts);
+    return vt_measure_by(tail, x, y, n, sliver, bound, tolerance, parts, area, unsure);
 }

@@ -14,6 +14,7 @@ from edge.types import Image, Index
 
 if cython.compiled:
     from cython.cimports.edge.geometry.select import select_kth
+    from cython.cimports.libc.string import memcpy
 else:
     from edge.geometry.select import select_kth
 
@@ -172,11 +173,15 @@ class FocusWindows:
         energy: cython.int
         own: cython.uchar[::1] = self.bytes
         every = self.every
+        is_dense: cython.bint = every == 1 and image.strides[1] == 1
         total = 0.0
         for w in range(self.corners.shape[0]):
             sum_ = energy = 0  # 32 bits hold 16,000 squares
             left, top = self.corners[w, 0], self.corners[w, 1]
             for y in range(m):
+                if cython.compiled and is_dense:
+                    memcpy(cython.address(own[m * y]), cython.address(image[top + y, left]), m)
+                    continue
                 for x in range(m):
                     own[m * y + x] = image[top + every * y, left + every * x]
             for i in range(1, n):

@@ -43,6 +43,7 @@ cdef class ContactDetector:
     cdef double _limit_sigma(self) noexcept
     cdef double _highest_mean(self, const double[::1] area_change) noexcept
     cdef double _ring_sum(self, const double[::1] values, Py_ssize_t i) noexcept
+    cdef void _forget_medians(self, Py_ssize_t i) noexcept
     cdef bint _goes_on(self, const double[::1] area_change, const double[:, ::1] xy, double limit) noexcept
     cdef bint _is_coherent(self, const double[:, ::1] xy, double limit) noexcept
     cdef double _median_area_change(self, const double[:, ::1] xy, Py_ssize_t i) noexcept

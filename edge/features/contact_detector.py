@@ -123,7 +123,7 @@ class ContactDetector:
         if if_touched if self._in_contact else if_untouched:
             return -1
         if self._in_contact:
-            self._middle[:, 0] = NAN  # those there are of another frame
+            self._forget_medians(self._peak_row)
             return 1 if self._median_area_change(xy, self._peak_row) > self._begins else -1
         if self._blocks_n == 0 or self._learns_next():
             return -1
@@ -263,8 +263,13 @@ class ContactDetector:
         """Whether the ring that had the highest mean shows by itself that the contact goes on."""
         if not self._ring_sum(area_change, self._peak_row) > limit * self._width:
             return False
-        self._middle[:, 0] = NAN  # those there are of another frame
+        self._forget_medians(self._peak_row)
         return self._median_area_change(xy, self._peak_row) > limit
+
+    def _forget_medians(self, i: cython.Py_ssize_t) -> None:
+        """Forget those that `_median_area_change` of pin i reads, which are of another frame."""
+        for k in range(self._width):
+            self._middle[self._ring[i, k], 0] = NAN
 
     def _is_coherent(self, xy: Array, limit: float) -> bool:
         """Whether the area still grows by enough when each pin moves as the median of its ring does.

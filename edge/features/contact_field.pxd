@@ -23,8 +23,8 @@ cdef class ContactField:
     cdef readonly double[:, ::1] points
     cdef Py_ssize_t _n
     cdef QuantizedOperator _interpolator, _divergences
-    cdef Py_ssize_t[::1] _column  # of each pin in the interpolator; and in the divergences that of its x
-    cdef Py_ssize_t[::1] _column_both
+    cdef int[::1] _column  # of each pin in the interpolator; and in the divergences that of its x
+    cdef int[::1] _column_both
     cdef float[::1] _change_row  # what the operators are multiplied with, in the order of their columns
     cdef float[::1] _detrended  # that is the motion less its plane, px
     cdef float[::1] _height_row  # results of their rows
@@ -34,6 +34,7 @@ cdef class ContactField:
     cdef unsigned char[::1] _is_active  # (k,)
     cdef float _min_area_change, _heights_rel
     cdef const double[:, ::1] _rest
+    cdef double[::1] _terms  # x, y of each pin at rest, from the first one
     cdef double[:, ::1] _inverse  # (3, 3), of the equations of a plane through all pins, about the first
     cdef float _divergence_rel  # shares of the blend
 

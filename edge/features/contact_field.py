@@ -135,7 +135,8 @@ class ContactField:
         self._n = n
         self._rest = np.ascontiguousarray(rest_xy, np.float64)
         near, near_both = _in_patches(rest_xy, BLOCK), _in_patches(rest_xy, BLOCK // 2)
-        self._column, self._column_both = np.argsort(near), 2 * np.argsort(near_both)
+        columns = np.argsort(near), 2 * np.argsort(near_both)
+        self._column, self._column_both = (column.astype(np.int32) for column in columns)
         self._interpolator = QuantizedOperator(interpolator[:, near])
         self._divergences = QuantizedOperator(divergences[:, (2 * near_both[:, None] + [0, 1]).ravel()])
         self.area_change = np.zeros(n, np.float32)
@@ -151,7 +152,7 @@ class ContactField:
         self.plane_divergence = self.plane_curl = 0.0
         self.points = np.array(points, np.float64, order="C")
         terms = np.column_stack([np.ones(n), rest_xy - rest_xy[0]])
-        self._inverse = np.linalg.inv(terms.T @ terms)
+        self._terms, self._inverse = np.ravel(terms[:, 1:]), np.linalg.inv(terms.T @ terms)
         self._divergence_rel, self._heights_rel = PARAMS.divergence_rel, 1.0 - PARAMS.divergence_rel
 
     def set_area_change(self, change: Array) -> None:
@@ -160,7 +161,7 @@ class ContactField:
             raise ValueError(f"area_change ({self._n},) is wanted")
         single: cython.float[::1] = self.area_change
         row: cython.float[::1] = self._change_row
-        column: cython.Py_ssize_t[::1] = self._column
+        column: cython.int[::1] = self._column
         for i in range(self._n):
             single[i] = cython.cast(cython.float, change[i])
             row[column[i]] = single[i]
@@ -242,9 +243,10 @@ class ContactField:
     def _detrend(self, xy: Array) -> None:
         """Motion less its plane, whose divergence is added later: the smaller values quantize more finely."""
         g: cython.double[:, ::1] = self._inverse
+        at: cython.double[::1] = self._terms
         rest: cython.const[cython.double][:, ::1] = self._rest
         detrended: cython.float[::1] = self._detrended
-        column: cython.Py_ssize_t[::1] = self._column_both
+        column: cython.int[::1] = self._column_both
         # Sums, then coefficients, in x and y.
         x0: cython.double = 0.0
         xx: cython.double = 0.0
@@ -253,8 +255,7 @@ class ContactField:
         yx: cython.double = 0.0
         yy: cython.double = 0.0
         for i in range(self._n):
-            x = rest[i, 0] - rest[0, 0]
-            y = rest[i, 1] - rest[0, 1]
+            x, y = at[2 * i], at[2 * i + 1]
             dx = xy[i, 0] - rest[i, 0]
             dy = xy[i, 1] - rest[i, 1]
             x0 += dx
@@ -269,8 +270,7 @@ class ContactField:
         xx, yx = g[1, 0] * dx + g[1, 1] * x + g[1, 2] * xy_, g[1, 0] * dy + g[1, 1] * y + g[1, 2] * yy
         xy_, yy = g[2, 0] * dx + g[2, 1] * x + g[2, 2] * xy_, g[2, 0] * dy + g[2, 1] * y + g[2, 2] * yy
         for i in range(self._n):
-            x = rest[i, 0] - rest[0, 0]
-            y = rest[i, 1] - rest[0, 1]
+            x, y = at[2 * i], at[2 * i + 1]
             dx = xy[i, 0] - rest[i, 0]
             dy = xy[i, 1] - rest[i, 1]
             detrended[column[i]] = dx - x0 - xx * x - xy_ * y
@@ -327,7 +327,8 @@ class PeakFinder:
         """
         place: cython.int[::1] = self.place
         grid: cython.float[::1] = self.grid
-        self.mark[:] = _UNKNOWN
+        for i in range(self.n_active):  # all peaks, and plateaus on the way, are among these
+            self.mark[place[self.active[i]]] = _UNKNOWN
         self.n_peaks = 0
         for i in range(self.n_active):
             p = self.active[i]

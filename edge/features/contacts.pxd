@@ -20,6 +20,7 @@ cdef class Regions:
     cdef int[::1] _contact
     cdef double[:, ::1] _ridge  # places of one contact's peaks
     cdef object _ridge_array  # the same memory
+    cdef list _tops  # of each contact: its first row
     cdef PeakFinder _peaks
     cdef int[::1] _place, _active
     cdef short[::1] _column  # of each place in the padded grid

@@ -70,6 +70,7 @@ class Regions:
         self._at, self._contact = np.zeros(table, np.int32), np.zeros(table, np.int32)
         self._height = np.zeros(table, np.float32)
         self._ridge_array = self._ridge = np.empty((table, 2))
+        self._tops = [Copies(self._ridge_array[:1]) for _ in range(CONTACTS_MAX)]
         self._peaks = peaks
         self._grid, self._place, self._active = peaks.grid, peaks.place, peaks.active
         row, column = np.divmod(np.arange(len(peaks.grid), dtype=np.int32), peaks.width)
@@ -190,7 +191,8 @@ class Regions:
                 self._ridge[n, 0] = self.x0 + self.step_px * self._column[self._at[j]]
                 self._ridge[n, 1] = self.y0 + self.step_px * self._row[self._at[j]]
                 n += 1
-        ridge: Array = self._ridge_array[:n].copy()
+        top: Copies = self._tops[i]
+        ridge: Array = top.take() if n == 1 else self._ridge_array[:n].copy()
         return ridge
 
     def _highest(self, i: cython.Py_ssize_t) -> int:

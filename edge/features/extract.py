@@ -111,7 +111,7 @@ class FeatureExtractor:
     _making: threading.Lock  # of the finder
     _plan: FeaturePlan  # of the last frame
     _motion: PinMotion
-    _tracks: Tracks | None  # whose motion that is, until their features are there
+    _xy_img: Array | None  # the places whose motion that is, until their features are there
     _n_seen: cython.Py_ssize_t  # of their pins
     _sigma_px: cython.double  # noise of one coordinate of their motion since rest
     _area_change: AreaChange
@@ -125,6 +125,7 @@ class FeatureExtractor:
     _change: cython.double[::1]
     _filled_change: cython.double[::1]
     # These are of each frame's features.
+    _places: Copies
     _motions: Copies
     _changes: Copies
     _means: Copies
@@ -139,7 +140,7 @@ class FeatureExtractor:
         self._is_of_dots, self._dots = dots, None
         self._n, self._rest = n, rest
         self._motion = PinMotion(rest)
-        self._tracks, self._n_seen = None, 0
+        self._xy_img, self._n_seen = None, 0
         self._area_change = AreaChange(rest.xy_img, rest.pattern.pitch_px, rest_area_px2)
         self._detector = ContactDetector(rest)
         self._modes, self._vibration = Modes(rest), Vibration(rest.xy_img)
@@ -149,6 +150,7 @@ class FeatureExtractor:
         self._filled_px, self._filled_change = np.empty((n, 2)), np.empty(n)
         self._motion_array, self._change = np.asarray(self._motion.motion), np.empty(n)
         self._motions, self._changes = Copies(self._motion_array), Copies(np.asarray(self._change))
+        self._places = Copies(np.asarray(self._motion.xy))
         self._means = Copies(np.asarray(self._motion.mean))
         self._largest_noise = largest_noise(n)
         self._rest_variance = float(np.median(rest.pins.sigma_px)) ** 2
@@ -178,6 +180,18 @@ class FeatureExtractor:
         if self._finder is not None:
             self._finder.forget()
 
+    def less_offset(self, xy_img: Array, sigma_px: Array, offset_px: Array) -> Array:
+        """The places of a frame's pins less an offset, (n, 2) px, of which its features will be made."""
+        self._take(xy_img, sigma_px, offset_px)
+        self._xy_img = self._places.take()
+        return self._xy_img
+
+    @cython.cfunc
+    def _take(self, xy_img: Array, sigma_px: Array, offset_px: Array | None) -> cython.void:
+        motion: PinMotion = self._motion
+        self._xy_img, self._n_seen = xy_img, motion.since_rest(xy_img, sigma_px, offset_px)
+        self._sigma_px = sqrt(motion.sigma_px * motion.sigma_px + self._rest_variance)
+
     def touched(
         self, tracks: Tracks, if_touched: cython.bint = True, if_untouched: cython.bint = True
     ) -> bool | None:
@@ -186,8 +200,8 @@ class FeatureExtractor:
         if_touched, if_untouched  whether areas are needed all the same while something touches, or nothing
         """
         motion: PinMotion = self._motion
-        self._tracks, self._n_seen = tracks, motion.since_rest(tracks.xy_img, tracks.sigma_px)
-        self._sigma_px = sqrt(motion.sigma_px * motion.sigma_px + self._rest_variance)
+        if tracks.xy_img is not self._xy_img:
+            self._take(tracks.xy_img, tracks.sigma_px, None)
         if self._n_seen < self._n:
             return None
         known = self._detector.known(motion.xy, motion.mean, self._sigma_px, if_touched, if_untouched)
@@ -212,9 +226,9 @@ class FeatureExtractor:
         if plan is not self._plan:
             self._plan = plan
             self.forget_contacts()
-        if tracks is not self._tracks:
-            self.touched(tracks)
-        self._tracks = None  # once a frame
+        if tracks.xy_img is not self._xy_img:
+            self._take(tracks.xy_img, tracks.sigma_px, None)
+        self._xy_img = None  # once a frame
         n_seen, now_px, sigma_px = self._n_seen, self._motion.sigma_px, self._sigma_px
         is_filled: cython.bint = n_seen < self._n and cells is not None and self._fill(cells.xy_img, n_seen)
         change: cython.double[::1] = self._change_since_rest(cells, is_filled)

@@ -1,6 +1,6 @@
 cimport cython
 
-from edge.geometry.copies cimport Copies
+from edge.geometry.copies cimport Copies, numbers_of
 
 
 @cython.final
@@ -13,10 +13,13 @@ cdef class PinMotion:
     cdef readonly double left_px2, curl  # of `fit_step`
     cdef Py_ssize_t _n
     cdef const double[:, ::1] _rest
-    cdef double[:, ::1] _disc  # places at rest on the tip's unit disc
+    cdef const double[::1] _at_rest  # this, `xy` and `motion` in one piece: their addresses need no sums
+    cdef double[::1] _xy, _motion
+    cdef object _no_offset  # zeros
+    cdef double _x0, _y0, _per_px  # of the tip's unit disc: its middle, px, and what a px is of its radius
     cdef double[:, ::1] _g  # (3, 5), equations of a plane: three unknowns, two right sides
 
-    cpdef Py_ssize_t since_rest(self, const double[:, ::1] xy, const double[:] sigma_px) except -1
+    cpdef Py_ssize_t since_rest(self, object xy, object sigma_px, object offset_px=*) except -1
     cpdef Py_ssize_t find_contact(self, const double[::1] area_change, double least) noexcept
     cpdef double torsion(self) noexcept
     cpdef bint is_pressing(self, const double[::1] now, const double[::1] before, double least_rel, double least) noexcept
@@ -44,7 +47,7 @@ cdef class AreaChange:
     cdef int[:, ::1] _ring
     cdef double[:, :, ::1] _slope
 
-    cpdef void since_rest(self, const double[:] area_px2, double[::1] out) except *
+    cpdef void since_rest(self, object area_px2, double[::1] out) except *
     cpdef void fill(self, const double[::1] change, const double[:, ::1] xy) noexcept
     cpdef double volume(self, double threshold) noexcept
     cdef double _between(self, const double[:, ::1] xy, Py_ssize_t i) noexcept

@@ -33,11 +33,11 @@ from edge.geometry.neighbours import weighted_rows
 from edge.types import Array, Complex, Mask, Rest
 
 if cython.compiled:
-    from cython.cimports.edge.geometry.copies import Copies
+    from cython.cimports.edge.geometry.copies import Copies, numbers_of
     from cython.cimports.edge.geometry.neighbours import weighted_sums
     from cython.cimports.edge.geometry.select import sigma_of
 else:
-    from edge.geometry.copies import Copies
+    from edge.geometry.copies import Copies, numbers_of
     from edge.geometry.neighbours import weighted_sums
     from edge.geometry.select import sigma_of
 
@@ -49,8 +49,8 @@ _FLAT = cython.declare(cython.double, 1e-12)
 #: Squared semi-axes of the contact's ellipse in variances: two standard deviations, a uniform disc's own
 #: edge.
 _ELLIPSE = cython.declare(cython.double, 4.0)
-#: Modes, padded to whole vectors.
-ROW = 24
+#: Modes.
+ROW = 21
 
 
 class PinMotion:
@@ -71,47 +71,57 @@ class PinMotion:
         if not rest.pattern.tip_radius_px > 0.0:
             raise ValueError(f"a tip's radius above 0 px is wanted, not {rest.pattern.tip_radius_px:g}")
         self._n = n
-        self.xy, self.motion, self.mean = np.zeros((n, 2)), np.zeros((n, 2)), np.zeros(2)
+        xy, motion = np.zeros((2, n, 2))
+        self.xy, self.motion, self.mean = xy, motion, np.zeros(2)
+        self._xy, self._motion = xy.ravel(), motion.ravel()
         self.sigma_px = self.sigma_max_px = self.longest_px = self.step_px = 0.0
-        self._rest = np.ascontiguousarray(rest.xy_img, np.float64)
-        self._disc = (self._rest - rest.pattern.centre_img) * (1.0 / rest.pattern.tip_radius_px)
+        self._rest, self._no_offset = np.ascontiguousarray(rest.xy_img, np.float64), np.zeros((n, 2))
+        self._at_rest = np.ravel(self._rest)
+        self._x0, self._y0 = rest.pattern.centre_img.tolist()
+        self._per_px = 1.0 / rest.pattern.tip_radius_px
         self.pins, self.n_pins = np.arange(n, dtype=np.int32), n
         self._g = np.empty((3, 5))
 
-    def since_rest(self, xy: Array, sigma_px: Array) -> int:
+    def since_rest(self, xy: Array, sigma_px: Array, offset_px: Array | None = None) -> int:
         """Take the places of a frame's pins; how many are seen.
 
-        xy        (n, 2) float64 px; NaN where lost
-        sigma_px  (n,) float64; of the seen pins finite
-        Raises    ValueError: sizes that do not fit
+        xy         (n, 2) float64 px; NaN where lost
+        sigma_px   (n,) float64; of the seen pins finite
+        offset_px  (n, 2) float64 px, finite, to be subtracted from the places; None: nothing is
+        Raises     ValueError: sizes that do not fit
         """
-        n = self._n
-        if xy.shape[0] != n or xy.shape[1] != 2 or sigma_px.shape[0] != n:
-            raise ValueError(f"xy ({n}, 2) and sigma_px ({n},) are wanted")
-        n_seen = 0
+        n = n_seen = self._n
         x: cython.double = 0.0
         y: cython.double = 0.0
         sigma: cython.double = 0.0
         widest: cython.double = 0.0
         longest2: cython.double = 0.0
         step2: cython.double = 0.0
-        kept: cython.double[:, ::1] = self.xy
-        out: cython.double[:, ::1] = self.motion
-        rest: cython.const[cython.double][:, ::1] = self._rest
+        kept: cython.double[::1] = self._xy
+        out: cython.double[::1] = self._motion
+        rest: cython.const[cython.double][::1] = self._at_rest
+        at, sigmas = numbers_of(xy, 2 * n), numbers_of(sigma_px, n)
+        offset = numbers_of(self._no_offset if offset_px is None else offset_px, 2 * n)
         for i in range(n):
-            at_x, at_y = xy[i, 0], xy[i, 1]  # all is read before anything is written: in vectors of two
-            u, v = at_x - rest[i, 0], at_y - rest[i, 1]
-            du, dv = u - out[i, 0], v - out[i, 1]
-            kept[i, 0], kept[i, 1] = at_x, at_y
-            out[i, 0], out[i, 1] = u, v
+            at_x, at_y = at[2 * i] - offset[2 * i], at[2 * i + 1] - offset[2 * i + 1]
+            u, v = at_x - rest[2 * i], at_y - rest[2 * i + 1]
+            du, dv = u - out[2 * i], v - out[2 * i + 1]  # all is read first: in vectors of two
+            kept[2 * i], kept[2 * i + 1] = at_x, at_y
+            out[2 * i], out[2 * i + 1] = u, v
             step2 = du * du + dv * dv if du * du + dv * dv > step2 else step2
-            if not isnan(u):
-                x += u
-                y += v
-                longest2 = u * u + v * v if u * u + v * v > longest2 else longest2
-                widest = sigma_px[i] if sigma_px[i] > widest else widest
-                sigma += sigma_px[i]
-                n_seen += 1
+            longest2 = u * u + v * v if u * u + v * v > longest2 else longest2
+            widest = sigmas[i] if sigmas[i] > widest else widest
+            x += u
+            y += v
+            sigma += sigmas[i]
+        if isnan(x):  # some are lost
+            x = y = sigma = 0.0
+            n_seen = 0
+            for i in range(n):
+                if not isnan(out[2 * i]):
+                    x, y = x + out[2 * i], y + out[2 * i + 1]
+                    sigma += sigmas[i]
+                    n_seen += 1
         self.longest_px, self.step_px, self.sigma_max_px = sqrt(longest2), sqrt(step2), widest
         self.mean[0] = x / n_seen if n_seen else NAN
         self.mean[1] = y / n_seen if n_seen else NAN
@@ -134,12 +144,12 @@ class PinMotion:
         xx: cython.double = 0.0
         xy: cython.double = 0.0
         yy: cython.double = 0.0
-        disc: cython.double[:, ::1] = self._disc
+        rest: cython.const[cython.double][:, ::1] = self._rest
         for i in range(self._n):
             c = area_change[i]
             if c > least:
-                u = disc[i, 0]
-                v = disc[i, 1]
+                u = (rest[i, 0] - self._x0) * self._per_px
+                v = (rest[i, 1] - self._y0) * self._per_px
                 total += c
                 x += c * u
                 y += c * v
@@ -158,8 +168,8 @@ class PinMotion:
         for i in range(self._n):
             pins[n_pins] = cython.cast(cython.int, i)  # written over if it is not chosen
             if is_ellipse:
-                u = disc[i, 0] - x
-                v = disc[i, 1] - y
+                u = (rest[i, 0] - self._x0) * self._per_px - x
+                v = (rest[i, 1] - self._y0) * self._per_px - y
                 n_pins += u * u * yy - 2.0 * u * v * xy + v * v * xx <= _ELLIPSE * det
             else:
                 n_pins += not total > 0.0 or area_change[i] > least
@@ -222,7 +232,7 @@ class PinMotion:
         """
         rows: cython.int[::1] = self.pins
         now: cython.double[:, ::1] = self.motion
-        disc: cython.double[:, ::1] = self._disc
+        rest: cython.const[cython.double][:, ::1] = self._rest
         used = 0
         dx: cython.double
         dy: cython.double
@@ -233,7 +243,9 @@ class PinMotion:
             dx = now[i, 0] - before[i, 0]
             dy = now[i, 1] - before[i, 1]
             if not isnan(dx):
-                self._add(disc[i, 0], disc[i, 1], dx, dy)
+                u = (rest[i, 0] - self._x0) * self._per_px
+                v = (rest[i, 1] - self._y0) * self._per_px
+                self._add(u, v, dx, dy)
                 used += 1
         for i in range(3):
             self._g[i, i] += _RIDGE
@@ -243,8 +255,10 @@ class PinMotion:
             dx = now[i, 0] - before[i, 0]
             dy = now[i, 1] - before[i, 1]
             if not isnan(dx):
-                dx = dx - self._g[0, 3] - self._g[1, 3] * disc[i, 0] - self._g[2, 3] * disc[i, 1]
-                dy = dy - self._g[0, 4] - self._g[1, 4] * disc[i, 0] - self._g[2, 4] * disc[i, 1]
+                u = (rest[i, 0] - self._x0) * self._per_px
+                v = (rest[i, 1] - self._y0) * self._per_px
+                dx = dx - self._g[0, 3] - self._g[1, 3] * u - self._g[2, 3] * v
+                dy = dy - self._g[0, 4] - self._g[1, 4] * u - self._g[2, 4] * v
                 left += dx * dx + dy * dy
         self.left_px2 = left
         self.curl = fabs(self._g[1, 4] - self._g[2, 3])
@@ -299,13 +313,13 @@ class ModeProduct:
 
     def fit(self, motion: Array) -> Complex:
         """Coefficients (21,) complex128 px of the motion (n, 2) float64 px."""
-        of_x: cython.float[24] = [0.0] * 24  # these stay in registers until all pins are in: ROW numbers each
-        of_y: cython.float[24] = [0.0] * 24
+        of_x: cython.float[21] = [0.0] * 21  # these stay in registers until all pins are in: ROW numbers each
+        of_y: cython.float[21] = [0.0] * 21
         rows: cython.const[cython.float][:, ::1] = self._rows
         for i in range(rows.shape[0]):
             x = cython.cast(cython.float, motion[i, 0])
             y = cython.cast(cython.float, motion[i, 1])
-            for j in range(24):
+            for j in range(21):
                 of_x[j] += rows[i, j] * x
                 of_y[j] += rows[i, j] * y
         for j in range(self._mirror.shape[0]):
@@ -343,10 +357,9 @@ class AreaChange:
         area_px2, out  (n,) float64
         Raises         ValueError: another number of cells
         """
-        if area_px2.shape[0] != self._n:
-            raise ValueError(f"area_px2 ({self._n},) is wanted")
+        areas = numbers_of(area_px2, self._n)
         for i in range(self._n):
-            out[i] = area_px2[i] * self._inverse_area[i] - 1.0
+            out[i] = areas[i] * self._inverse_area[i] - 1.0
 
     def fill(self, change: Array, xy: Array) -> None:
         """`values`: the area changes, gaps filled.

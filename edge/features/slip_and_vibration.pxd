@@ -12,7 +12,7 @@ cdef class Slip:
     cdef double[:, :, ::1] _past_px  # motion of the last frames, in turn, and their area changes
     cdef double[:, ::1] _past_change
     cdef Py_ssize_t _n_kept  # since the touch
-    cdef bint _begun
+    cdef bint _begun, _presses  # _presses: in the frame before
     cdef double[:, ::1] _begin  # motion where the path begins, a mean of _n_begin frames
     cdef int[::1] _core  # rows of the contact's pins, and of those around it
     cdef int[::1] _around

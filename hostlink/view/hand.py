@@ -17,7 +17,6 @@ import time
 from array import array
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import asdict
 from operator import attrgetter
 from typing import Any
 
@@ -51,7 +50,7 @@ _FIVE = dict(enumerate(("thumb", "index", "middle", "ring", "little"), 1))
 def _shown(state: State) -> dict[str, Any]:
     return {
         **{name: getattr(state, name) for name in STATE},
-        "contacts": [asdict(contact) for contact in state.contacts],
+        "contacts": [contact._asdict() for contact in state.contacts],
     }
 
 

@@ -6,9 +6,12 @@ cdef int _AT, _END, _OURS, _ID, _SIZE
 cdef bint _COMPILED
 cdef unsigned short[256] _STEPS
 ctypedef const unsigned char* Bytes
+ctypedef unsigned char* Writable
 
 @cython.locals(at=Bytes, body=bytes, data_id=cython.int, is_ours=cython.bint, check=cython.uint)
 cpdef bytes body_in(frame)
+@cython.locals(at=Bytes, to=Writable, i=cython.int, check=cython.uint, register=cython.int)
+cpdef bytes frame_of(bytes body, long long counter)
 cdef int _crc_of(frame, int data_id) except -1
 @cython.locals(i=cython.int, register=cython.int)
 cdef int _register_of(Bytes frame, int data_id) noexcept

@@ -1,5 +1,5 @@
 # cython: annotation_typing=False
-"""The work on every received state frame: its checks, and decoding a field of it when that is read.
+"""The work on every state frame: its E2E header and check, and decoding a field of it when that is read.
 
 Compiled where a compiler is, with the C types in `body.pxd`; the same without. A body is the frame's version
 and fields, which a received sample keeps.
@@ -12,11 +12,12 @@ from math import nan
 from typing import Any, Final, TypeVar
 from zlib import crc32
 
+from hostlink.wire.e2e import protected_p5
 from hostlink.wire.errors import CorruptFrame
 from hostlink.wire.fields import CHECK_SIZE, DATA_ID, HEADER_SIZE, OLDER, STATE_SIZE, VERSION, Field
 from hostlink.wire.status import status_of
 
-__all__ = ["Decoded", "FromFrame", "body_in", "received"]
+__all__ = ["Decoded", "FromFrame", "body_in", "frame_of", "received"]
 
 T = TypeVar("T", bound="FromFrame")
 _AT: Final = HEADER_SIZE - 1
@@ -51,6 +52,22 @@ def body_in(frame: bytes) -> bytes:
     return body
 
 
+def frame_of(body: bytes, counter: int) -> bytes:
+    """The frame around version and fields: E2E header, check."""
+    check = crc32(body) & 0xFFFF
+    if not _COMPILED or len(body) != _END - _AT:
+        return protected_p5(body + check.to_bytes(CHECK_SIZE, "little"), counter, _ID)
+    frame = bytearray(_SIZE)
+    to, at = frame, body
+    to[_AT - 1] = counter & 0xFF
+    for i in range(_END - _AT):
+        to[_AT + i] = at[i]
+    to[_END], to[_END + 1] = check & 0xFF, check >> 8
+    register = _register_of(to, _ID)
+    to[0], to[1] = register & 0xFF, register >> 8
+    return bytes(frame)
+
+
 def _crc_of(frame: bytes, data_id: int) -> int:
     """The CRC that `e2e.check_p5` compares."""
     if not _COMPILED:
@@ -58,7 +75,7 @@ def _crc_of(frame: bytes, data_id: int) -> int:
     return _register_of(frame, data_id)
 
 
-def _register_of(frame: bytes, data_id: int) -> int:
+def _register_of(frame: bytes | bytearray, data_id: int) -> int:
     register = 0xFFFF
     for i in range(2, _SIZE):
         register = (register << 8 & 0xFFFF) ^ _STEPS[register >> 8 ^ frame[i]]

@@ -10,15 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from itertools import accumulate, repeat
 from math import nan
-from typing import TYPE_CHECKING, Any, Final, TypeVar, cast, dataclass_transform
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeVar, cast, dataclass_transform
 from zlib import crc32
 
-from hostlink.wire.body import Decoded, FromFrame, body_in, received
-from hostlink.wire.e2e import protected_p5
+from hostlink.wire.body import Decoded, FromFrame, body_in, frame_of, received
 from hostlink.wire.fields import (
-    CHECK_SIZE,
     CONTACTS_MAX,
-    DATA_ID,
     LAYOUT,
     OLDER,
     SCHEMA,
@@ -41,8 +38,7 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True, slots=True)
-class Contact:
+class Contact(NamedTuple):
     """One place where something touches. Frame `tip`; NaN where not known."""
 
     x_mm: float
@@ -143,12 +139,10 @@ class State(StateFields, FromFrame):
 
 def all_fields(given: dict[str, Any]) -> dict[str, Any]:
     """All fields in the order of the table, then the contacts. Raises  as of `State`"""
-    values = _DEFAULTS.copy()
-    values.update(given)
+    values = _DEFAULTS | given
     if len(values) > len(_DEFAULTS):
         raise TypeError(f"a sample has no field {', '.join(sorted(values.keys() - _DEFAULTS.keys()))}")
-    if len(values["contacts"]) > CONTACTS_MAX:
-        n = len(values["contacts"])
+    if (n := len(values["contacts"])) > CONTACTS_MAX:
         raise ValueError(f"{n} contacts, at most {CONTACTS_MAX} fit: give the strongest")
     return values
 
@@ -217,12 +211,6 @@ def pack_state(state: State, counter: int) -> bytes:
              refused (a loss); not for one that the divider skipped (no loss)
     """
     return frame_of(state.body or _BODY.pack(VERSION, *quantise(state)), counter)
-
-
-def frame_of(body: bytes, counter: int) -> bytes:
-    """The frame around version and fields: E2E header, check."""
-    checked = body + check_of(body).to_bytes(CHECK_SIZE, "little")
-    return protected_p5(checked, counter, DATA_ID)
 
 
 def unpack_state(frame: bytes) -> State:

@@ -7,7 +7,7 @@ import re
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -81,8 +81,16 @@ def red(image: np.ndarray) -> np.ndarray:
     return (r > 190) & (g < 120) & (b < 125)
 
 
-def until_red(page: Page) -> None:
-    until(lambda: red(pixels(page)).any(), "pressed cells in the picture")
+def until_red(page: Page, colour: Callable[[np.ndarray], np.ndarray] = red) -> np.ndarray:
+    """The picture once it shows pressed cells: a busy machine withholds the values of a late image."""
+    images: list[np.ndarray] = []
+
+    def shows() -> bool:
+        images[:] = [pixels(page)]
+        return bool(colour(images[0]).sum() > 100)
+
+    until(shows, "pressed cells in the picture")
+    return images[0]
 
 
 def orange(image: np.ndarray) -> np.ndarray:
@@ -108,10 +116,9 @@ def test_red_where_the_simulator_pressed(live: Live, page: Page) -> None:
     assert untouched.std() > 10, "nothing is drawn"
     assert not red(untouched).any()
     press(live, page)
-    image = pixels(page)
-    truth = present(live.source.frames[PRESSED].truth)
+    image = until_red(page)
     width = image.shape[1]
-    where = on_canvas(live, truth["places_img"][0], width)
+    where = on_canvas(live, present(live.source.frames[PRESSED].truth)["places_img"][0], width)
     pitch = on_canvas(live, [0, 0], width) - on_canvas(live, [-11.8, 0], width)
     assert red(image).sum() > 0.3 * pitch[0] ** 2, "about a cell and more"
     assert np.hypot(*(centre_of(red(image)) - where)) < 1.5 * pitch[0]
@@ -123,12 +130,10 @@ def test_safe_colours(live: Live, page: Page) -> None:
     press(live, page)
     page.keyboard.press("c")
     page.wait_for_function("() => document.getElementById('safe').ariaPressed === 'true'")
-    image = pixels(page)
-    assert orange(image).sum() > 100
-    assert not red(image).any()
+    assert not red(until_red(page, orange)).any()
     page.keyboard.press("c")
     page.wait_for_function("() => document.getElementById('safe').ariaPressed === 'false'")
-    assert red(pixels(page)).sum() > 100
+    until_red(page)
 
 
 def outlines_n(image: np.ndarray) -> int:
@@ -138,7 +143,7 @@ def outlines_n(image: np.ndarray) -> int:
 
 def test_surface(live: Live, page: Page) -> None:
     press(live, page)
-    outlines = outlines_n(pixels(page))
+    outlines = outlines_n(until_red(page))
     page.keyboard.press("s")
 
     def is_surface() -> bool:
@@ -184,8 +189,7 @@ def test_charts_move(live: Live, page: Page) -> None:
 
 def test_tare_works_and_shows(live: Live, page: Page) -> None:
     press(live, page, PRELOADED)
-    until_red(page)
-    pressed = red(pixels(page)).sum()
+    pressed = red(until_red(page)).sum()
     page.keyboard.press("t")
     shown(page, "something touches the tip")
     tares_n = live.loop.measurement.tares_n

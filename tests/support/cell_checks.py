@@ -20,8 +20,8 @@ def points_of(cells: Cells) -> Points:
 
 def fresh_areas(tessellator: Tessellator) -> Points:
     """Areas of the last frame's points from a triangulation made from scratch."""
-    n, b, points = len(tessellator.rest_area_px2), len(tessellator._around), tessellator._points
-    areas = np.empty(n)
+    n, b = len(tessellator.rest_area_px2), len(tessellator._around)
+    points, areas = np.concatenate([tessellator._last_img, tessellator._points[n:]]), np.empty(n)
     Mesh(n, b, len(points) - n - b).update(points, areas)
     return areas
 

@@ -132,7 +132,7 @@ def test_all_pins_lost_is_survived() -> None:
     rest = tip(127)
     made, gone = extractor(rest), np.full_like(rest.xy_img, np.nan)
     _, cells = frame(rest, rest.xy_img)
-    dark = Cells(gone[:, 0], cells.rest_area_px2, rest.xy_img, cells.triangles, cells.boundary_img)
+    dark = Cells(gone[:, 0].copy(), cells.rest_area_px2, rest.xy_img, cells.triangles, cells.boundary_img)
     for given in (dark, None):
         got = made.extract(tracks_of(gone), given, ALL)
         assert not got.in_contact

@@ -87,7 +87,7 @@ def test_round_trip_within_the_resolution(state: State, counter: int) -> None:
     assert len(back.contacts) == len(placed)
     assert back.contact_n == min(14, max(state.contact_n, len(placed)))
     for sent, got in zip(placed, back.contacts, strict=True):
-        for row, a, b in zip(CONTACT_ROWS, dataclasses.astuple(sent), dataclasses.astuple(got), strict=True):
+        for row, a, b in zip(CONTACT_ROWS, sent, got, strict=True):
             value, tolerance = expected(row.name, a)
             assert b == pytest.approx(value, abs=tolerance, nan_ok=True)
 
