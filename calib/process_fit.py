@@ -453,8 +453,7 @@ def _prior(
 ) -> _Prior:
     """The features of the likeliest kernel that are not negligible; the likelihood takes the first rows.
 
-    few      the poses do not decide a weight for each input
-    motion   as `fit_process` has it: the linear part without symmetry is of it, if the poses are few
+    few      the poses do not decide a weight for each input; the part linear in `motion` is of all spins
     repeats  how frames of one pose share their noise
     start    the search's only one; None: all are tried
     """

@@ -12,11 +12,10 @@ and is made symmetric by its mean over turns R_t, and over the mirror, which tak
     even      k(x, z) = mean_t b(x, R_t z) + b(x, conj(R_t z))    outputs that no turn and no mirror changes
     odd       k(x, z) = mean_t b(x, R_t z) - b(x, conj(R_t z))    outputs that change their sign in the mirror
 
-A small part m1 g + m2 g^2 without symmetry takes up what rig and print break. Of few poses
-it is m1 h + m2 g^2, h the scalar product of the pins' motion itself: modes of few pins depend on each other.
-An exponential of the distance beside the polynomial gained nothing on the published recordings once the
-contact's place is an input (depth 0.066 against 0.067 mm, shear 0.72 mm and torsion 1.86 deg either way), and
-would need the data's points on the edge.
+A small part m1 g + m2 g^2 without symmetry takes up what rig and print break; of few poses m1 h + m2 g^2, h
+the scalar product of the pins' own motion, as modes of few pins depend on each other. An exponential of the
+distance beside the polynomial gained nothing on the published recordings once the contact's place is an input
+(depth 0.066, not 0.067 mm; shear 0.72 mm, torsion 1.86 deg), and would need the data's points on the edge.
 """
 
 from __future__ import annotations
@@ -24,6 +23,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
+from functools import partial
 
 import numpy as np
 from scipy.linalg import LinAlgError, block_diag, cho_solve, cholesky
@@ -116,7 +116,7 @@ class Likelihood:
     y           (n,) complex128; real but for turning outputs
     asymmetric  whether the part without symmetry is there
     repeats     how frames of one pose share their noise; None: none does
-    plain       (n, n) h; None: m1 is of g
+    plain       h of these rows, or of more behind them; None: m1 is of g
 
     Matrices of all turns are computed for some rows at a time, which a processor's cache holds, and up to
     the diagonal only. A scalar product g = u + v is the sum of two halves, of which one changes its sign in
@@ -163,9 +163,7 @@ class Likelihood:
         """The settings from what the search moves: logarithms of w, a1..a3, m1, m2, noise."""
         k, values = self._k, np.exp(logs)
         asymmetric = np.append(values[k + 3 : k + 5], 0.0) if self._asymmetric else np.zeros(3)
-        plain = 0.0
-        if self._plain is not None:
-            plain, asymmetric[0] = float(asymmetric[0]), 0.0
+        plain, asymmetric[0] = (0.0, asymmetric[0]) if self._plain is None else (asymmetric[0], 0.0)
         return Settings(values[:k], values[k : k + 3], asymmetric, plain, float(values[-1]), start)
 
     def __call__(self, logs: Array) -> tuple[float, Array]:
@@ -297,14 +295,10 @@ def fit_settings(
     together = np.column_stack([mode, degrees / max(1.0, degrees.max()), ~mode])
     ways = block_diag(together if few else np.eye(len(degrees)), np.eye(6))  # that logarithms may move
 
-    def of_first(rows: int) -> Likelihood:
-        some, alike = repeats and repeats.first(rows), None if plain is None else plain[:rows, :rows]
-        return Likelihood(
-            x[:rows], spins, y[:rows], symmetry, asymmetric=asymmetric, repeats=some, plain=alike
-        )
+    of_rows = partial(Likelihood, spins=spins, symmetry=symmetry, asymmetric=asymmetric, plain=plain)
 
     def search(first: Array, rows: int) -> tuple[float, Array]:
-        likelihood = of_first(rows)
+        likelihood = of_rows(x[:rows], y=y[:rows], repeats=repeats and repeats.first(rows))
 
         def penalised(moved: Array) -> tuple[float, Array]:
             value, slope = likelihood(first + ways @ moved)
@@ -324,7 +318,7 @@ def fit_settings(
     else:
         best = _start(degrees, *STARTS[start])
     best = search(best, PARAMS.rows)[1]
-    return of_first(1).settings(best, start)
+    return of_rows(x[:1], y=y[:1]).settings(best, start)
 
 
 def _start(degrees: Array, scale: float, noise: float, *symmetric: float) -> Array:
