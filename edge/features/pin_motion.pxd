@@ -22,8 +22,8 @@ cdef class PinMotion:
     cpdef Py_ssize_t since_rest(self, object xy, object sigma_px, object offset_px=*) except -1
     cpdef Py_ssize_t find_contact(self, const double[::1] area_change, double least) noexcept
     cpdef double torsion(self) noexcept
-    cpdef bint is_pressing(self, const double[::1] now, const double[::1] before, double least_rel, double least) noexcept
-    cpdef Py_ssize_t fit_step(self, const double[:, ::1] before) noexcept
+    cpdef bint is_pressing(self, object now, object before, double least_rel, double least) except -1
+    cpdef Py_ssize_t fit_step(self, object before) except -1
     cdef void _add(self, double u, double v, double dx, double dy) noexcept
     cdef void _solve_plane(self) noexcept
 

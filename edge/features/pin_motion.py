@@ -217,10 +217,11 @@ class PinMotion:
         least        what it exceeds, too
         """
         rows: cython.int[::1] = self.pins
+        of_now, of_before = numbers_of(now, self._n), numbers_of(before, self._n)
         total: cython.double = 0.0
         size: cython.double = 0.0
         for p in range(self.n_pins):
-            change = now[rows[p]] - before[rows[p]]
+            change = of_now[rows[p]] - of_before[rows[p]]
             if not isnan(change):
                 total += change
                 size += fabs(change)
@@ -236,6 +237,7 @@ class PinMotion:
         rows: cython.int[::1] = self.pins
         now: cython.double[:, ::1] = self.motion
         rest: cython.const[cython.double][:, ::1] = self._rest
+        was = numbers_of(before, 2 * self._n)
         used = 0
         dx: cython.double
         dy: cython.double
@@ -243,8 +245,8 @@ class PinMotion:
         self._g[:, :] = 0.0
         for p in range(self.n_pins):
             i = rows[p]
-            dx = now[i, 0] - before[i, 0]
-            dy = now[i, 1] - before[i, 1]
+            dx = now[i, 0] - was[2 * i]
+            dy = now[i, 1] - was[2 * i + 1]
             if not isnan(dx):
                 u = (rest[i, 0] - self._x0) * self._per_px
                 v = (rest[i, 1] - self._y0) * self._per_px
@@ -255,8 +257,8 @@ class PinMotion:
         self._solve_plane()
         for p in range(self.n_pins):
             i = rows[p]
-            dx = now[i, 0] - before[i, 0]
-            dy = now[i, 1] - before[i, 1]
+            dx = now[i, 0] - was[2 * i]
+            dy = now[i, 1] - was[2 * i + 1]
             if not isnan(dx):
                 u = (rest[i, 0] - self._x0) * self._per_px
                 v = (rest[i, 1] - self._y0) * self._per_px
