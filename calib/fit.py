@@ -71,6 +71,7 @@ from edge.calibration.file import (
     encode,
 )
 from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS
+from edge.features.modes import mode_basis
 from edge.geometry.parts import parts_of
 from edge.types import Array, Complex, Index, Mask, Rest
 
@@ -356,11 +357,13 @@ class _Observed:
 
     which     (n,) the frames of the extract
     possible  errors of the inputs
+    motion    (r, modes), whose products with modes are as far apart as the pins' motion
     """
 
     extract: Extract
     which: Index
     possible: InputNoise
+    motion: Complex
     parts: dict[bytes, _Observed] = field(default_factory=dict)
 
     @cached_property
@@ -383,7 +386,7 @@ class _Observed:
         key = chosen.tobytes()
         if key not in self.parts:
             possible = replace(self.possible, rows=self.possible.rows[chosen])
-            self.parts[key] = _Observed(self.extract, self.which[chosen], possible)
+            self.parts[key] = _Observed(self.extract, self.which[chosen], possible, self.motion)
         return self.parts[key]
 
 
@@ -506,6 +509,7 @@ def _start_processes(problem: _Problem, search: Search, pool: Executor | None) -
             lossy=problem.seen.lossy,
             all_round=problem.all_round,
             pose=problem.pose,
+            motion=problem.seen.motion,
         )
         calls: dict[ModelKind, Callable[[], FittedProcess]] = {}
         if poses >= PARAMS.process_rows_min:
@@ -543,6 +547,7 @@ def _problems(rest: Rest, targets: Targets, extract: Extract, usable: Mask) -> I
     # The error of a mode's coefficient is a mean over the errors of the pins, along x and along y.
     pattern = rest.pattern
     off = PARAMS.pin_noise * pattern.pitch_px / pattern.tip_radius_px * np.sqrt(2.0 / len(rest))
+    motion: Complex = np.linalg.qr(mode_basis(rest))[1]
     shared: dict[bytes, _Observed] = {}
     for (_, of_contact, _, chosen), members in alike.items():
         groups, (rows, *_), columns = zip(*members, strict=True)
@@ -550,7 +555,7 @@ def _problems(rest: Rest, targets: Targets, extract: Extract, usable: Mask) -> I
             which = np.flatnonzero(rows).astype(np.int32)
             every = np.arange(len(which), dtype=np.int32)
             possible = InputNoise((len(which), extract.inputs.shape[1]), off, every)
-            shared[chosen] = _Observed(extract, which, possible)
+            shared[chosen] = _Observed(extract, which, possible, motion)
         yield _Problem(
             groups=groups,
             seen=shared[chosen],
@@ -664,9 +669,9 @@ def _best(
     if kind not in processes:
         model, of_light_touch = of_all_frames(chosen.name), None
     else:
-        process: Polynomial | Process = _process(problem, i, processes[kind])
+        process = _process(problem, i, processes[kind])
         if kind is ModelKind.CARRIED:
-            process = _valid_too(process, search.known[outputs], float(problem.share.sum()))
+            process = _valid_too(process, search.known[outputs])
         model = mirror(process)
         good = _sufficient(of_all, whole.y[:, i], whole.share, Prefer.SPEED)
         simple = min(good, key=_terms_then_error)[0] if good else None
@@ -802,17 +807,11 @@ def _valid(y: Complex, *, real: bool) -> list[tuple[float, float]]:
     return [(-far, far), (-far, far)]
 
 
-def _valid_too(model: Polynomial | Process, known: KnownModel, poses: float) -> Polynomial | Process:
-    """The model, valid a little beyond its own data where the other tip's is, too.
-
-    Evenly spread over a range, so many poses span less of it: on each side one part in so many less one is
-    missing, and twice that leaves room for chance. Nothing shows how the tips differ further out.
-    """
-    valid = []
-    for (low, high), (other_low, other_high) in zip(model.valid, known.valid, strict=True):
-        more = 2.0 * (high - low) / (poses - 1.0)
-        valid.append((min(low, max(other_low, low - more)), max(high, min(other_high, high + more))))
-    return msgspec.structs.replace(model, valid=valid)
+def _valid_too(model: Process, known: KnownModel) -> Process:
+    """The model, valid where the other tip's is, too; beyond its own frames sigma grows."""
+    ends = [np.transpose(both) for both in zip(model.valid, known.valid, strict=True)]
+    valid = [(float(low.min()), float(high.max())) for low, high in ends]
+    return msgspec.structs.replace(model, valid=valid, own=model.valid)
 
 
 def _mirrored(model: Polynomial | Process) -> Polynomial | Process:

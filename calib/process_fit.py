@@ -37,14 +37,15 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
+from scipy.linalg import block_diag, cholesky, solve_triangular
 
 from calib.carry_over import KnownModel, changed
 from calib.process_likelihood import Repeats, Settings, Symmetry, fit_settings
-from calib.process_noise import TOO_FEW, NoiseModel, fit_lost, fit_noise, likeliest_scales, scales_of
+from calib.process_noise import TOO_FEW, WITHIN, NoiseModel, fit_lost, fit_noise, likeliest_scales, scales_of
 from calib.ridge import blocks, share_of_pose
 from calib.terms import evaluate_terms, term_columns
 from edge.calibration.file import TERMS_MAX, Lost
+from edge.calibration.inputs import MODES
 from edge.types import Array, Complex, Index, Mask
 
 __all__ = ["INPUTS", "FittedProcess", "Input", "ProcessParams", "fit_process"]
@@ -86,7 +87,7 @@ class ProcessParams:
     own_min: float = 0.1  # variance of a frame about its pose, over that of the pose, assumed at least
     groups_min: int = 3  # that settings are fitted without
     rows_groups: int = 1440  # frames of all groups' fits together that are worth their time, with more groups
-    far: float = 4.0  # times the largest of held-out frames: twice their sigma
+    far: float = 4.0  # times the largest variance of held-out frames: twice their sigma
 
 
 EVERY = slice(None)
@@ -151,6 +152,7 @@ def fit_process(
     terms_max: int = TERMS_MAX,
     known: KnownModel | None = None,
     pose: Index,
+    motion: Complex | None = None,
 ) -> FittedProcess:
     """Settings of largest likelihood, then the weights.
 
@@ -162,14 +164,13 @@ def fit_process(
     terms_max  more are left out, those with the smallest prior variance first
     known      another tip's model of these outputs, whose terms it then has; None: none
     pose       (n,) its number: frames of one pose count as one
+    motion     (r, modes), whose products with modes are as far apart as the pins' motion; None: not known
     """
     mean, unit, target = _standardised(y, symmetry, inputs[:, names.index("volume")].real)
-    poses = int(pose.max()) + 1
-    few = poses < min(len(pose), 2 * len(INPUTS))
-    find = partial(_prior, names=names, symmetry=symmetry, all_round=all_round, terms_max=terms_max, few=few)
-    if known is not None:
-        known = known.scaled(unit, mean)
-        find = partial(_changed, known, names=names, symmetry=symmetry)
+    few = int(pose.max()) + 1 < min(len(pose), 2 * len(INPUTS))
+    known = known and known.scaled(unit, mean)
+    of_own = partial(_prior, all_round=all_round, terms_max=terms_max, few=few, motion=motion)
+    find = partial(partial(_changed, known) if known else of_own, names=names, symmetry=symmetry)
     data = _with_own(find, _Data(inputs, moved, target, fold, pose))
     prior = data.prior(find, data.some_each(PARAMS.repeats))
     features, posterior = prior.features, _Posterior(prior, data)
@@ -189,7 +190,7 @@ def fit_process(
         weights=(weights + mean / unit * np.eye(1, len(weights))[0]) * unit,
         factor=features.of_terms(factor / math.sqrt(level)),
         sigma=np.maximum(scale * unit * math.sqrt(level), SIGMA_MIN),
-        far=PARAMS.far * float(learnt.max()) / level,
+        far=PARAMS.far * (1.0 + float(learnt.max()) / level) - 1.0,
         noise=along,
         across=across,
         lost=_effect_of_loss(features, weights / over, inputs, lossy, names)
@@ -374,9 +375,11 @@ class _Errors:
         So few errors that they hardly show how many are beyond two sigma make sigma no smaller with it.
         """
         standardised, poses = self._standardised(group), float(self._share.sum())
+        if self._few and not self._known:  # neither who is beyond two sigma, nor which output errs more
+            return np.full(len(standardised), scales_of([np.concatenate(standardised)])[0, 0])
         if not self._known:
             return likeliest_scales(standardised, poses)
-        return np.asarray(scales_of(standardised).max(axis=1, initial=float(poses <= TOO_FEW)))
+        return np.asarray(scales_of(standardised, len(WITHIN)).max(axis=1, initial=float(poses <= TOO_FEW)))
 
     def _standardised(self, group: Index) -> list[Array]:
         """Errors of each output over their deviation, by a noise that has not seen their group."""
@@ -439,12 +442,14 @@ def _prior(
     all_round: bool,
     terms_max: int,
     few: bool,
+    motion: Complex | None,
     repeats: Repeats,
     start: int | None = None,
 ) -> _Prior:
     """The features of the likeliest kernel that are not negligible; the likelihood takes the first rows.
 
     few      the poses do not decide a weight for each input
+    motion   as `fit_process` has it: the linear part without symmetry is of it, if the poses are few
     repeats  how frames of one pose share their noise
     start    the search's only one; None: all are tried
     """
@@ -452,6 +457,11 @@ def _prior(
     scale = np.sqrt((np.abs(inputs[:, columns]) ** 2).mean(axis=0))
     used = [i for i, rms in enumerate(scale) if rms > 0]
     letters = [INPUTS[i] for i in used]
+    plain = None
+    if few and all_round and motion is not None:
+        of_pins = inputs[:, [names.index(name) for name in MODES]] @ motion.T
+        size = math.sqrt((np.abs(of_pins) ** 2).sum(axis=1).mean())
+        motion, plain = motion / size, (of_pins @ of_pins.conj().T).real / size**2
     settings = fit_settings(
         inputs[:, [columns[i] for i in used]] / scale[used],
         np.array([one.spin for one in letters]),
@@ -462,6 +472,7 @@ def _prior(
         few=few,
         repeats=repeats,
         start=start,
+        plain=plain,
     )
     terms: list[list[str]] = [[]]
     prior = [[PARAMS.constant * (all_round or symmetry is Symmetry.EVEN)] * 2]
@@ -474,8 +485,26 @@ def _prior(
     root = np.diag(deviation[:, 0] + 0j)
     if symmetry is not Symmetry.TURNING:  # the real and the imaginary part of a weight are two features
         root = np.hstack([root, 1j * np.diag(deviation[:, 1])])
-    features = _Features(names, terms, root[:, np.abs(root).any(axis=0)], symmetry)
+    root = root[:, np.abs(root).any(axis=0)]
+    if motion is not None and settings.plain > PARAMS.negligible * settings.noise:
+        terms, root = _with_plain(terms, root, math.sqrt(settings.plain) * motion, symmetry)
+    features = _Features(names, terms, root, symmetry)
     return _Prior(features, np.zeros(len(terms), dtype=np.complex128), settings.noise, settings.start)
+
+
+def _with_plain(
+    terms: list[list[str]], root: Complex, motion: Complex, symmetry: Symmetry
+) -> tuple[list[list[str]], Complex]:
+    """Terms and root with the modes themselves, of all spins, so that each pin's motion counts alike."""
+    linear, of_linear = [[name] for name in MODES], np.hstack([motion.T, 1j * motion.T])
+    if symmetry is Symmetry.TURNING:
+        linear += [[f"{name}*"] for name in MODES]
+        of_linear = block_diag(motion.T, motion.conj().T) / math.sqrt(2.0)
+    every = terms + [term for term in linear if term not in terms]
+    wide = np.zeros((len(every), root.shape[1] + of_linear.shape[1]), np.complex128)
+    wide[: len(terms), : root.shape[1]] = root
+    wide[[every.index(term) for term in linear], root.shape[1] :] = of_linear
+    return every, wide
 
 
 def _not_negligible(

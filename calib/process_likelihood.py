@@ -12,10 +12,11 @@ and is made symmetric by its mean over turns R_t, and over the mirror, which tak
     even      k(x, z) = mean_t b(x, R_t z) + b(x, conj(R_t z))    outputs that no turn and no mirror changes
     odd       k(x, z) = mean_t b(x, R_t z) - b(x, conj(R_t z))    outputs that change their sign in the mirror
 
-A small part m1 g + m2 g^2 without symmetry takes up what rig and print break. An exponential of the distance
-beside the polynomial gained nothing on the published recordings once the contact's place is an input (depth
-0.066 against 0.067 mm, shear 0.72 mm and torsion 1.86 deg either way), and would need the data's points on
-the edge.
+A small part m1 g + m2 g^2 without symmetry takes up what rig and print break. Of few poses
+it is m1 h + m2 g^2, h the scalar product of the pins' motion itself: modes of few pins depend on each other.
+An exponential of the distance beside the polynomial gained nothing on the published recordings once the
+contact's place is an input (depth 0.066 against 0.067 mm, shear 0.72 mm and torsion 1.86 deg either way), and
+would need the data's points on the edge.
 """
 
 from __future__ import annotations
@@ -69,7 +70,7 @@ class Settings:
 
     weight      (k,) w of each input
     symmetric   (3,) a1, a2, a3
-    asymmetric  (3,) m1, m2, 0
+    asymmetric  (3,) m1, m2, 0; plain: m1 if it is of h, which is 0 there then
     noise       variance, as the others in units of the outputs' own
     start       which of STARTS led there
     """
@@ -77,6 +78,7 @@ class Settings:
     weight: Array
     symmetric: Array
     asymmetric: Array
+    plain: float
     noise: float
     start: int
 
@@ -114,6 +116,7 @@ class Likelihood:
     y           (n,) complex128; real but for turning outputs
     asymmetric  whether the part without symmetry is there
     repeats     how frames of one pose share their noise; None: none does
+    plain       (n, n) h; None: m1 is of g
 
     Matrices of all turns are computed for some rows at a time, which a processor's cache holds, and up to
     the diagonal only. A scalar product g = u + v is the sum of two halves, of which one changes its sign in
@@ -135,8 +138,10 @@ class Likelihood:
         *,
         asymmetric: bool,
         repeats: Repeats | None = None,
+        plain: Array | None = None,
     ) -> None:
         self._n, self._k = x.shape
+        self._plain = plain
         self._alike, self._own = (np.tril(part) for part in (repeats or Repeats.none(self._n)).noise())
         self._turning = symmetry is Symmetry.TURNING
         self._asymmetric = asymmetric
@@ -158,7 +163,10 @@ class Likelihood:
         """The settings from what the search moves: logarithms of w, a1..a3, m1, m2, noise."""
         k, values = self._k, np.exp(logs)
         asymmetric = np.append(values[k + 3 : k + 5], 0.0) if self._asymmetric else np.zeros(3)
-        return Settings(values[:k], values[k : k + 3], asymmetric, float(values[-1]), start)
+        plain = 0.0
+        if self._plain is not None:
+            plain, asymmetric[0] = float(asymmetric[0]), 0.0
+        return Settings(values[:k], values[k : k + 3], asymmetric, plain, float(values[-1]), start)
 
     def __call__(self, logs: Array) -> tuple[float, Array]:
         s = self.settings(logs)
@@ -168,6 +176,8 @@ class Likelihood:
             part = np.tensordot(s.symmetric, block.powers, 1)
             g = block.even[0] + block.odd[0]
             part[0] += g * (s.asymmetric[0] + g * s.asymmetric[1])
+            if self._plain is not None:
+                part[0] += s.plain * self._plain[block.rows, : block.rows.stop]
             covariance[block.rows, : block.rows.stop] = part[0] + 1j * part[1] if self._turning else part[0]
         covariance += s.noise * self._alike + self._own
         covariance[np.diag_indices(self._n)] += PARAMS.jitter
@@ -221,7 +231,8 @@ class Likelihood:
             of_odd *= q
             if self._asymmetric:
                 g = even[0] + odd[0]
-                of_m += (parts[0] * g).sum(), (parts[0] * g * g).sum()
+                linear = g if self._plain is None else self._plain[block.rows, : block.rows.stop]
+                of_m += (parts[0] * linear).sum(), (parts[0] * g * g).sum()
                 unturned = parts[0] * (m[0] + 2.0 * m[1] * g)
                 of_even[0] += unturned
                 of_odd[0] += unturned
@@ -229,7 +240,7 @@ class Likelihood:
                 along = (p @ turned[:, : block.rows.stop]).sum(axis=0)
                 of_weight[half] += (along * x[block.rows]).sum(axis=0)
         weight = 2.0 * s.weight**2 * (of_weight[:k] + of_weight[k:])
-        return np.concatenate([weight, of_a * a, of_m * m[:2], [noise]])
+        return np.concatenate([weight, of_a * a, of_m * (m[0] + s.plain, m[1]), [noise]])
 
 
 @dataclass(frozen=True, slots=True)
@@ -271,6 +282,7 @@ def fit_settings(
     few: bool = False,
     repeats: Repeats | None = None,
     start: int | None = None,
+    plain: Array | None = None,
 ) -> Settings:
     """The settings of largest likelihood: several starts on part of the rows, the best one on more.
 
@@ -279,14 +291,20 @@ def fit_settings(
              their degree, and so do the others
     repeats  how frames of one pose share their noise; None: none does
     start    the only one of STARTS, at once on more rows; None: all are tried
+    plain    (n, n) h; None: m1 is of g
     """
     mode = degrees > 0
     together = np.column_stack([mode, degrees / max(1.0, degrees.max()), ~mode])
     ways = block_diag(together if few else np.eye(len(degrees)), np.eye(6))  # that logarithms may move
 
+    def of_first(rows: int) -> Likelihood:
+        some, alike = repeats and repeats.first(rows), None if plain is None else plain[:rows, :rows]
+        return Likelihood(
+            x[:rows], spins, y[:rows], symmetry, asymmetric=asymmetric, repeats=some, plain=alike
+        )
+
     def search(first: Array, rows: int) -> tuple[float, Array]:
-        some = repeats and repeats.first(rows)
-        likelihood = Likelihood(x[:rows], spins, y[:rows], symmetry, asymmetric=asymmetric, repeats=some)
+        likelihood = of_first(rows)
 
         def penalised(moved: Array) -> tuple[float, Array]:
             value, slope = likelihood(first + ways @ moved)
@@ -306,7 +324,7 @@ def fit_settings(
     else:
         best = _start(degrees, *STARTS[start])
     best = search(best, PARAMS.rows)[1]
-    return Likelihood(x[:1], spins, y[:1], symmetry, asymmetric=asymmetric).settings(best, start)
+    return of_first(1).settings(best, start)
 
 
 def _start(degrees: Array, scale: float, noise: float, *symmetric: float) -> Array:

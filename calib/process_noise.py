@@ -48,15 +48,17 @@ class NoiseParams:
 
 
 PARAMS = NoiseParams()
-#: Shares of Gaussian errors within one and within two sigma.
-WITHIN = ((1.0, 0.6827), (2.0, 0.9545))
+#: Shares of Gaussian errors within one, two and three sigma.
+WITHIN = ((1.0, 0.6827), (2.0, 0.9545), (3.0, 0.9973))
 #: Errors up to this number do not show how many are beyond two sigma.
-TOO_FEW = int(1.0 / (1.0 - WITHIN[-1][1]))
+TOO_FEW = int(1.0 / (1.0 - WITHIN[1][1]))
 
 
-def scales_of(standardised: Sequence[Array]) -> Array:
-    """(parts, 2) factors of each part's sigma: as many errors as should be are within one, within two."""
-    return np.array([[np.quantile(np.abs(z), share) / k for k, share in WITHIN] for z in standardised])
+def scales_of(standardised: Sequence[Array], levels: int = 2) -> Array:
+    """(parts, levels) factors of each part's sigma: as many as should be are within one, two, three."""
+    return np.array(
+        [[np.quantile(np.abs(z), share) / k for k, share in WITHIN[:levels]] for z in standardised]
+    )
 
 
 def likeliest_scales(standardised: Sequence[Array], poses: float) -> Array:
@@ -67,7 +69,7 @@ def likeliest_scales(standardised: Sequence[Array], poses: float) -> Array:
     and other position measures, 1952.
     """
     errors = []
-    for k, share in WITHIN:
+    for k, share in WITHIN[:2]:
         off = math.sqrt(share * (1.0 - share) / poses)
         ends = np.clip((share - off, share + off), 0.0, 1.0)
         errors.append([np.ptp(np.quantile(np.abs(z), ends)) / k for z in standardised])

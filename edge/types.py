@@ -423,7 +423,7 @@ class Features:
     in_contact      False: nothing above the noise; surface and contacts were not computed
     torsion_rad     rotation of the motion field about the contact
     slip_px         float, expected rms motion within the contact since the last frame that no load explains
-    slip_probability, twist_slip_probability  0..1, that more than two fifths of the contact's area slide:
+    slip_probability, twist_slip_probability  0..1, that more than a third of the contact's area slides:
                     of drag and twist the larger one, and of the twist
     vibration_px    float, rms motion of the contact's pins above `features.params.vibration_from_hz`; 0: no
                     contact; NaN: not known yet

@@ -151,6 +151,8 @@ def _check_process(model: Process, where: str) -> None:
     for name, (low, high) in (("noise", model.noise_range), ("across", model.across_range)):
         if low > high:
             raise BadContent(f"{where}.{name}_range: give [low, high]")
+    if len(model.own) not in (0, len(model.outputs)) or any(low > high for low, high in model.own):
+        raise BadContent(f"{where}.own: give a range [low, high] for each of {len(model.outputs)} outputs")
     if model.lost is not None:
         _check_terms(model.lost.terms, FRAME_INPUTS, f"{where}.lost.terms")
         _check_weights(model.lost.weights, model.lost.terms, f"{where}.lost.weights")

@@ -25,6 +25,7 @@ Rules
 - L has real rows: of a complex row, its real and its imaginary part are two. Of a process with one output the
   real part counts alone.
 - A value outside of `valid` is set to its end. That, and `learnt` above `far`, is reported as out of range.
+  Outside of `own`, where another tip's model holds on, sigma grows by the distance.
 - A NaN among a model's inputs gives NaN. So does a gap larger than any that the fit tried.
 - The GIL is held: the scratch belongs to the object, and the work is short.
 """
@@ -221,7 +222,7 @@ class ModelKernel:
     _lost_weight: cython.double[::1]
     # (models, 9) far, range of the noise's logarithm, and across; scale, gap_power, volume_power, gap_max
     _limits: cython.double[:, ::1]
-    _valid: cython.double[:, ::1]  # (outputs, 3) low, high, sigma
+    _valid: cython.double[:, ::1]  # (outputs, 5) low, high, sigma; own low, high
     _knot: cython.double[:, ::1]  # of curves: input, output
     _parts: cython.double[::1]  # real and imaginary part of each product of the current frame
     _outputs: cython.double[:, ::1]  # (outputs, 3) value, sigma, whether out of range
@@ -271,8 +272,9 @@ class ModelKernel:
         self._noise_weight = np.array([along, across], np.float64)
         self._lost_weight = np.array([w for part in lost for w in part.weights], np.float64)
         self._limits = _table([_limits(*part) for part in zip(parts, lost, strict=True)], 9)
-        ranges = [(*v, s) for part in parts for v, s in zip(part.valid, part.sigma, strict=True)]
-        self._valid = _table(ranges, 3)
+        owns = [part.own or [(-math.inf, math.inf)] * len(part.outputs) for part in parts]
+        ranges = [zip(p.valid, p.sigma, own, strict=True) for p, own in zip(parts, owns, strict=True)]
+        self._valid = _table([(*v, s, *o) for of_model in ranges for v, s, o in of_model], 5)
         self._knot = _table([knot for curve in knots for knot in curve], 2)
         self._parts = np.zeros(2 * len(tree.products))
         self._outputs = np.zeros((len(self.names), 3))
@@ -436,13 +438,17 @@ class ModelKernel:
     ) -> cython.void:
         low: cython.double = self._valid[o, 0]
         high: cython.double = self._valid[o, 1]
+        sigma: cython.double = self._valid[o, 2] * sqrt(variance)
+        beyond: cython.double = max(self._valid[o, 3] - value, value - self._valid[o, 4])
+        if beyond > 0.0:
+            sigma = sqrt(sigma * sigma + beyond * beyond)
         if isnan(variance):
             value = NAN
         elif value < low or value > high:
             value = low if value < low else high
             known = False
         self._outputs[o, 0] = value
-        self._outputs[o, 1] = self._valid[o, 2] * sqrt(variance)
+        self._outputs[o, 1] = sigma
         self._outputs[o, 2] = 0.0 if known or isnan(value) else 1.0
 
 

@@ -125,7 +125,7 @@ class Lost(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     weights: Annotated[list[Number], msgspec.Meta(max_length=TERMS_MAX)] = []
 
 
-class Process(_WeightedTerms, frozen=True, forbid_unknown_fields=True, tag="process"):
+class Process(_WeightedTerms, frozen=True, forbid_unknown_fields=True, omit_defaults=True, tag="process"):
     """A Gaussian process with a symmetric kernel: `edge.calibration.evaluation` has the formulas.
 
     factor         rows (real, imaginary) of L over the terms, L^H L the covariance of the weights in units
@@ -137,6 +137,8 @@ class Process(_WeightedTerms, frozen=True, forbid_unknown_fields=True, tag="proc
     across_weights, across_range  the same for the noise across the direction of a value with two outputs, the
                    others are then for the noise along it; empty: it is the same in all directions
     lost           None: the effect of lost pins is not known
+    own            as `valid`, of this tip's frames, where another tip's model holds further: beyond, sigma
+                   grows by the distance; empty: it does not
     """
 
     factor: Annotated[list[Row], msgspec.Meta(max_length=TERMS_MAX)]
@@ -147,6 +149,7 @@ class Process(_WeightedTerms, frozen=True, forbid_unknown_fields=True, tag="proc
     across_weights: Annotated[list[Number], msgspec.Meta(max_length=TERMS_MAX)] = []
     across_range: tuple[Exponent, Exponent] = (0.0, 0.0)
     lost: Lost | None = None
+    own: Annotated[list[tuple[Output, Output]], msgspec.Meta(max_length=2)] = []
 
 
 Model = Curve | Polynomial | Process

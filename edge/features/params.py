@@ -51,7 +51,7 @@ class FeatureParams:
     close_pitch: float = 2.5  # closer contacts may be one region; a contact's surroundings
 
     # --- slip
-    slip_prior_odds: float = 50.0  # against more than two fifths of the contact sliding
+    slip_prior_odds: float = 40.0  # against more than a third of the contact sliding
     slip_span_frames: int = 4  # over which motion is taken
     slip_pressing_rel: float = 0.7  # net over total area change; above it the contact is pressed or released
 

@@ -10,7 +10,7 @@ cdef class Slip:
     cdef const double[:, ::1] _rest
     cdef double _pressing_rel, _sigmas, _prior_odds, _pitch_px, _tip_radius_px
     cdef list _past  # motion of the last frames since the touch, and their area changes: the results' own
-    cdef bint _begun
+    cdef bint _begun, _presses  # _presses: in the frame before
     cdef double[:, ::1] _begin  # motion where the path begins, a mean of _n_begin frames
     cdef int[::1] _core  # rows of the contact's pins, and of those around it
     cdef int[::1] _around

@@ -5,25 +5,27 @@ Slip: how probable it is that much of the contact slides, and how fast its parts
 
 Skin that sticks to a rigid object can only move with it. A contact that is dragged, or twisted, slips from
 its rim inwards. Its core still sticks and moves with the object, by s; the skin around it is dragged along
-by q, which lags more and more behind s. For a round contact with Hertz's pressure, of whose area a share x
-slides,
+by q, which lags more and more behind s. For a round contact, of whose area a share x slides,
 
-    dragged (Mindlin)   q ~ 1 - (1 - x)^1.5   s ~ x
+    dragged (Mindlin)   q ~ 1 - (1 - x)^1.75  s ~ x
     twisted (Lubkin)    q ~ 1 - (1 - x)^1.7   s ~ -log(1 - x), an angle, to 2 %
 
-So the curvature of q over s shows x: no force, no stiffness and no coefficient of friction need be known. s
-is a mean over the contact's pins, with weights that fall off within a sixth of its area; q is one over all
-pins around it, with the weights r^-2, as the motion falls off there. Angles come from the same weights. The
-contact's middle and radius are those of its compression. The skin evens its motion over about a pitch, so
-that the core takes part in the lag: of a disc evened by a Gaussian of that width, exp(-r^2 / 2) of the
-surroundings reach the middle, r its radius in pitches. The smaller a contact, the less its curve shows.
+So the curvature of q over s shows x: no force, no stiffness and no coefficient of friction need be known. Of
+a drag the power is 1.5 on a half-space (Hertz's pressure) and 2 on a layer that is thin for the contact (a
+paraboloid of pressure, and each part sticks for itself); a tip is between them. s is a mean over the
+contact's pins, with weights that fall off within a sixth of its area: 98 % of them lie where it still sticks
+while a third slides. q is one over all pins around it, with the weights r^-3: what is near moves most, and
+depends least on how the tip is held. Angles come from those weights over r. The contact's middle and radius
+are those of its compression. The skin evens its motion over about a pitch, so that the core takes part in the
+lag: of a disc evened by a Gaussian of that width, exp(-r^2 / 2) of the surroundings reach the middle, r its
+radius in pitches. The smaller a contact, the less its curve shows.
 
 The path since the touch (or since it was last pressed, released or turned back) is compared with the curves
 of all x. It begins at the mean of the frames in which nothing moved. The factor between path and curve is
 fitted, and is not negative: a drag takes its surroundings along. With the noise of the pins, and an error of
-the model of a quarter of a step of x, this gives each x its likelihood. The model's error is one of the whole
-path, so that a fast drag, of few points, is judged as a slow one. Before looking, x above two fifths is
-improbable, and a path of n points has been looked at n times: the odds grow with the root of that.
+the model that is the spread of x within its step, this gives each x its likelihood. The model's error is one
+of the whole path, so that a fast drag, of few points, is judged as a slow one. Before looking, x above a
+third is improbable, and a path of n points has been looked at n times: the odds grow with the root of that.
 Drag and twist each have their probability; the larger one is that of slip.
 
 The speed is the residual of the motion over the last few frames, less what a load explains (a common
@@ -31,7 +33,8 @@ translation, rotation and linear strain): the expected one, its noise subtracted
 
 Rules of slip
 - While all of a contact's cells increase, or all decrease, by more than by noise and than it turns, it is
-  pressed or released, which moves its pins too: no slip is reported, and the path begins anew.
+  pressed or released, which moves its pins too: no slip is reported, and after two such frames the path
+  begins anew. A single one may be noise, of a contact of three pins.
 - A contact that slides as a whole at constant load moves no pin: the last share stays. The steady gliding of
   a large smooth plane has no speed for a camera behind the skin.
 
@@ -76,7 +79,7 @@ def _curves() -> Array:
     """(2, _SHARES, _SHARES + 1), q over s, evenly up to each share, of a drag and of a twist."""
     sticks = 1.0 - (np.arange(_SHARES)[:, None] + 0.5) / _SHARES
     s = np.arange(_SHARES + 1) / _SHARES
-    return 1.0 - np.stack([(1.0 - (1.0 - sticks) * s) ** 1.5, sticks ** (1.7 * s)])
+    return 1.0 - np.stack([(1.0 - (1.0 - sticks) * s) ** 1.75, sticks ** (1.7 * s)])
 
 
 #: rms in px, and the upper end of its band in Hz; None: there is none.
@@ -87,7 +90,7 @@ class Slip:
     """Slip of one touch, frame by frame.
 
     slip_px      expected rms over the contact's pins of the motion that no load explains, per frame
-    probability  0..1 that more than two fifths of the contact's area slide
+    probability  0..1 that more than a third of the contact's area slides
     of_twist     the same of a twist alone
     """
 
@@ -114,7 +117,7 @@ class Slip:
 
     def forget(self) -> None:
         """Drop the frames before this one: contact lost, identities lost, or slip not demanded."""
-        self._past = []
+        self._past, self._presses = [], False
         self.slip_px = 0.0
         self._forget_path()
 
@@ -141,8 +144,12 @@ class Slip:
         turns = n * self._motion.curl / self._tip_radius_px
         least = max(noise, turns)
         if self._motion.is_pressing(area_change, change, self._pressing_rel, least):
-            self._forget_path()
+            if self._presses:
+                self._forget_path()
+            self._presses = True
+            self.probability = self.of_twist = 0.0
             return
+        self._presses = False
         if self._begun:
             self._go_on(area_change, sigma_px)
         else:
@@ -217,7 +224,8 @@ class Slip:
                 i = rows[p]
                 far2 = self._weight[i]
                 w = 1.0 / max(far2, pitch2) if part else exp(-6.0 * far2 / radius2)
-                of_turn = w * sqrt(w) if part else w
+                of_turn = w * w if part else w
+                w = w * sqrt(w) if part else w
                 self._weight[i] = w
                 self._across[i, 0] *= of_turn
                 self._across[i, 1] *= of_turn
@@ -325,7 +333,7 @@ class Slip:
         of_points = cython.cast(cython.double, n) / _SHARES  # a full path has the model's error once
         for p in range(n):
             of_s = q[p] / s[p] * noise_s
-            of_model = 0.25 / _SHARES * q[p]
+            of_model = q[p] / (sqrt(12.0) * _SHARES)  # the standard deviation within one share
             weight[p] = 1.0 / (noise_q * noise_q + of_s * of_s + of_points * of_model * of_model)
         for k in range(_SHARES):
             along: cython.double = 0.0
@@ -356,7 +364,7 @@ class Slip:
         most: cython.double = 0.0
         for k in range(_SHARES):
             likelihood = exp(0.5 * (least - self._square[k]))
-            if k + 0.5 > 0.4 * _SHARES:
+            if 3 * k >= _SHARES:
                 most += likelihood
             else:
                 likelihood *= odds

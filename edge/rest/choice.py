@@ -160,13 +160,15 @@ def aligned(calibration: Calibration, rest: Rest) -> Rest:
     made_with = calibration.rest
     matched, tracks = match_rest(made_with, rest)
     z, w = made_with.xy_img @ (1, 1j), tracks.xy_img @ (1, 1j)
-    design = np.column_stack([z, np.ones_like(z)])
     best = tracks.seen
-    for _ in range(5):
-        similarity = np.linalg.lstsq(design[best], w[best], rcond=None)[0]
-        off = np.where(tracks.seen, np.abs(w - design @ similarity), np.inf)
+    for _ in range(
+        5
+    ):  # without a zoom, which a touch, or an error of the estimate, makes rather than a camera
+        from_middle = z - z[best].mean()
+        turn = np.vdot(from_middle[best], w[best])
+        at = from_middle * turn / abs(turn) + w[best].mean()
+        off = np.where(tracks.seen, np.abs(w - at), np.inf)
         best = off <= np.median(off[tracks.seen])
-    at = design @ similarity
     xy = np.column_stack([at.real, at.imag])
     pins = replace(matched.pins, xy_img=xy, sigma_px=made_with.pins.sigma_px)
     return replace(matched, pins=pins)

@@ -618,7 +618,7 @@ struct vt_classic_part3_t {
     uint8_t vibration_mm;
 
     /**
-     * probability that more than two fifths of the contact's area slide, 0..1; slip begins at the rim
+     * probability that more than a third of the contact's area slides, 0..1; slip begins at the rim
      *
      * Range: 0..250 (0..1 -)
      * Scale: 0.004

@@ -247,7 +247,7 @@ LAYOUT: Final = (
        "skin that is torn by 1 mm within four images at 240 Hz; the pins' noise is 0.25 mm/s there",
        _S("slip speed")),
     _F("slip_probability", "B", 0.004, "", 0, 1, 8,
-       "probability that more than two fifths of the contact's area slide, 0..1; slip begins at the rim",
+       "probability that more than a third of the contact's area slides, 0..1; slip begins at the rim",
        "announces that all of it will slide; a threshold on it is the controller's choice",
        _S("slip probability", "Slip")),
     _F("twist_slip_probability", "B", 0.004, "", 0, 1, 8,

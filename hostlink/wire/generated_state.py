@@ -68,7 +68,7 @@ class StateFields:
     tilt_y_deg: float = nan
     # speed of the skin beyond what the load explains [mm/s]
     slip_speed_mm_s: float = nan
-    # probability that more than two fifths of the contact's area slide, 0..1; slip begins at the rim
+    # probability that more than a third of the contact's area slides, 0..1; slip begins at the rim
     slip_probability: float = nan
     # the same of a twist alone, 0..1; slip_probability is the larger one of twist and drag
     twist_slip_probability: float = nan

@@ -101,7 +101,7 @@ class TestSlip:
         states = self.run([self.dragged(way_px * x, x) for x in shares])
         probability = np.array([s.probability for s in states])
         assert probability[shares < 0.3].max() < 0.5
-        assert probability[shares > 0.7].min() > 0.5
+        assert probability[shares > 0.75].min() > 0.5
         assert probability[shares > 0.85].min() > 0.9
 
     def test_a_whole_contact_that_slides_stays_slipping_until_it_turns_back(self) -> None:
