@@ -117,7 +117,8 @@ class Slip:
 
     def forget(self) -> None:
         """Drop the frames before this one: contact lost, identities lost, or slip not demanded."""
-        self._past, self._presses = [], False
+        past: list[tuple[Array, Array]] = []
+        self._past, self._presses = past, False
         self.slip_px = 0.0
         self._forget_path()
 
