@@ -5,7 +5,7 @@ tip, which has other pins and a thick layer. A tool is pressed, held, and moved 
 its contact slides; others are moved only until a quarter slides, held there and brought back. Some are held
 for a minute while the skin creeps or the depth changes. Tool, place or tilt, depth, friction, speed and
 direction are random. The places of the pins are the simulator's own with noise added: nothing is rendered.
-Parameters were set on one seed of the first two, and are judged on another.
+Parameters were set on other seeds than the one that is judged.
 
 The recordings have no truth: alarms are counted, in frames that the detector calls untouched, and in others.
 
