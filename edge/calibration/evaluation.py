@@ -202,8 +202,8 @@ class ModelKernel:
     _knots: list[Array | None]
     _nodes: list[Index]  # all that each model needs
     _parent: cython.int[::1]  # of each product; the root, 1, is its own
-    _column: cython.int[::1]  # the input that the parent is multiplied by
-    _sign: cython.double[::1]  # -1 where it is the input's conjugate
+    _column: cython.uchar[::1]  # the input that the parent is multiplied by
+    _sign: cython.schar[::1]  # -1 where it is the input's conjugate
     _active: cython.int[::1]
     _wanted: list[bool]
     _in_pairs: list[bool]  # whether blocks of each model's L are `_blocks_of_pairs`
@@ -244,8 +244,9 @@ class ModelKernel:
         nodes = zip(summed, noise, of_lost, strict=True)
         self._nodes = [np.concatenate([numbers // 2, *others]) for numbers, *others in nodes]
         self._part, self._noise_node, self._lost_node = map(_joined, (summed, noise, of_lost))
-        self._parent, self._column, sign = np.array(tree.products, np.int32).T.copy()
-        self._sign = sign.astype(np.float64)
+        parent, column, sign = np.array(tree.products).T
+        self._parent, self._column = parent.astype(np.int32), column.astype(np.uint8)
+        self._sign = sign.astype(np.int8)
         self._in_pairs = [
             len(part.outputs) == 2 and len(set(nodes.tolist())) == len(nodes)
             for part, (nodes, _) in zip(parts, terms, strict=True)

@@ -141,7 +141,7 @@ def rim_motion(rim: Array, boundary: Array, fence: Array, pitch_px: float) -> Ri
     """The constants of a tip; rim (r, 2) px at rest. Rim pins within a pitch count most."""
     centre = rim.mean(axis=0)
     scale = float(np.abs(rim - centre).max())
-    fit = np.linalg.pinv(affine_terms(rim, centre, scale))
+    fit: Array = np.linalg.pinv(affine_terms(rim, centre, scale)).astype(np.float64)
     fit[1:] /= scale
     fit[0] -= centre @ fit[1:]
     distance2 = ((boundary[:, None, :] - rim[None, :, :]) ** 2).sum(axis=2)

@@ -33,7 +33,6 @@ cdef class ContactField:
     cdef unsigned char[::1] _is_active  # (k,)
     cdef float _min_area_change, _heights_rel
     cdef const double[:, ::1] _rest
-    cdef double[::1] _terms, _motion  # x, y of each pin at rest, from the first one; and of its motion
     cdef double[:, ::1] _inverse  # (3, 3), of the equations of a plane through all pins, about the first
     cdef float _divergence_rel  # shares of the blend
 

@@ -152,8 +152,7 @@ class ContactField:
         self.plane_divergence = self.plane_curl = 0.0
         self.points = np.array(points, np.float64, order="C")
         terms = np.column_stack([np.ones(n), rest_xy - rest_xy[0]])
-        self._motion = np.empty(2 * n)
-        self._terms, self._inverse = np.ravel(terms[:, 1:]), np.linalg.inv(terms.T @ terms)
+        self._inverse = np.linalg.inv(terms.T @ terms)
         self._divergence_rel, self._heights_rel = PARAMS.divergence_rel, 1.0 - PARAMS.divergence_rel
 
     def set_area_change(self, change: Array) -> None:
@@ -244,32 +243,35 @@ class ContactField:
     def _detrend(self, xy: Array) -> None:
         """Motion less its plane, whose divergence is added later: the smaller values quantize more finely."""
         g: cython.double[:, ::1] = self._inverse
-        at: cython.double[::1] = self._terms
-        motion: cython.double[::1] = self._motion
         rest: cython.const[cython.double][:, ::1] = self._rest
         detrended: cython.float[::1] = self._detrended
         column: cython.int[::1] = self._column_both
         # Sums, then coefficients, in x and y.
         x0 = xx = xy_ = y0 = yx = yy = 0.0
         for i in range(self._n):
-            x, y = at[2 * i], at[2 * i + 1]
-            dx = motion[2 * i] = xy[i, 0] - rest[i, 0]
-            dy = motion[2 * i + 1] = xy[i, 1] - rest[i, 1]
+            x, y = rest[i, 0], rest[i, 1]
+            dx = xy[i, 0] - x
+            dy = xy[i, 1] - y
             x0 += dx
             xx += x * dx
             xy_ += y * dx
             y0 += dy
             yx += x * dy
             yy += y * dy
+        u, v = rest[0, 0], rest[0, 1]  # the equations are about the first pin
+        xx, xy_, yx, yy = xx - u * x0, xy_ - v * x0, yx - u * y0, yy - v * y0
         dx, dy = x0, y0
         x0, y0 = g[0, 0] * dx + g[0, 1] * xx + g[0, 2] * xy_, g[0, 0] * dy + g[0, 1] * yx + g[0, 2] * yy
         x, y = xx, yx
         xx, yx = g[1, 0] * dx + g[1, 1] * x + g[1, 2] * xy_, g[1, 0] * dy + g[1, 1] * y + g[1, 2] * yy
         xy_, yy = g[2, 0] * dx + g[2, 1] * x + g[2, 2] * xy_, g[2, 0] * dy + g[2, 1] * y + g[2, 2] * yy
+        x0, y0 = x0 - xx * u - xy_ * v, y0 - yx * u - yy * v
         for i in range(self._n):
-            x, y = at[2 * i], at[2 * i + 1]
-            detrended[column[i]] = motion[2 * i] - x0 - xx * x - xy_ * y
-            detrended[column[i] + 1] = motion[2 * i + 1] - y0 - yx * x - yy * y
+            x, y = rest[i, 0], rest[i, 1]
+            dx = xy[i, 0] - x
+            dy = xy[i, 1] - y
+            detrended[column[i]] = dx - x0 - xx * x - xy_ * y
+            detrended[column[i] + 1] = dy - y0 - yx * x - yy * y
         self.plane_divergence = xx + yy
         self.plane_curl = yx - xy_
 

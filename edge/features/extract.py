@@ -149,7 +149,9 @@ class FeatureExtractor:
         self._rest_xy = np.ascontiguousarray(rest.xy_img)
         self._filled_px, self._filled_change = np.empty((n, 2)), np.empty(n)
         self._motion_array, self._change = np.asarray(self._motion.motion), np.empty(n)
-        self._motions, self._changes = Copies(self._motion_array), Copies(np.asarray(self._change))
+        held_n = 2 + PARAMS.slip_span_frames
+        self._motions = Copies(self._motion_array, held_n)
+        self._changes = Copies(np.asarray(self._change), held_n)
         self._places = Copies(np.asarray(self._motion.xy))
         self._means = Copies(np.asarray(self._motion.mean))
         self._largest_noise = largest_noise(n)
@@ -238,6 +240,7 @@ class FeatureExtractor:
         elif touched is None:
             in_contact = self._detector.by_motion(self._motion.xy, sigma_px)
         modes_px, of_areas, of_pins = None, _NO_AREAS, _NO_PINS
+        changes, motions = self._changes.take(), self._motions.take()
         if plan.modes and (in_contact or plan.modes_at_rest):
             modes_px = self._modes_of(None if n_seen == self._n else tracks.seen, is_filled)
         if in_contact:
@@ -245,7 +248,7 @@ class FeatureExtractor:
             if cells is not None and (plan.volume or plan.surface or plan.contacts):
                 of_areas = self._of_areas(change, tracks.seen, sigma_px, noise)
             if plan.torsion or plan.slip or plan.vibration:
-                of_pins = self._of_contact_pins(sigma_px, now_px, noise, capture_ns)
+                of_pins = self._of_contact_pins(motions, changes, now_px, noise, capture_ns)
         else:
             self._slip.forget()
             self._vibration.forget()
@@ -260,7 +263,7 @@ class FeatureExtractor:
         motion: PinMotion = self._motion
         # They are given by place, in the order of `Features`: names cost 3,000 instructions, tuples 1,500.
         return Features(
-            self._changes.take(), self._motions.take(), in_contact,
+            changes, motions, in_contact,
             self._means.take() if plan.shear else None, modes_px,
             volume, surface, grid, contacts, torsion, slip, probability, of_twist, vibration, to_hz,
             gap, None if cells is None else cells.gap_img,
@@ -334,7 +337,8 @@ class FeatureExtractor:
     @cython.cfunc
     def _of_contact_pins(
         self,
-        sigma_px: cython.double,
+        motions: Array,
+        changes: Array,
         now_px: cython.double,
         noise: cython.double,
         capture_ns: cython.longlong,
@@ -347,7 +351,7 @@ class FeatureExtractor:
         if self._plan.torsion:
             torsion = motion.torsion()
         if self._plan.slip:
-            self._slip.update(self._change, now_px)
+            self._slip.update(motions, changes, now_px)
             slip, probability, of_twist = self._slip.slip_px, self._slip.probability, self._slip.of_twist
         if self._plan.vibration:
             rms, to_hz = self._vibration.update(motion.motion, motion.pins, motion.n_pins, now_px, capture_ns)

@@ -24,8 +24,8 @@ cdef class PinMotion:
     @cython.locals(total=double, x=double, y=double, xx=double, xy=double, yy=double)
     cpdef Py_ssize_t find_contact(self, const double[::1] area_change, double least) noexcept
     cpdef double torsion(self) noexcept
-    cpdef bint is_pressing(self, const double[::1] now, const double[::1] before, double least_rel, double least) noexcept
-    cpdef Py_ssize_t fit_step(self, const double[:, ::1] before) noexcept
+    cpdef bint is_pressing(self, object now, object before, double least_rel, double least) except -1
+    cpdef Py_ssize_t fit_step(self, object before) except -1
     cdef void _solve_plane(self) noexcept
 
 

@@ -75,7 +75,7 @@ class PinMotion:
         self.xy, self.motion, self.mean = xy, motion, np.zeros(2)
         self._xy, self._motion = xy.ravel(), motion.ravel()
         self.sigma_px = self.sigma_max_px = self.longest_px = self.step_px = 0.0
-        self._rest, self._no_offset = np.ascontiguousarray(rest.xy_img, np.float64), np.zeros((n, 2))
+        self._rest, self._no_offset = np.ascontiguousarray(rest.xy_img, np.float64), np.zeros(2)
         self._at_rest = np.ravel(self._rest)
         self._x0, self._y0 = rest.pattern.centre_img.tolist()
         self._per_px = 1.0 / rest.pattern.tip_radius_px
@@ -96,9 +96,12 @@ class PinMotion:
         out: cython.double[::1] = self._motion
         rest: cython.const[cython.double][::1] = self._at_rest
         at, sigmas = numbers_of(xy, 2 * n), numbers_of(sigma_px, n)
-        offset = numbers_of(self._no_offset if offset_px is None else offset_px, 2 * n)
+        is_still: cython.bint = offset_px is None
+        offset = numbers_of(self._no_offset, 2) if is_still else numbers_of(offset_px, 2 * n)
+        kept_bits: cython.Py_ssize_t = 0 if is_still else -1  # of an index of the offset
         for i in range(n):
-            at_x, at_y = at[2 * i] - offset[2 * i], at[2 * i + 1] - offset[2 * i + 1]
+            k = 2 * i & kept_bits
+            at_x, at_y = at[2 * i] - offset[k], at[2 * i + 1] - offset[k + 1]
             u, v = at_x - rest[2 * i], at_y - rest[2 * i + 1]
             du, dv = u - out[2 * i], v - out[2 * i + 1]  # all is read first: in vectors of two
             kept[2 * i], kept[2 * i + 1] = at_x, at_y
@@ -204,10 +207,11 @@ class PinMotion:
         least        what it exceeds, too
         """
         rows: cython.int[::1] = self.pins
+        of_now, of_before = numbers_of(now, self._n), numbers_of(before, self._n)
         total: cython.double = 0.0
         size: cython.double = 0.0
         for p in range(self.n_pins):
-            change = now[rows[p]] - before[rows[p]]
+            change = of_now[rows[p]] - of_before[rows[p]]
             if not isnan(change):
                 total += change
                 size += fabs(change)
@@ -223,6 +227,7 @@ class PinMotion:
         rows: cython.int[::1] = self.pins
         now: cython.double[:, ::1] = self.motion
         rest: cython.const[cython.double][:, ::1] = self._rest
+        was = numbers_of(before, 2 * self._n)
         used = 0
         dx: cython.double
         dy: cython.double
@@ -231,8 +236,8 @@ class PinMotion:
         self._g[:, :] = 0.0
         for p in range(self.n_pins):
             i = rows[p]
-            dx = now[i, 0] - before[i, 0]
-            dy = now[i, 1] - before[i, 1]
+            dx = now[i, 0] - was[2 * i]
+            dy = now[i, 1] - was[2 * i + 1]
             if not isnan(dx):
                 row[1], row[2] = (
                     (rest[i, 0] - self._x0) * self._per_px,
@@ -248,8 +253,8 @@ class PinMotion:
         self._solve_plane()
         for p in range(self.n_pins):
             i = rows[p]
-            dx = now[i, 0] - before[i, 0]
-            dy = now[i, 1] - before[i, 1]
+            dx = now[i, 0] - was[2 * i]
+            dy = now[i, 1] - was[2 * i + 1]
             if not isnan(dx):
                 u = (rest[i, 0] - self._x0) * self._per_px
                 v = (rest[i, 1] - self._y0) * self._per_px

@@ -9,9 +9,7 @@ cdef class Slip:
     cdef PinMotion _motion
     cdef const double[:, ::1] _rest
     cdef double _pressing_rel, _sigmas, _prior_odds, _pitch_px, _tip_radius_px
-    cdef double[:, :, ::1] _past_px  # motion of the last frames, in turn, and their area changes
-    cdef double[:, ::1] _past_change
-    cdef Py_ssize_t _n_kept  # since the touch
+    cdef list _past  # motion of the last frames since the touch, and their area changes: the results' own
     cdef bint _begun, _presses  # _presses: in the frame before
     cdef double[:, ::1] _begin  # motion where the path begins, a mean of _n_begin frames
     cdef int[::1] _core  # rows of the contact's pins, and of those around it
@@ -30,13 +28,13 @@ cdef class Slip:
     cdef double[::1] _square  # of each share: of the path's distance from its curve, in sigmas
 
     cpdef void forget(self) noexcept
-    cpdef void update(self, const double[::1] area_change, double sigma_px) noexcept
-    cdef void _compare(self, const double[::1] area_change, double sigma_px, Py_ssize_t span) noexcept
+    cpdef void update(self, object motion_px, object area_change, double sigma_px) except *
+    cdef void _compare(self, object area_change, double sigma_px) except *
     cdef void _forget_path(self) noexcept
     @cython.locals(compressed=double, x=double, y=double, square=double)
-    cdef void _begin_path(self, const double[::1] area_change) noexcept
+    cdef void _begin_path(self, object area_change) except *
     cdef void _weigh(self, double radius2, double pitch2) noexcept
-    cdef void _go_on(self, const double[::1] area_change, double sigma_px) noexcept
+    cdef void _go_on(self, object area_change, double sigma_px) except *
     @cython.locals(total=double, x=double, y=double, turn=double, across_x=double, across_y=double)
     cdef void _measure(self, int[::1] rows, Py_ssize_t n, double[::1] out) noexcept
     cdef bint _follow(self, Py_ssize_t kind, double s, double q, double sigma) noexcept

@@ -63,6 +63,11 @@ from edge.features.params import CELL_NOISE, PARAMS
 from edge.features.pin_motion import PinMotion
 from edge.types import Array, Index, Rest
 
+if cython.compiled:
+    from cython.cimports.edge.geometry.copies import numbers_of
+else:
+    from edge.geometry.copies import numbers_of
+
 HUGE_VAL = cython.declare(cython.double, float("inf"))
 M_PI = cython.declare(cython.double, np.pi)
 NAN = cython.declare(cython.double, float("nan"))
@@ -94,7 +99,6 @@ class Slip:
         self._n, self._motion = n, motion
         self._rest = np.ascontiguousarray(rest.xy_img, np.float64)
         self._span, self._pressing_rel = PARAMS.slip_span_frames, PARAMS.slip_pressing_rel
-        self._past_px, self._past_change = np.empty((self._span, n, 2)), np.empty((self._span, n))
         self._begin = np.empty((n, 2))
         self._core, self._around = np.empty(n, np.int32), np.empty(n, np.int32)
         self._n_core, self._n_around = 0, 0
@@ -113,35 +117,34 @@ class Slip:
 
     def forget(self) -> None:
         """Drop the frames before this one: contact lost, identities lost, or slip not demanded."""
-        self._n_kept, self._presses = 0, False
+        past: list[tuple[Array, Array]] = []
+        self._past, self._presses = past, False
         self.slip_px = 0.0
         self._forget_path()
 
-    def update(self, area_change: Array, sigma_px: float) -> None:
+    def update(self, motion_px: Array, area_change: Array, sigma_px: float) -> None:
         """Compare with the frame `slip_span_frames` before this one, or with the oldest since the touch.
 
-        area_change  (n,) float64, relative, since rest; NaN where lost, or unknown
+        motion_px    (n, 2) float64, that of the pins, in an array that stays as it is
+        area_change  (n,) float64, relative, since rest; NaN where lost, or unknown; it stays, too
         sigma_px     noise of one coordinate of one pin in one frame
         """
-        at = self._n_kept % self._span
         self.slip_px = 0.0
-        if self._n_kept > 0:
-            self._compare(area_change, sigma_px, min(self._n_kept, self._span))
-        for i in range(self._n):
-            self._past_px[at, i, 0] = self._motion.motion[i, 0]
-            self._past_px[at, i, 1] = self._motion.motion[i, 1]
-            self._past_change[at, i] = area_change[i]
-        self._n_kept += 1
+        if self._past:
+            self._compare(area_change, sigma_px)
+        if len(self._past) == self._span:
+            del self._past[0]
+        self._past.append((motion_px, area_change))
 
-    def _compare(self, area_change: Array, sigma_px: float, span: cython.Py_ssize_t) -> None:
-        """Compare with the frame of so many before."""
-        oldest = (self._n_kept - span) % self._span
-        used = self._motion.fit_step(self._past_px[oldest])
+    def _compare(self, area_change: Array, sigma_px: float) -> None:
+        """Compare with the oldest frame that is kept."""
+        motion_px, change = self._past[0]
+        used = self._motion.fit_step(motion_px)
         n = self._motion.n_pins
         noise = self._sigmas * CELL_NOISE * sigma_px / self._pitch_px * sqrt(2.0 * n)
         turns = n * self._motion.curl / self._tip_radius_px
         least = max(noise, turns)
-        if self._motion.is_pressing(area_change, self._past_change[oldest], self._pressing_rel, least):
+        if self._motion.is_pressing(area_change, change, self._pressing_rel, least):
             if self._presses:
                 self._forget_path()
             self._presses = True
@@ -155,7 +158,7 @@ class Slip:
         free = 2 * used - 6  # two components, each with three unknowns
         if free >= 4:
             unexplained = self._motion.left_px2 - 2.0 * (sigma_px * sigma_px) * free
-            self.slip_px = self.probability * sqrt(max(unexplained, 0.0) / used) / span
+            self.slip_px = self.probability * sqrt(max(unexplained, 0.0) / used) / len(self._past)
 
     def _forget_path(self) -> None:
         """Begin a new path with the next frame."""
@@ -170,6 +173,7 @@ class Slip:
         """Weigh the pins of the contact, and those around it."""
         motion: cython.double[:, ::1] = self._motion.motion
         pins: cython.int[::1] = self._motion.pins
+        changes = numbers_of(area_change, self._n)
         for i in range(self._n):
             self._begin[i, 0] = motion[i, 0]
             self._begin[i, 1] = motion[i, 1]
@@ -182,7 +186,7 @@ class Slip:
                 self._is_around[i] = False
                 self._core[n] = pins[p]
                 n += 1
-                c = area_change[i] if area_change[i] > 1e-9 else 1e-9  # all alike where they are unknown
+                c = changes[i] if changes[i] > 1e-9 else 1e-9  # all alike where they are unknown
                 compressed += c
                 x += c * self._rest[i, 0]
                 y += c * self._rest[i, 1]

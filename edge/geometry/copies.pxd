@@ -15,7 +15,7 @@ cdef class _Copy:
 cdef class Copies:
     cdef object _array
     cdef const unsigned char[::1] _source  # the same
-    cdef _Copy _last, _next
+    cdef list _copies
 
     cpdef object take(self)
 

@@ -3,8 +3,8 @@
 A kernel; others import it by `copies.pxd`.
 
 Idea: a result keeps its arrays for as long as somebody holds them. Nearly all are let go with the next frame,
-and then the copy after that one is written to the same memory: to make an array and to let it go takes 3,000
-instructions.
+or a few later, and then another copy is written to the same memory: to make an array and to let it go takes
+3,000 instructions.
 """
 
 import cython
@@ -44,18 +44,26 @@ class _Copy:
 @cython.final
 @cython.cclass
 class Copies:
-    """Copies of one C-contiguous array of any type. Raises ValueError: it is none."""
+    """Copies of one C-contiguous array of any type, of which n or n - 1 are held at a time as a rule.
 
-    def __init__(self, source: Array) -> None:
+    Raises ValueError: it is none
+    """
+
+    def __init__(self, source: Array, n: int = 2) -> None:
         if not source.flags.c_contiguous:
             raise ValueError(f"a C-contiguous array is wanted, not {source.strides} for {source.shape}")
         self._array, self._source = source, _bytes_of(source)
-        self._last, self._next = _Copy(source), _Copy(source)
+        self._copies = [_Copy(source) for _ in range(n)]
 
     def take(self) -> Array:
         """What the array holds now; it stays as it is for as long as somebody holds it."""
-        copy = _Copy(self._array) if self._next.is_held() else self._next
-        self._last, self._next = copy, self._last
+        copy: _Copy
+        for copy in self._copies:
+            if not copy.is_held():
+                break
+        else:
+            copy = _Copy(self._array)
+            self._copies = [*self._copies[1:], copy]
         if cython.compiled and self._source.shape[0] > 0:
             memcpy(cython.address(copy.memory[0]), cython.address(self._source[0]), self._source.shape[0])
         else:

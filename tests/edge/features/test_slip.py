@@ -34,7 +34,7 @@ class Touch:
 
     def update(self, motion_px: Array, area_change: Array, sigma_px: float) -> State:
         self.motion.since_rest(self.rest.xy_img + motion_px, np.full(len(self.rest), sigma_px))
-        self.slip.update(area_change, sigma_px)
+        self.slip.update(np.array(self.motion.motion), area_change, sigma_px)
         return State(self.slip.slip_px, self.slip.probability, self.slip.of_twist)
 
 
