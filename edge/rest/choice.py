@@ -161,9 +161,8 @@ def aligned(calibration: Calibration, rest: Rest) -> Rest:
     matched, tracks = match_rest(made_with, rest)
     z, w = made_with.xy_img @ (1, 1j), tracks.xy_img @ (1, 1j)
     best = tracks.seen
-    for _ in range(
-        5
-    ):  # without a zoom, which a touch, or an error of the estimate, makes rather than a camera
+    # Without a zoom, which a touch, or an error of the estimate, makes rather than a camera.
+    for _ in range(5):
         from_middle = z - z[best].mean()
         turn = np.vdot(from_middle[best], w[best])
         at = from_middle * turn / abs(turn) + w[best].mean()
