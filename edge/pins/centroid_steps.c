@@ -2,9 +2,9 @@
  * `centroid_steps.py` describes both, and is the same for uncompiled runs to the last bit.
  *
  * All sums are exact integers. The support's pixels are copied together, row after row, which takes a fifth of the
- * instructions; then seven sums are formed in one pass. AVX2, chosen at run time, and NEON have loops of their own, as GCC
- * does not find instructions that multiply bytes and add the products. Steps are of two pins at a time: vectors of 16 bytes
- * are what x86-64 and aarch64 both have.
+ * instructions; then seven sums are formed in one pass. AVX2, chosen at run time, and NEON have loops of their own: GCC 12
+ * needs 2 and 1.3 times as many instructions for the plain one. Steps are of two pins at a time: vectors of 16 bytes are
+ * what x86-64 and aarch64 both have.
  */
 #include <math.h>
 #include <string.h>
@@ -17,7 +17,7 @@
 #endif
 
 typedef struct {
-    Py_ssize_t first_span, end_span, first_step, end_step, row_bytes, first, plane, pixels;
+    Py_ssize_t half, first_span, end_span, first_step, end_step, row_bytes, first, first_uv, plane, pixels;
 } vt_kind;
 typedef struct {
     Py_ssize_t row, end, stride, first, beyond, rows, ahead;
@@ -29,7 +29,8 @@ typedef struct {
     vt_fetch *fetch;
     const vt_kind *kinds;
     const Py_ssize_t *steps;
-    const signed char *values;
+    const short *values;
+    const signed char *uv;
     const double *norms;
     unsigned char *pixels;
     double *sums;
@@ -105,34 +106,39 @@ static inline void vt_fetch_rows(const unsigned char *image, vt_fetch *f, Py_ssi
 /* Loops are compiled for each processor: AVX2 needs a fifth less instructions, as it overwrites no operand. */
 #define VT_INLINE __attribute__((always_inline))
 
-#define VT_BLOCK 32
-#define VT_PLANES 5 /* d, tx, ty, u, v */
-typedef void vt_sums_of(const unsigned char *restrict pixels, const signed char *t, const vt_kind *k, const double *norm,
-                        double *sums);
+typedef void vt_sums_of(const unsigned char *restrict pixels, const short *t, const signed char *uv, const vt_kind *k,
+                        const double *norm, double *sums);
 
 /* The sums of bytes, or of blocks less their `middle`. */
 VT_INLINE static inline void vt_sums_by(const unsigned char *restrict bytes, const short *restrict blocks, int middle,
-                                        const signed char *restrict t, const vt_kind *kind, const double *norm,
-                                        double *sums)
+                                        const short *t, const signed char *uv, const vt_kind *kind,
+                                        const double *norm, double *sums)
 {
-    int sum[VT_PLANES] = {0}, one = 0;
+    const Py_ssize_t n = kind->plane & -32; /* is a multiple of 32: tells the compiler that there is no remainder */
+    const short *restrict td = t, *restrict tx = t + n, *restrict ty = tx + n;
+    const signed char *restrict pu = uv, *restrict pv = uv + n;
+    int d = 0, ex = 0, ey = 0, one = 0, u = 0, v = 0;
     unsigned w2 = 0;
-    for (Py_ssize_t at = 0; at < kind->plane; at += VT_BLOCK)
-        for (int i = 0; i < VT_BLOCK; i++) {
-            const short w = bytes ? bytes[at + i] : blocks[at + i]; /* 16 bits: multiplied in pairs */
-            for (int k = 0; k < VT_PLANES; k++) sum[k] += w * (short)t[VT_PLANES * at + VT_BLOCK * k + i];
-            one += w;
-            w2 += (unsigned)(w * w);
-        }
+    _Pragma("GCC unroll 2")
+    for (Py_ssize_t i = 0; i < n; i++) {
+        const short w = bytes ? bytes[i] : blocks[i], u1 = pu[i], v1 = pv[i]; /* 16 bits: multiplied in pairs */
+        d += w * td[i];
+        ex += w * tx[i];
+        ey += w * ty[i];
+        one += w;
+        u += w * u1;
+        v += w * v1;
+        w2 += (unsigned)(w * w);
+    }
     const double all = middle * (double)kind->pixels; /* the sums of the other templates are 0 */
-    const double whole[8] = {sum[0], sum[1], sum[2], one + all, sum[3], sum[4], w2 + middle * (2.0 * one + all), 1};
+    const double whole[8] = {d, ex, ey, one + all, u, v, w2 + middle * (2.0 * one + all), 1};
     for (int k = 0; k < 8; k++) sums[k] = whole[k] * norm[k];
 }
 
-static inline void vt_sums_plain(const unsigned char *restrict pixels, const signed char *t, const vt_kind *k,
-                                 const double *norm, double *sums)
+static inline void vt_sums_plain(const unsigned char *restrict pixels, const short *t, const signed char *uv,
+                                 const vt_kind *k, const double *norm, double *sums)
 {
-    vt_sums_by(pixels, 0, 0, t, k, norm, sums);
+    vt_sums_by(pixels, 0, 0, t, uv, k, norm, sums);
 }
 
 #ifdef VT_AVX2
@@ -143,22 +149,28 @@ typedef int vt_ints __attribute__((vector_size(32)));
 #define VT_HADD(a, b) _mm256_hadd_epi32((__m256i)(a), (__m256i)(b))
 
 __attribute__((target("avx2"))) static inline void vt_sums_avx2(const unsigned char *restrict pixels,
-                                                                const signed char *t, const vt_kind *k,
-                                                                const double *norm, double *sums)
+                                                                const short *t, const signed char *uv,
+                                                                const vt_kind *k, const double *norm, double *sums)
 {
-    const unsigned char *const end = pixels + k->plane;
+    const Py_ssize_t n = k->plane;
     const __m256i zero = _mm256_setzero_si256(), ones = _mm256_set1_epi16(1);
-    vt_ints sum[VT_PLANES] = {0}, one = {0}, w2 = {0};
+    const short *const tx = t + n, *const ty = tx + n;
+    const signed char *const pv = uv + n;
+    vt_ints d = {0}, ex = {0}, ey = {0}, one = {0}, u = {0}, v = {0}, w2 = {0};
+    Py_ssize_t i = 0;
     _Pragma("GCC unroll 2")
     do {
-        const __m256i w = VT_LOAD(pixels), a = VT_WIDEN(pixels), b = VT_WIDEN(pixels + 16);
-        for (int m = 0; m < VT_PLANES; m++, t += VT_BLOCK)
-            sum[m] += VT_PAIRS(_mm256_maddubs_epi16(w, VT_LOAD(t)), ones);
+        const __m256i w = VT_LOAD(pixels + i), a = VT_WIDEN(pixels + i), b = VT_WIDEN(pixels + i + 16);
+        d += VT_PAIRS(a, VT_LOAD(t + i)) + VT_PAIRS(b, VT_LOAD(t + i + 16));
+        ex += VT_PAIRS(a, VT_LOAD(tx + i)) + VT_PAIRS(b, VT_LOAD(tx + i + 16));
+        ey += VT_PAIRS(a, VT_LOAD(ty + i)) + VT_PAIRS(b, VT_LOAD(ty + i + 16));
         one += (vt_ints)_mm256_sad_epu8(w, zero);
+        u += VT_PAIRS(_mm256_maddubs_epi16(w, VT_LOAD(uv + i)), ones); /* 2 x 255 x 64 are 16 bits */
+        v += VT_PAIRS(_mm256_maddubs_epi16(w, VT_LOAD(pv + i)), ones);
         w2 += VT_PAIRS(a, a) + VT_PAIRS(b, b);
-    } while ((pixels += VT_BLOCK) < end);
-    const __m256i four = VT_HADD(VT_HADD(sum[0], sum[1]), VT_HADD(sum[2], one));
-    const __m256i three = VT_HADD(VT_HADD(sum[3], sum[4]), VT_HADD(w2, zero));
+    } while ((i += 32) < n);
+    const __m256i four = VT_HADD(VT_HADD(d, ex), VT_HADD(ey, one));
+    const __m256i three = VT_HADD(VT_HADD(u, v), VT_HADD(w2, zero));
     const __m128i low = _mm_add_epi32(_mm256_castsi256_si128(four), _mm256_extracti128_si256(four, 1));
     const __m128i high = _mm_add_epi32(_mm256_castsi256_si128(three), _mm256_extracti128_si256(three, 1))
                          | _mm_set_epi32(1, 0, 0, 0);
@@ -168,33 +180,65 @@ __attribute__((target("avx2"))) static inline void vt_sums_avx2(const unsigned c
 #endif
 
 #ifdef VT_NEON
+#define VT_ADD(sum, p) \
+    do { \
+        const int16x8x4_t q = vld1q_s16_x4(p); \
+        _Pragma("GCC unroll 4") \
+        for (int m = 0; m < 4; m++) \
+            sum = vmlal_high_s16(vmlal_s16(sum, vget_low_s16(a[m]), vget_low_s16(q.val[m])), a[m], q.val[m]); \
+        p += 32; \
+    } while (0)
+#define VT_ADD_SIGNED(sum, p) \
+    do { \
+        const int8x16x2_t q = vld1q_s8_x2(p); \
+        _Pragma("GCC unroll 2") \
+        for (int m = 0; m < 2; m++) \
+            sum = vmlal_high_s8(vmlal_s8(sum, vget_low_s8(s[m]), vget_low_s8(q.val[m])), s[m], q.val[m]); \
+        p += 32; \
+    } while (0)
 #define VT_DOUBLES(a) vcvtq_f64_s64(vmovl_s32(a))
-#define VT_SQUARES(s) vreinterpretq_u16_s16(vmlal_high_s8(vmull_s8(vget_low_s8(s), vget_low_s8(s)), s, s))
 
-/* Subtracting 128 from each pixel changes no sum with d, tx, ty, columns or rows, as theirs are 0; four products fit 16
- * bits. The sum of squares follows from that of its squares and that of the pixels. */
-static inline void vt_sums_neon(const unsigned char *restrict pixels, const signed char *t, const vt_kind *k,
+/* Subtracting 128 from each pixel changes no sum with columns or rows, as theirs are 0; these fit 16 bits for a while.
+ * The sum of squares follows from that of its squares and that of the pixels. */
+static inline void vt_sums_neon(const unsigned char *restrict w, const short *t, const signed char *uv, const vt_kind *k,
                                 const double *norm, double *sums)
 {
-    const unsigned char *const end = pixels + k->plane;
-    int32x4_t sum[VT_PLANES] = {0};
-    uint32x4_t one = {0}, w2 = {0};
+    const Py_ssize_t n = k->plane, most = k->half < 63 ? 63 / k->half : 1; /* times 4 x 128 x half is 16 bits */
+    const short *tx = t + n, *ty = tx + n;
+    const signed char *pv = uv + n;
+    const unsigned char *const end = w + n;
+    int32x4_t d = {0}, ex = {0}, ey = {0}, u = {0}, v = {0}, one = {0}, w2 = {-16384 * (int)n};
+    int16x8_t u16 = {0}, v16 = {0};
+    uint16x8_t one16 = {0};
+    Py_ssize_t left = most;
     do {
-        const uint8x16_t p = vld1q_u8(pixels), q = vld1q_u8(pixels + 16), middle = vdupq_n_u8(128);
-        const int8x16_t a = vreinterpretq_s8_u8(veorq_u8(p, middle)), b = vreinterpretq_s8_u8(veorq_u8(q, middle));
-        for (int m = 0; m < VT_PLANES; m++, t += VT_BLOCK) {
-            const int8x16_t c = vld1q_s8(t), d = vld1q_s8(t + 16);
-            int16x8_t four = vmlal_high_s8(vmull_s8(vget_low_s8(a), vget_low_s8(c)), a, c);
-            four = vmlal_high_s8(vmlal_s8(four, vget_low_s8(b), vget_low_s8(d)), b, d);
-            sum[m] = vpadalq_s16(sum[m], four);
+        const uint8x16x2_t p = vld1q_u8_x2(w);
+        int16x8_t a[4];
+        int8x16_t s[2];
+        _Pragma("GCC unroll 2")
+        for (int m = 0; m < 2; m++) {
+            a[2 * m] = vreinterpretq_s16_u16(vmovl_u8(vget_low_u8(p.val[m])));
+            a[2 * m + 1] = vreinterpretq_s16_u16(vmovl_high_u8(p.val[m]));
+            s[m] = vreinterpretq_s8_u8(veorq_u8(p.val[m], vdupq_n_u8(128)));
+            one16 = vpadalq_u8(one16, p.val[m]);
+            const int16x8_t square = vmull_s8(vget_low_s8(s[m]), vget_low_s8(s[m])); /* two of them are 16 bits */
+            w2 = vreinterpretq_s32_u32(vpadalq_u16(
+                vreinterpretq_u32_s32(w2), vreinterpretq_u16_s16(vmlal_high_s8(square, s[m], s[m]))));
         }
-        one = vpadalq_u16(one, vpadalq_u8(vpaddlq_u8(p), q));
-        w2 = vpadalq_u16(vpadalq_u16(w2, VT_SQUARES(a)), VT_SQUARES(b)); /* two of them are 16 bits */
-    } while ((pixels += VT_BLOCK) < end);
-    w2 = vsubq_u32(vmlaq_n_u32(w2, one, 256), vdupq_n_u32(4096 * (unsigned)k->plane)); /* a quarter of 128 x 128 */
-    const int32x4_t level = vreinterpretq_s32_u32(one), square = vreinterpretq_s32_u32(w2);
-    const int32x4_t four = vpaddq_s32(vpaddq_s32(sum[0], sum[1]), vpaddq_s32(sum[2], level));
-    const int32x4_t rest = vpaddq_s32(vpaddq_s32(sum[3], sum[4]), vpaddq_s32(square, (int32x4_t){1}));
+        VT_ADD(d, t);
+        VT_ADD(ex, tx);
+        VT_ADD(ey, ty);
+        VT_ADD_SIGNED(u16, uv);
+        VT_ADD_SIGNED(v16, pv);
+        w += 32;
+        if (--left && w < end) continue;
+        u = vpadalq_s16(u, u16), v = vpadalq_s16(v, v16);
+        one = vreinterpretq_s32_u32(vpadalq_u16(vreinterpretq_u32_s32(one), one16));
+        u16 = v16 = (int16x8_t){0}, one16 = (uint16x8_t){0}, left = most;
+    } while (w < end);
+    w2 = vmlaq_n_s32(w2, one, 256);
+    const int32x4_t four = vpaddq_s32(vpaddq_s32(d, ex), vpaddq_s32(ey, one));
+    const int32x4_t rest = vpaddq_s32(vpaddq_s32(u, v), vpaddq_s32(w2, (int32x4_t){1}));
     vst1q_f64(sums, vmulq_f64(VT_DOUBLES(vget_low_s32(four)), vld1q_f64(norm)));
     vst1q_f64(sums + 2, vmulq_f64(VT_DOUBLES(vget_high_s32(four)), vld1q_f64(norm + 2)));
     vst1q_f64(sums + 4, vmulq_f64(VT_DOUBLES(vget_low_s32(rest)), vld1q_f64(norm + 4)));
@@ -205,66 +249,59 @@ static inline void vt_sums_neon(const unsigned char *restrict pixels, const sign
 #define VT_SUMS vt_sums_plain
 #endif
 
-/* A pin's window, and where its step begins, px. */
-typedef struct {
-    double x, y;
-    size_t pin, norm, begin;
-} vt_start;
-typedef void vt_sum(const vt_windows *, const vt_start *, Py_ssize_t n, double *sums);
-
-/* The sums of n windows, 8 each; sums_of: of bytes; none: of blocks. */
-VT_INLINE static inline void vt_sum_windows_by(vt_sums_of *sums_of, const vt_windows *windows, const vt_start *from,
-                                               Py_ssize_t n, double *sums)
+/* sums_of  of bytes; none: of blocks */
+VT_INLINE static inline void vt_sum_window_by(vt_sums_of *sums_of, const vt_windows *w, Py_ssize_t begin,
+                                              Py_ssize_t kind, Py_ssize_t norm)
 {
-    const vt_windows w = *windows;
-    for (; n > 0; n--, from++, sums += 8) {
-        const vt_kind *const k = w.kinds + from->norm / VT_PHASES;
-        const unsigned char *const row = w.image + from->begin;
-        const Py_ssize_t *const step = w.steps + 2 * k->first_step, *const end = w.steps + 2 * k->end_step;
-        const signed char *const t = w.values + k->first + VT_PLANES * k->plane * (from->norm % VT_PHASES);
-        const double *const norm = w.norms + VT_NORM * from->norm;
-        if (n & 1) vt_fetch_rows(w.image, w.fetch, (Py_ssize_t)from->begin);
-        if (sums_of) {
-            *(vt_row32 *)vt_take_rows(row, step, end, k->row_bytes, w.pixels) = (vt_row32){0};
-            sums_of(w.pixels, t, k, norm, sums);
-        } else {
-            short *const blocks = (short *)w.pixels;
-            memset(vt_add_rows(row, step, end, w.fetch->stride, blocks), 0, 64);
-            vt_sums_by(0, blocks, VT_MIDDLE, t, k, norm, sums);
-        }
-        if (w.dark) { /* of the brightest less each level; the sums of the other templates are 0 */
-            const double most = sums_of ? 255.0 : 255.0 * VT_SIDE * VT_SIDE, white = most * (double)k->pixels;
-            sums[6] += most * (white - 2.0 * sums[3]);
-            sums[3] = white - sums[3];
-            for (int m = 0; m < 6; m++) if (m != 3) sums[m] = -sums[m];
-        }
+    const vt_kind *const k = w->kinds + kind;
+    const unsigned char *const row = w->image + begin;
+    const Py_ssize_t *const step = w->steps + 2 * k->first_step, *const end = w->steps + 2 * k->end_step;
+    const short *const t = w->values + k->first + 3 * k->plane * (norm % VT_PHASES);
+    double *const sums = w->sums;
+    vt_fetch_rows(w->image, w->fetch, begin);
+    if (sums_of) {
+        *(vt_row32 *)vt_take_rows(row, step, end, k->row_bytes, w->pixels) = (vt_row32){0};
+        sums_of(w->pixels, t, w->uv + k->first_uv, k, w->norms + VT_NORM * norm, sums);
+    } else {
+        short *const blocks = (short *)w->pixels;
+        memset(vt_add_rows(row, step, end, w->fetch->stride, blocks), 0, 64);
+        vt_sums_by(0, blocks, VT_MIDDLE, t, w->uv + k->first_uv, k, w->norms + VT_NORM * norm, sums);
+    }
+    if (w->dark) { /* of the brightest less each level; the sums of the other templates are 0 */
+        const double most = sums_of ? 255.0 : 255.0 * VT_SIDE * VT_SIDE, white = most * (double)k->pixels;
+        sums[6] += most * (white - 2.0 * sums[3]);
+        sums[3] = white - sums[3];
+        for (int m = 0; m < 6; m++) if (m != 3) sums[m] = -sums[m];
     }
 }
 
-#define VT_SUM_WINDOWS(name, sums_of, target) \
-    target static void name(const vt_windows *w, const vt_start *from, Py_ssize_t n, double *sums) \
+typedef void vt_sum(const vt_windows *, Py_ssize_t, Py_ssize_t, Py_ssize_t);
+/* Blocks have a function of their own, which takes no registers from the loop over small pins. */
+#define VT_SUM_WINDOW(name, blocks, sums_of, target) \
+    target static void blocks(const vt_windows *w, Py_ssize_t begin, Py_ssize_t kind, Py_ssize_t norm) \
     { \
-        vt_sum_windows_by(sums_of, w, from, n, sums); \
+        vt_sum_window_by(0, w, begin, kind, norm); \
+    } \
+    target VT_INLINE static inline void name(const vt_windows *w, Py_ssize_t begin, Py_ssize_t kind, Py_ssize_t norm) \
+    { \
+        if (w->side > 1) blocks(w, begin, kind, norm); \
+        else vt_sum_window_by(sums_of, w, begin, kind, norm); \
     }
-VT_SUM_WINDOWS(vt_sum_windows_plain, VT_SUMS, )
-VT_SUM_WINDOWS(vt_sum_blocks, 0, )
+VT_SUM_WINDOW(vt_sum_window_plain, vt_sum_blocks_plain, VT_SUMS, )
 #ifdef VT_AVX2
-VT_SUM_WINDOWS(vt_sum_windows_avx2, vt_sums_avx2, __attribute__((target("avx2"))))
+VT_SUM_WINDOW(vt_sum_window_avx2, vt_sum_blocks_avx2, vt_sums_avx2, __attribute__((target("avx2"))))
 #endif
 
-static void vt_sum_windows(const vt_windows *w, const vt_start *from, Py_ssize_t n, double *sums)
+static void vt_sum_window(const vt_windows *w, Py_ssize_t begin, Py_ssize_t kind, Py_ssize_t norm)
 {
-    vt_sum *sum_windows = w->side > 1 ? vt_sum_blocks : vt_sum_windows_plain;
+    static vt_sum *sum_window = 0;
+    if (!sum_window) {
+        sum_window = vt_sum_window_plain;
 #ifdef VT_AVX2
-    if (w->side == 1 && __builtin_cpu_supports("avx2")) sum_windows = vt_sum_windows_avx2;
+        if (__builtin_cpu_supports("avx2")) sum_window = vt_sum_window_avx2;
 #endif
-    sum_windows(w, from, n, sums);
-}
-
-static void vt_sum_window(const vt_windows *w, Py_ssize_t begin, Py_ssize_t norm)
-{
-    const vt_start from = {0.0, 0.0, 0, (size_t)norm, (size_t)begin};
-    vt_sum_windows(w, &from, 1, w->sums);
+    }
+    sum_window(w, begin, kind, norm);
 }
 
 typedef double vt_two __attribute__((vector_size(16)));
@@ -274,11 +311,16 @@ typedef long long vt_mask __attribute__((vector_size(16)));
 /* The steps of a frame share this, as `steps_of` describes it. */
 typedef struct {
     const double *norms, *predicted, *inner;
-    const int *norm_of;
+    const int *kind_of, *norm_of;
     Py_ssize_t stride;
     double reach2, noise2, gain, side;
     double *xy, *sigma, *amplitude, *fit;
 } vt_steps;
+/* A pin, the row of its norms, and where its step begins. */
+typedef struct {
+    Py_ssize_t pin, norm;
+    double x, y;
+} vt_start;
 
 #define VT_WHERE(mask, a) ((vt_two)((vt_mask)(a) & (mask)))
 /* the numbers k and k + 1 of two rows */
@@ -319,12 +361,9 @@ VT_INLINE static inline int vt_step_two(const vt_steps *s, const double *sums, c
     const vt_two su = u + d_u * a, sv = v + d_v * a, gu = su + tx_u * tx, gv = sv + ty_v * ty;
     const vt_two gu2 = gu * gu, gv2 = gv * gv, energy = square - level * level * inv_pixels;
     const vt_two rest = energy - a2 - tx * tx - ty * ty - gu2 - gv2;
-    vt_two variance = VT_WHERE(rest > 0.0, rest) * inv_freedom;
-    if (s->side > 1.0) { /* The residual beyond the noise is alike in all pixels of a block. */
-        const vt_two more = variance - s->noise2;
-        variance -= (1.0 - 1.0 / (s->side * s->side)) * VT_WHERE(more > 0.0, more);
-    }
-    variance += 1.0 / 12.0;
+    const vt_two found = VT_WHERE(rest > 0.0, rest) * inv_freedom, more = found - s->noise2;
+    /* The residual beyond the noise is alike in all pixels of a block. */
+    const vt_two variance = found - (1.0 - 1.0 / (s->side * s->side)) * VT_WHERE(more > 0.0, more) + 1.0 / 12.0;
     const vt_two limit = 4.0 * variance;
     const vt_two keep_x = VT_WHERE((gu2 > limit) & is_near, 1.0 - limit / gu2);
     const vt_two keep_y = VT_WHERE((gv2 > limit) & is_near, 1.0 - limit / gv2);
@@ -339,18 +378,14 @@ VT_INLINE static inline int vt_step_two(const vt_steps *s, const double *sums, c
     const vt_two variances = 0.5 * variance * spread * inverse * inverse + hidden * hidden;
     const vt_two amplitude = VT_WHERE(seen, a * inv_d * s->gain);
     const vt_two fit = VT_WHERE((left > 0.0) & seen, a2 / left);
-    const vt_two sigma = {sqrt(variances[0]), sqrt(variances[1])};
     int goes_on = 0;
-    _Pragma("GCC unroll 2")
-    for (int k = 0; k < 2; k++) { /* of a pin that is not seen the place does not count */
-        const size_t i = from[k].pin;
-        s->amplitude[i] = amplitude[k], s->fit[i] = fit[k], s->sigma[i] = sigma[k];
-        *(vt_any_two *)(s->xy + 2 * i) = *(const vt_any_two *)&from[k].x + (vt_two){step_x[k], step_y[k]};
-    }
-    if (first && !(on[0] | on[1])) return 0; /* so short that they are within reach */
     for (int k = 0; k < 2; k++) {
-        const size_t i = from[k].pin;
-        if (!on[k] && first) continue;
+        const Py_ssize_t i = from[k].pin;
+        s->amplitude[i] = amplitude[k], s->fit[i] = fit[k];
+        if (!seen[k]) continue;
+        s->sigma[i] = sqrt(variances[k]);
+        *(vt_any_two *)(s->xy + 2 * i) = *(const vt_any_two *)&from[k].x + (vt_two){step_x[k], step_y[k]};
+        if (!on[k] && first) continue; /* so short that it is within reach */
         if (!vt_is_within_reach(s, from + k, step_x[k], step_y[k])) s->amplitude[i] = s->fit[i] = 0.0;
         else if (on[k]) goes_on |= 1 << k;
     }
@@ -361,46 +396,42 @@ static int vt_step(const vt_steps *s, const double *sums, Py_ssize_t i, Py_ssize
                    double near2, double far2, int first)
 {
     double twice[16];
-    const vt_start one = {x, y, (size_t)i, (size_t)norm, 0}, from[2] = {one, one};
+    const vt_start from[2] = {{i, norm, x, y}, {i, norm, x, y}};
     memcpy(twice, sums, 8 * sizeof *sums);
     memcpy(twice + 8, sums, 8 * sizeof *sums);
     return vt_step_two(s, twice, from, near2, far2, first) & 1;
 }
 
-#define VT_MANY 32 /* windows in a row: each of the three loops has the registers for itself */
-VT_INLINE static inline Py_ssize_t vt_take_steps_by(const vt_windows *windows, const vt_steps *steps, int *who,
-                                                    Py_ssize_t n, double near2, double far2, int first)
+VT_INLINE static inline Py_ssize_t vt_take_steps_by(vt_sum *sum_window, const vt_windows *windows, const vt_steps *s,
+                                                    int *who, Py_ssize_t n, double near2, double far2, int first)
 {
-    double sums[8 * VT_MANY];
-    vt_start from[VT_MANY];
-    const vt_steps s = *steps;
-    Py_ssize_t asked = 0, j = 0;
-    const vt_two least = {s.inner[0], s.inner[1]}, beyond = {s.inner[2], s.inner[3]};
-    const double *const begin = first ? s.predicted : s.xy, to_middle = s.side > 1.0 ? 0.0 : 2.0; /* phases */
-    const double to_place = 0.125 - 0.25 * to_middle;
-    while (j < n) {
-        Py_ssize_t taken = 0;
-        for (; j < n && taken < VT_MANY; j++) {
-            const int i = who[j];
-            const vt_two at = 4.0 * *(const vt_any_two *)(begin + 2 * i) + to_middle; /* phases */
-            const vt_mask inside = (at >= least) & (at < beyond);
-            if (!(inside[0] & inside[1])) {
-                who[asked++] = 2 * i;
-                continue;
-            }
-            const int x = (int)at[0], y = (int)at[1], norm = s.norm_of[i] + (y & 3) * 4 + (x & 3);
-            from[taken++] = (vt_start){0.25 * x + to_place, 0.25 * y + to_place, (size_t)i, (size_t)norm,
-                                       (size_t)((y >> 2) * s.stride + (x >> 2))};
+    double sums[16];
+    vt_start from[2];
+    vt_windows w = *windows;
+    Py_ssize_t asked = 0, taken = 0;
+    const vt_two least = {s->inner[0], s->inner[1]}, beyond = {s->inner[2], s->inner[3]};
+    const double *const begin = first ? s->predicted : s->xy, to_middle = s->side > 1.0 ? 0.0 : 2.0; /* phases */
+    for (Py_ssize_t j = 0; j < n; j++) {
+        const Py_ssize_t i = who[j];
+        const vt_two at = 4.0 * *(const vt_any_two *)(begin + 2 * i) + to_middle; /* phases */
+        const vt_mask inside = (at >= least) & (at < beyond);
+        if (!(inside[0] & inside[1])) {
+            who[asked++] = (int)(2 * i);
+            continue;
         }
-        vt_sum_windows(windows, from, taken, sums);
-        for (Py_ssize_t k = 0; k < taken; k += 2) {
-            const int is_last = k + 1 == taken;
-            if (is_last) from[taken] = from[k], memcpy(sums + 8 * taken, sums + 8 * k, 8 * sizeof *sums);
-            const int goes_on = vt_step_two(&s, sums + 8 * k, from + k, near2, far2, first);
-            if (goes_on & 1) who[asked++] = (int)(2 * from[k].pin + 1);
-            if (goes_on & 2 && !is_last) who[asked++] = (int)(2 * from[k + 1].pin + 1);
-        }
+        const int x = (int)at[0], y = (int)at[1];
+        const Py_ssize_t norm = s->norm_of[i] + (y & 3) * 4 + (x & 3);
+        from[taken] = (vt_start){i, norm, 0.25 * (x - to_middle) + 0.125, 0.25 * (y - to_middle) + 0.125};
+        w.sums = sums + 8 * taken;
+        sum_window(&w, (y >> 2) * s->stride + (x >> 2), s->kind_of[i], norm);
+        if (++taken < 2) continue;
+        taken = 0;
+        const int goes_on = vt_step_two(s, sums, from, near2, far2, first);
+        if (goes_on & 1) who[asked++] = (int)(2 * from[0].pin + 1);
+        if (goes_on & 2) who[asked++] = (int)(2 * i + 1);
     }
+    if (taken && vt_step(s, sums, from[0].pin, from[0].norm, from[0].x, from[0].y, near2, far2, first))
+        who[asked++] = (int)(2 * from[0].pin + 1);
     return asked;
 }
 
@@ -409,7 +440,7 @@ __attribute__((target("avx2"))) static Py_ssize_t vt_take_steps_avx2(const vt_wi
                                                                      int *who, Py_ssize_t n, double near2, double far2,
                                                                      int first)
 {
-    return vt_take_steps_by(windows, s, who, n, near2, far2, first);
+    return vt_take_steps_by(vt_sum_window_avx2, windows, s, who, n, near2, far2, first);
 }
 #endif
 
@@ -419,5 +450,5 @@ static Py_ssize_t vt_take_steps(const vt_windows *windows, const vt_steps *s, in
 #ifdef VT_AVX2
     if (__builtin_cpu_supports("avx2")) return vt_take_steps_avx2(windows, s, who, n, near2, far2, first);
 #endif
-    return vt_take_steps_by(windows, s, who, n, near2, far2, first);
+    return vt_take_steps_by(vt_sum_window_plain, windows, s, who, n, near2, far2, first);
 }

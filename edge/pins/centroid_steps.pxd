@@ -9,7 +9,7 @@ cdef enum:  # columns of `NORM` that a pin at the image's border needs
 
 cdef extern from "centroid_steps.c":
     ctypedef struct Kind "vt_kind":
-        Py_ssize_t first_span, end_span, first_step, end_step, row_bytes, first, plane, pixels
+        Py_ssize_t half, first_span, end_span, first_step, end_step, row_bytes, first, first_uv, plane, pixels
     ctypedef struct Fetch "vt_fetch":
         Py_ssize_t row, end, stride, first, beyond, rows, ahead
 
@@ -18,7 +18,8 @@ cdef extern from "centroid_steps.c":
         Fetch *fetch
         const Kind *kinds
         const Py_ssize_t *steps
-        const signed char *values
+        const short *values
+        const signed char *uv
         const double *norms
         unsigned char *pixels
         double *sums
@@ -29,6 +30,7 @@ cdef extern from "centroid_steps.c":
         const double *norms
         const double *predicted
         const double *inner
+        const int *kind_of
         const int *norm_of
         Py_ssize_t stride
         double reach2, noise2, gain, side
@@ -37,7 +39,7 @@ cdef extern from "centroid_steps.c":
         double *amplitude
         double *fit
 
-    void vt_sum_window(const Windows *, Py_ssize_t, Py_ssize_t) noexcept nogil
+    void vt_sum_window(const Windows *, Py_ssize_t, Py_ssize_t, Py_ssize_t) noexcept nogil
     bint vt_step(
         const Steps *, const double *, Py_ssize_t, Py_ssize_t, double, double, double, double, bint
     ) noexcept nogil
@@ -45,27 +47,27 @@ cdef extern from "centroid_steps.c":
 
 
 cdef inline Windows windows_of(
-    const unsigned char[:, :] image, Fetch[::1] fetch, Kind[::1] kinds, Py_ssize_t[:, ::1] steps, signed char[::1] values,
-    double[:, ::1] norms, unsigned char[::1] pixels, double[::1] sums, bint dark,
+    const unsigned char[:, :] image, Fetch[::1] fetch, Kind[::1] kinds, Py_ssize_t[:, ::1] steps, short[::1] values,
+    signed char[::1] uv, double[:, ::1] norms, unsigned char[::1] pixels, double[::1] sums, bint dark,
     Py_ssize_t side
 ) noexcept nogil:
     return Windows(
-        &image[0, 0], &fetch[0], &kinds[0], &steps[0, 0], &values[0], &norms[0, 0], &pixels[0], &sums[0], dark,
+        &image[0, 0], &fetch[0], &kinds[0], &steps[0, 0], &values[0], &uv[0], &norms[0, 0], &pixels[0], &sums[0], dark,
         side
     )
 
 
-cdef inline void sum_window(Windows windows, Py_ssize_t begin, Py_ssize_t norm) noexcept nogil:
-    vt_sum_window(&windows, begin, norm)
+cdef inline void sum_window(Windows windows, Py_ssize_t begin, Py_ssize_t kind, Py_ssize_t norm) noexcept nogil:
+    vt_sum_window(&windows, begin, kind, norm)
 
 
 cdef inline Steps steps_of(
-    double[:, ::1] norms, double[:, ::1] predicted, double[::1] inner, int[::1] norm_of,
+    double[:, ::1] norms, double[:, ::1] predicted, double[::1] inner, int[::1] kind_of, int[::1] norm_of,
     Py_ssize_t stride, double reach2, double noise2, double gain, double side, double[:, ::1] xy, double[::1] sigma,
     double[::1] amplitude, double[::1] fit
 ) noexcept nogil:
     return Steps(
-        &norms[0, 0], &predicted[0, 0], &inner[0], &norm_of[0], stride, reach2, noise2, gain,
+        &norms[0, 0], &predicted[0, 0], &inner[0], &kind_of[0], &norm_of[0], stride, reach2, noise2, gain,
         side, &xy[0, 0], &sigma[0], &amplitude[0], &fit[0]
     )
 

@@ -10,20 +10,24 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from edge.pins.templates import BLOCK, NORM, PHASES, PLANES
+from edge.pins.templates import NORM, PHASES
 from edge.types import Array, Image, Index
 
+Shorts = NDArray[np.int16]
+
 #: Columns of what is known of one kind of pins:
+#: half             px, half width of its window
 #: first_span, end_span  its rows in the spans of all kinds
 #: first_step, end_step  and in their steps
 #: row_bytes        read of each row of a window: the longest, filled up to LANES
-#: first, plane     as in `TemplateSet`
+#: first, first_uv, plane  as in `TemplateSet`
 #: pixels           of its support
 KIND = np.dtype(
     [
         (name, np.intp)
         for name in (
-            "first_span", "end_span", "first_step", "end_step", "row_bytes", "first", "plane", "pixels",
+            "half", "first_span", "end_span", "first_step", "end_step", "row_bytes", "first", "first_uv",
+            "plane", "pixels",
         )
     ]
 )  # fmt: skip
@@ -58,7 +62,8 @@ class Windows(NamedTuple):
     fetch: NDArray[np.void]
     kinds: NDArray[np.void]
     steps: Index
-    values: NDArray[np.int8]
+    values: Shorts
+    uv: NDArray[np.int8]
     norms: Array
     pixels: NDArray[np.uint8]
     sums: Array
@@ -69,25 +74,26 @@ class Windows(NamedTuple):
 windows_of = Windows
 
 
-def sum_window(windows: Windows, begin: int, norm: int) -> None:
+def sum_window(windows: Windows, begin: int, kind: int, norm: int) -> None:
     """Write `sums` of one window.
 
     begin  byte of the image where the middle of the window is
     norm   row of its kind's phase in `norms`
     """
-    image, _, kinds, all_steps, values, norms, _, sums, dark, side = windows
+    image, _, kinds, all_steps, values, uv, norms, _, sums, dark, side = windows
     (rows, columns), stride = image.shape, image.strides[0]
     memory = np.lib.stride_tricks.as_strided(image, (stride * (rows - 1) + columns,), (1,))
-    k, row, found = kinds[norm // PHASES**2], begin, [np.empty(0, np.int64)]
+    k, row, found = kinds[kind], begin, [np.empty(0, np.int64)]
     for step, length in all_steps[k["first_step"] : k["end_step"]]:
         row += step
         pixels = memory[row + stride * np.arange(side)[:, None] + np.arange(side * length)]
         found.append(pixels.reshape(side, length, side).sum(axis=(0, 2), dtype=np.int64))
-    level = np.zeros(k["plane"], np.int64)
+    n, first_uv = k["plane"], k["first_uv"]
+    first = k["first"] + 3 * n * (norm % PHASES**2)
+    level = np.zeros(n, np.int64)
     level[: k["pixels"]] = np.concatenate(found)
-    first, size = k["first"] + PLANES * level.size * (norm % PHASES**2), PLANES * level.size
-    blocks = values[first : first + size].astype(np.int64).reshape(-1, PLANES, BLOCK)
-    d, tx, ty, u, v = blocks.swapaxes(0, 1).reshape(PLANES, -1) @ level
+    d, tx, ty = values[first : first + 3 * n].astype(np.int64).reshape(3, n) @ level
+    u, v = uv[first_uv : first_uv + 2 * n].astype(np.int64).reshape(2, n) @ level
     sums[:8] = np.array([d, tx, ty, level.sum(), u, v, level @ level, 1], np.float64) * norms[norm, :8]
     if dark:  # the sums of the other templates are 0
         most = 255.0 * side * side
@@ -110,7 +116,7 @@ class Steps(NamedTuple):
     norms               of the templates
     predicted           (n, 2) px
     inner               phases: least x and y of pins whose windows are within the image, least beyond
-    norm_of             (n,) the row of each pin's first phase in `norms`
+    kind_of, norm_of    (n,) which of the kinds each pin is, and the row of its first phase in `norms`
     stride              bytes from row to row of an 8-bit image
     reach2              px2: farther from its prediction a pin is lost
     noise2, gain        levels^2 of the camera's noise; factor of the levels
@@ -121,6 +127,7 @@ class Steps(NamedTuple):
     norms: Array
     predicted: Array
     inner: Array
+    kind_of: Index
     norm_of: Index
     stride: int
     reach2: float
@@ -206,7 +213,7 @@ def take_steps(
         if taken:
             x, y = int(x4), int(y4)
             norm = int(steps.norm_of[i]) + y % PHASES * PHASES + x % PHASES
-            sum_window(windows, y // PHASES * steps.stride + x // PHASES, norm)
+            sum_window(windows, y // PHASES * steps.stride + x // PHASES, int(steps.kind_of[i]), norm)
             start = 0.25 * (x - to_middle) + 0.125, 0.25 * (y - to_middle) + 0.125
             if not take_step(steps, windows.sums, i, norm, *start, near2, far2, first):
                 continue

@@ -11,7 +11,7 @@ bound; the standard deviation of a plain centroid is twice that. Steps are repea
 0.75 of a phase, so the result hardly depends on where the window started.
 
 Rules
-- Templates (`templates.py`) are in 8-bit integers for PHASES x PHASES subpixel offsets, zero outside of the
+- Templates (`templates.py`) are in 16-bit integers for PHASES x PHASES subpixel offsets, zero outside of the
   support circle. d is orthogonal to 1; tx and ty to 1 and d.
 - One pass over the pixels of the support, which are copied from the image without the gaps between its rows
   (`centroid_steps`), large pins' as sums of blocks; then the step. Nine pins in ten need one.
@@ -31,18 +31,7 @@ from cython.cimports.libc.math import sqrt
 from numpy.typing import NDArray
 
 from edge.pins.centroid_steps import FETCH, KIND
-from edge.pins.templates import (
-    BLOCK,
-    FAR_PX,
-    HALF_MAX,
-    LANES,
-    NORM,
-    PHASES,
-    PLANES,
-    SIDE,
-    STEP_MAX,
-    TemplateSet,
-)
+from edge.pins.templates import BLOCK, FAR_PX, HALF_MAX, LANES, NORM, PHASES, SIDE, STEP_MAX, TemplateSet
 from edge.types import Array, Image, Index
 
 if cython.compiled:
@@ -86,8 +75,6 @@ NAN = cython.declare(cython.double, float("nan"))
 INT_MAX = cython.declare(cython.Py_ssize_t, np.iinfo(np.int32).max)
 N_PHASES = cython.declare(cython.int, PHASES)
 LEVEL_MAX = cython.declare(cython.int, STEP_MAX)
-N_BLOCK = cython.declare(cython.Py_ssize_t, BLOCK)
-N_PLANES = cython.declare(cython.Py_ssize_t, PLANES)
 
 
 @cython.final
@@ -134,7 +121,8 @@ class CentroidKernel:
     _windows: Windows  # of the image in hand
     _steps_of: Steps  # to take in it
     _who: cython.int[::1]  # pins that have to take a step, and what `take_steps` says of them
-    _values: cython.schar[::1]  # of the templates
+    _values: cython.short[::1]  # of the templates
+    _uv: cython.schar[::1]
     _norms: cython.double[:, ::1]
     _rest_amplitude: cython.double[::1]
     _ratio: cython.double[::1]  # of the amplitude to that at rest
@@ -176,7 +164,7 @@ class CentroidKernel:
         self._side, self._fetch = templates.side, np.zeros(1, FETCH).view(np.recarray)
         self._half = templates.side * max(templates.half) + templates.side // 2
         self._to_middle = PHASES / 2 * (templates.side % 2)
-        self._values = templates.values
+        self._values, self._uv = templates.values, templates.uv
         self._sign = -1 if dark else 1
         self._norms = np.concatenate(templates.norms)
         self._rows = self._columns = self._stride = -1  # none yet
@@ -265,7 +253,7 @@ class CentroidKernel:
         if n == 0:
             return
         self._steps_of = steps_of(
-            self._norms, self.predicted, self._inner, self._norm_of, self._stride,
+            self._norms, self.predicted, self._inner, self._kind_of, self._norm_of, self._stride,
             self._reach2, self._noise2, self._gain, self._side, self.xy, self.sigma, self.amplitude, self.fit,
         )  # fmt: skip
         if self._wide:
@@ -274,7 +262,7 @@ class CentroidKernel:
             return
         self._begin_to_fetch()
         self._windows = windows_of(
-            self._image8, self._fetch, self._kinds, self._steps, self._values, self._norms,
+            self._image8, self._fetch, self._kinds, self._steps, self._values, self._uv, self._norms,
             self._pixels, self._sums, self._sign < 0, self._side,
         )  # fmt: skip
         for i in range(n):
@@ -427,7 +415,7 @@ class CentroidKernel:
         middle_x = middle_of(px, self._to_middle)
         middle_y = middle_of(py, self._to_middle)
         if not self._wide and self._inner[0] <= x4 < self._inner[2] and self._inner[1] <= y4 < self._inner[3]:
-            sum_window(self._windows, cy * self._stride + cx, norm)
+            sum_window(self._windows, cy * self._stride + cx, kind, norm)
         else:
             self._take_window(cx, cy, kind)
             if self._in_view < self._kinds[kind].pixels:
@@ -441,7 +429,7 @@ class CentroidKernel:
     ) -> cython.void:
         """`_sums` of the levels in `_window`, whose squares may have 24 bits."""
         k: Kind = self._kinds[kind]
-        t: cython.Py_ssize_t = k.first + N_PLANES * k.plane * phase
+        t: cython.Py_ssize_t = k.first + 3 * k.plane * phase
         d: cython.int = 0
         tx: cython.int = 0
         ty: cython.int = 0
@@ -449,17 +437,15 @@ class CentroidKernel:
         u: cython.int = 0
         v: cython.int = 0
         square_sum: cython.longlong = 0
-        for at in range(0, k.plane, N_BLOCK):
-            for i in range(N_BLOCK):
-                level = cython.cast(cython.int, self._window[at + i])  # uncompiled, NumPy's numbers overflow
-                d += level * cython.cast(cython.int, self._values[t + i])
-                tx += level * cython.cast(cython.int, self._values[t + N_BLOCK + i])
-                ty += level * cython.cast(cython.int, self._values[t + 2 * N_BLOCK + i])
-                one += level
-                u += level * cython.cast(cython.int, self._values[t + 3 * N_BLOCK + i])
-                v += level * cython.cast(cython.int, self._values[t + 4 * N_BLOCK + i])
-                square_sum += level * level
-            t += N_PLANES * N_BLOCK
+        for i in range(k.plane):
+            level = cython.cast(cython.int, self._window[i])  # uncompiled, NumPy's numbers overflow
+            d += level * cython.cast(cython.int, self._values[t + i])
+            tx += level * cython.cast(cython.int, self._values[t + k.plane + i])
+            ty += level * cython.cast(cython.int, self._values[t + 2 * k.plane + i])
+            one += level
+            u += level * cython.cast(cython.int, self._uv[k.first_uv + i])
+            v += level * cython.cast(cython.int, self._uv[k.first_uv + k.plane + i])
+            square_sum += level * level
         self._sums[0], self._sums[1], self._sums[2], self._sums[3] = d, tx, ty, one
         self._sums[4], self._sums[5], self._sums[6], self._sums[7] = u, v, square_sum, 1.0
         for i in range(8):
@@ -539,7 +525,7 @@ class CentroidKernel:
     ) -> cython.void:
         """Normal equations of 1, d, tx, ty over the pixels in view, and their energy."""
         k: Kind = self._kinds[kind]
-        begin: cython.Py_ssize_t = k.first + N_PLANES * k.plane * phase
+        t: cython.Py_ssize_t = k.first + 3 * k.plane * phase
         unit_t: cython.double = self._norms[norm, UNIT_T]
         self._normal[:, :] = 0
         self._right[:] = 0
@@ -548,11 +534,10 @@ class CentroidKernel:
             if not self._is_in_view[at]:
                 continue
             level = cython.cast(cython.double, self._window[at])
-            t = begin + at // N_BLOCK * N_PLANES * N_BLOCK + at % N_BLOCK
             self._basis[0] = 1
-            self._basis[1] = self._norms[norm, UNIT_D] * self._values[t]
-            self._basis[2] = unit_t * self._values[t + N_BLOCK]
-            self._basis[3] = unit_t * self._values[t + 2 * N_BLOCK]
+            self._basis[1] = self._norms[norm, UNIT_D] * self._values[t + at]
+            self._basis[2] = unit_t * self._values[t + k.plane + at]
+            self._basis[3] = unit_t * self._values[t + 2 * k.plane + at]
             for r in range(4):
                 for c in range(4):
                     self._normal[r, c] += self._basis[r] * self._basis[c]
@@ -604,7 +589,8 @@ def _kinds_of(templates: TemplateSet) -> NDArray[np.void]:
     lengths = np.array([len(spans) for spans in templates.spans])
     end = np.cumsum(lengths)
     kinds = np.zeros(len(templates.half), KIND).view(np.recarray)
-    kinds.first, kinds.plane = templates.first, templates.plane
+    kinds.half, kinds.plane = templates.half, templates.plane
+    kinds.first, kinds.first_uv = templates.first, templates.first_uv
     kinds.first_span, kinds.end_span = end - lengths, end
     space = LANES * np.arange(len(lengths))  # behind each kind's steps
     kinds.first_step, kinds.end_step = end - lengths + space, end + space
@@ -623,8 +609,8 @@ def _check(templates: TemplateSet, kind_of: Index, rest_amplitude: Array) -> Non
         raise ValueError(f"blocks of {templates.side} px: 1 or {SIDE} is wanted")
     if kind_of.size and (kind_of.min() < 0 or kind_of.max() >= n_kinds):
         raise ValueError(f"a pin's kind is out of range: 0 to {n_kinds - 1}")
-    for half, spans, first, plane in zip(
-        templates.half, templates.spans, templates.first, templates.plane, strict=True
+    for half, spans, first, first_uv, plane in zip(
+        templates.half, templates.spans, templates.first, templates.first_uv, templates.plane, strict=True
     ):
         if not 1 <= half <= HALF_MAX // templates.side:
             raise ValueError(f"a template of half width {half}: 1 to {HALF_MAX // templates.side} is wanted")
@@ -635,7 +621,9 @@ def _check(templates: TemplateSet, kind_of: Index, rest_amplitude: Array) -> Non
             raise ValueError(f"spans of a template beyond its half width {half}, or with a row left out")
         if plane % BLOCK or plane < length.sum():
             raise ValueError(f"a template's plane of {plane} numbers is too short for its rows")
-        if first < 0 or first + PLANES * plane * PHASES * PHASES > templates.values.size:
+        if first < 0 or first + 3 * plane * PHASES * PHASES > templates.values.size:
             raise ValueError("a template that does not fit its table")
+        if first_uv < 0 or first_uv + 2 * plane > templates.uv.size:
+            raise ValueError("a template whose columns and rows do not fit their table")
     if templates.norms.shape != (n_kinds, PHASES * PHASES, len(NORM)) or templates.norms.dtype != np.float64:
         raise ValueError("norms do not fit the templates")

@@ -3,8 +3,8 @@
 Rules
 - Radii come in kinds 5 % apart: a template that is 2.5 % off in radius is still symmetric, so it costs a
   little noise (1 %) and no bias.
-- 8-bit integers, so that products of two pixels fit 16 bits. Those of d, tx and ty sum to zero, as the exact
-  ones do: a level that all pixels share changes no sum.
+- 16-bit integers, scaled so that no sum over a window overflows 32 bits. Those of d, tx and ty sum to zero,
+  as the exact ones do: a level that all pixels share changes no sum.
 - Only the support circle is kept, row after row without gaps: half of the square round it is outside.
 """
 
@@ -22,10 +22,8 @@ PHASES = 4  # subpixel offsets along each axis
 FAR_PX = 2.0**0.5 / PHASES  # a phase's diagonal: a longer step goes beyond the middles of those next to it
 LANES = 16  # bytes: a window's rows are copied in multiples of it
 BLOCK = 32  # a plane's length is a multiple of it: loops have no remainder
-PLANES = len(("d", "tx", "ty", "u", "v"))  # BLOCK numbers of each follow each other
-#: The largest number of a template, and half width of a window, px: two levels times it, or four less their
-#: middle, fit 16 bits.
-HALF_MAX = int(np.iinfo(np.int16).max // (2 << np.iinfo(np.uint8).bits))
+#: px, half width of a window: two levels times it fit 16 bits, in which columns and rows are summed.
+HALF_MAX = int(np.iinfo(np.int16).max // (np.iinfo(np.uint8).max + np.iinfo(np.uint8).max))
 STEP_MAX = 4095  # a pixel against the window's middle, levels: 12 bits; brighter images lose their last bits
 SIDE = isqrt(STEP_MAX // np.iinfo(np.uint8).max)  # px, of the blocks that large pins are read by; C knows 4
 
@@ -51,6 +49,7 @@ NORM = (
 )  # fmt: skip
 
 Bytes = NDArray[np.int8]
+Shorts = NDArray[np.int16]
 
 
 @dataclass(frozen=True)
@@ -62,9 +61,10 @@ class TemplateSet:
     half          (k,) such pixels; a kind's window is the square of 2 half + 1 round its middle
     spans         of each kind (r, 3) int32: of each row of its support, first column and row against the
                   window's middle, and number of pixels
-    first         (k,) where a kind begins in `values`
+    first, first_uv  (k,) where a kind begins in `values`, and in `uv`
     plane         (k,) length of each of its planes there: the pixels of its spans, then zeros
-    values        int8; a kind is (PHASES^2, plane / BLOCK, PLANES, BLOCK)
+    values        int16; a kind is d, tx, ty of each phase
+    uv            int8; a kind is u, v
     norms         (k, PHASES^2, len(NORM)) float64
     """
 
@@ -72,8 +72,10 @@ class TemplateSet:
     half: tuple[int, ...]
     spans: tuple[Index, ...]
     first: tuple[int, ...]
+    first_uv: tuple[int, ...]
     plane: tuple[int, ...]
-    values: Bytes
+    values: Shorts
+    uv: Bytes
     norms: Array
 
 
@@ -85,11 +87,18 @@ def templates_of(radii: tuple[float, ...], edge_px: float, pitch_px: float, side
         side=side,
         half=tuple(part.half for part in parts),
         spans=tuple(part.spans for part in parts),
-        first=tuple(int(begin) for begin in np.cumsum([0, *(part.values.size for part in parts[:-1])])),
-        plane=tuple(part.values.shape[1] * BLOCK for part in parts),
+        first=_begins([part.values.size for part in parts]),
+        first_uv=_begins([part.uv.size for part in parts]),
+        plane=tuple(part.uv.shape[1] for part in parts),
         values=np.concatenate([part.values.ravel() for part in parts]),
+        uv=np.concatenate([part.uv.ravel() for part in parts]),
         norms=np.stack([part.norms for part in parts]),
     )
+
+
+def _begins(sizes: list[int]) -> tuple[int, ...]:
+    """Where each part begins, one after the other."""
+    return tuple(int(begin) for begin in np.cumsum([0, *sizes[:-1]]))
 
 
 def radius_max_px(edge_px: float) -> float:
@@ -103,11 +112,12 @@ def _tight(radius: float, edge_px: float) -> float:
 
 
 class _Kind(NamedTuple):
-    """Templates of one radius: half width, spans, values (16, plane / 32, 5, 32), norms (16, 24)."""
+    """Templates of one radius: half width, spans, values (16, 3, plane), uv (2, plane), norms (16, 24)."""
 
     half: int
     spans: Index
-    values: Bytes
+    values: Shorts
+    uv: Bytes
     norms: Array
 
 
@@ -135,43 +145,45 @@ def _templates(radius: float, edge_px: float, pitch_px: float, side: int) -> _Ki
     disc, *slopes = one * planes.mean(axis=(3, 5))
     d = disc - one * _dot(disc, one) / _dot(one, one)
     tx, ty, px, py = (_freed(p * one, one, d) for p in (*slopes, columns, rows))
+    scale = (0.99 * _scale(d), 0.99 * min(_scale(tx), _scale(ty)))
     inside = one[0] > 0
     n = np.count_nonzero(inside)
-    exact = np.stack([d, tx, ty], axis=1)[:, :, inside]
-    size = np.abs(exact)  # no sum of its integers may overflow 32 bits
-    most = np.maximum(size.max(axis=(0, 2)), size.sum(axis=2).max(axis=0) * (STEP_MAX * HALF_MAX / 2.0**30))
-    scale = (HALF_MAX - 1) / np.array([most[0], *2 * [most[1:].max()]])
-    # Levels that are alike by symmetry keep their order, whatever a processor's last digit.
-    order = np.argsort(np.round(exact[:, :1], 9), axis=-1, kind="stable").astype(np.int32)
-    whole = _whole(exact * scale[:, None], order)
-    values = np.zeros((PHASES * PHASES, PLANES, -(-n // BLOCK) * BLOCK), np.int8)
-    values[:, :3, :n], values[:, 3:, :n] = whole, np.stack([columns, rows])[:, inside]
-    by_d, by_tx, by_ty = (np.sqrt((exact**2).sum(axis=-1)) / (exact * whole).sum(axis=-1)).T
+    values = np.zeros((PHASES * PHASES, 3, -(-n // BLOCK) * BLOCK), np.int16)
+    values[:, :, :n] = _whole(np.stack([d * scale[0], tx * scale[1], ty * scale[1]], axis=1)[:, :, inside])
+    uv = np.zeros((2, values.shape[2]), np.int8)
+    uv[:, :n] = np.stack([columns, rows])[:, inside]
     freedom = max(n - 6.0, 2.0)
-    norm = _norms(d, tx, ty, px, py) | {
-        "by_d": by_d, "by_tx": by_tx, "by_ty": by_ty, "unit_d": 1.0 / scale[0], "unit_t": 1.0 / scale[1],
+    norm = _norms(d, tx, ty, px, py, scale) | {
         "by_level": 1.0, "by_square": 1.0, "inv_pixels": 1.0 / n, "freedom": freedom, "radius": radius,
         "inv_freedom": 1.0 / freedom, "step_max": side * max(half - 2, 2) / 2,
     }  # fmt: skip
     norms = np.stack([np.broadcast_to(norm[name], PHASES * PHASES) for name in NORM], axis=1)
-    blocks = values.reshape(PHASES * PHASES, PLANES, -1, BLOCK).swapaxes(1, 2)
-    return _Kind(half, _spans(inside), blocks, norms)
+    return _Kind(half, _spans(inside), values, uv, norms)
 
 
-def _norms(d: Array, tx: Array, ty: Array, px: Array, py: Array) -> dict[str, Array]:
-    """The part of NORM that depends on the phase alone; px, py: columns and rows, orthogonal to 1 and d."""
+def _norms(
+    d: Array, tx: Array, ty: Array, px: Array, py: Array, scale: tuple[float, float]
+) -> dict[str, Array | float]:
+    """The part of NORM that depends on the phase.
+
+    px, py  columns and rows, orthogonal to 1 and d
+    scale   of the integers of d, of tx and ty
+    """
     columns, rows = (np.arange(side) - side // 2 for side in d.shape[:0:-1])
     d2, tx2, ty2 = _dot(d, d), _dot(tx, tx), _dot(ty, ty)
     u_d, u_tx, v_d, v_ty = _dot(columns, d), _dot(px, tx), _dot(rows[:, None], d), _dot(py, ty)
     of_d, of_tx, of_ty = np.sqrt(d2), np.sqrt(tx2), np.sqrt(ty2)
     of_u, of_v = np.sqrt(_dot(px, px) - u_tx**2 / tx2), np.sqrt(_dot(py, py) - v_ty**2 / ty2)
     norm = {
+        "by_d": 1.0 / (scale[0] * of_d), "by_tx": 1.0 / (scale[1] * of_tx), "by_ty": 1.0 / (scale[1] * of_ty),
         "by_u": 1.0 / of_u, "by_v": 1.0 / of_v, "inv_d": 1.0 / of_d, "x_d": of_d / of_tx, "y_d": of_d / of_ty,
         "x_u": u_tx * of_d / (of_u * tx2), "y_v": v_ty * of_d / (of_v * ty2),
         "d_u": -u_d / (of_d * of_u), "tx_u": -u_tx / (of_tx * of_u),
         "d_v": -v_d / (of_d * of_v), "ty_v": -v_ty / (of_ty * of_v), "d2": d2,
     }  # fmt: skip
-    return {name: numbers.ravel() for name, numbers in norm.items()}
+    return {name: numbers.ravel() for name, numbers in norm.items()} | {
+        "unit_d": 1.0 / scale[0], "unit_t": 1.0 / scale[1]
+    }  # fmt: skip
 
 
 def _spans(inside: Mask) -> Index:
@@ -182,15 +194,24 @@ def _spans(inside: Mask) -> Index:
     return np.stack([first - half, rows - half, length], axis=1).astype(np.int32)
 
 
-def _whole(rows: Array, order: Index) -> Array:
+def _whole(rows: Array) -> Array:
     """Rows of numbers whose sums are zero, rounded to integers whose sums are.
 
-    What rounding leaves goes to the next one in this order: sums with the levels of the disc hardly change.
+    The integers of a row that were rounded furthest in the direction of their surplus go to the other side.
     """
-    sums = np.rint(np.cumsum(np.take_along_axis(rows, order, axis=-1), axis=-1))
-    whole = np.empty_like(rows)
-    np.put_along_axis(whole, np.broadcast_to(order, rows.shape), np.diff(sums, prepend=0.0), axis=-1)
+    whole: Array = np.rint(rows)
+    surplus = whole.sum(axis=-1, keepdims=True)
+    direction = np.sign(surplus)
+    furthest = np.argsort((rows - whole) * direction, axis=-1, kind="stable")
+    rank = np.argsort(furthest, axis=-1, kind="stable")
+    whole -= direction * (rank < np.abs(surplus))
     return whole
+
+
+def _scale(plane: Array) -> float:
+    """The largest factor with which neither the integers nor their sum over any window overflow."""
+    size = np.abs(plane)
+    return float(min(32767.0 / size.max(), (2.0**31 - 1.0) / (STEP_MAX * size.sum(axis=(1, 2)).max())))
 
 
 def _freed(plane: Array, one: Array, d: Array) -> Array:
