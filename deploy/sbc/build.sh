@@ -1,7 +1,7 @@
 #!/bin/bash
 # Builds what `make sbc-test` boots, into .cache (ignored): root file system, kernel, initrd, wheels. Each part is
 # made once; remove it to have it made again. Needs root, network and on Debian 12:
-#   qemu-system-arm qemu-user-static mmdebstrap kmod cpio e2fsprogs gcc-aarch64-linux-gnu libc6-dev-arm64-cross
+#   qemu-system-arm qemu-user-static mmdebstrap uidmap kmod cpio e2fsprogs gcc-aarch64-linux-gnu libc6-dev-arm64-cross
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 cache=$here/.cache
