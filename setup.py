@@ -53,7 +53,7 @@ KERNELS = {
 }
 #: Cython's own code for typed memoryviews, which all kernels share.
 SHARED = "edge._memoryview"
-#: One more than any array of a kernel has, for which the kernel holds 112 bytes then, not 208 as of 8.
+#: No array of a kernel has as many; each takes 112 bytes of the kernel then, not 208 as with Cython's 8.
 DIMENSIONS = 4
 
 

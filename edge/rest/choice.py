@@ -161,7 +161,7 @@ def aligned(calibration: Calibration, rest: Rest) -> Rest:
     matched, tracks = match_rest(made_with, rest)
     z, w = made_with.xy_img @ (1, 1j), tracks.xy_img @ (1, 1j)
     best = tracks.seen
-    # Without a zoom, which a touch, or an error of the estimate, makes rather than a camera.
+    # A zoom is not fitted: a touch, or an error of the estimate, makes one rather than a camera.
     for _ in range(5):
         from_middle = z - z[best].mean()
         turn = np.vdot(from_middle[best], w[best])
