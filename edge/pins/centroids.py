@@ -31,17 +31,19 @@ from cython.cimports.libc.math import sqrt
 from numpy.typing import NDArray
 
 from edge.pins.centroid_steps import FETCH, KIND
-from edge.pins.templates import BLOCK, FAR_PX, HALF_MAX, LANES, NORM, PHASES, SIDE, STEP_MAX, TemplateSet
+from edge.pins.templates import BLOCK, FAR_PX, HALF_MAX, NORM, PHASES, SIDE, STEP_MAX, TemplateSet
 from edge.types import Array, Image, Index
 
 if cython.compiled:
     from cython.cimports.edge.geometry.select import select_kth
     from cython.cimports.edge.pins.centroid_steps import (
         D2,
+        LANES,
         LONGEST,
         RADIUS,
         UNIT_D,
         UNIT_T,
+        UNROLL,
         Fetch,
         Kind,
         Steps,
@@ -57,10 +59,12 @@ else:
     from edge.geometry.select import select_kth
     from edge.pins.centroid_steps import (
         D2,
+        LANES,
         LONGEST,
         RADIUS,
         UNIT_D,
         UNIT_T,
+        UNROLL,
         sigma_of,
         steps_of,
         sum_window,
@@ -112,6 +116,7 @@ class CentroidKernel:
     _norm_of: cython.int[::1]  # row of its first phase in `_norms`
     _kinds: Kind[::1]
     _spans: cython.int[:, ::1]  # of all kinds
+    _pieces: cython.int[:, ::1]  # of these: first column and row, and place among the pixels
     _steps: cython.Py_ssize_t[:, ::1]  # as `sum_window` takes it, in 8-bit images of this shape
     _inner: cython.double[::1]  # phases: least x and y of pins whose windows are within them, least beyond
     _side: cython.Py_ssize_t  # px, of the blocks that are a window's pixels
@@ -160,7 +165,7 @@ class CentroidKernel:
         _check(templates, np.asarray(self._kind_of), np.asarray(rest_amplitude))
         self._norm_of = np.asarray(self._kind_of) * np.int32(PHASES * PHASES)
         self._spans = np.concatenate(templates.spans)
-        self._kinds = _kinds_of(templates)
+        self._kinds, self._pieces = _kinds_of(templates)
         self._side, self._fetch = templates.side, np.zeros(1, FETCH).view(np.recarray)
         self._half = templates.side * max(templates.half) + templates.side // 2
         self._to_middle = PHASES / 2 * (templates.side % 2)
@@ -229,21 +234,16 @@ class CentroidKernel:
     @cython.cfunc
     def _make_steps(self) -> cython.void:
         """Make the steps of 8-bit images of this shape, and say where the largest window is within them: its
-        last copy must not end beyond the image.
+        last piece must not end beyond the image.
         """
         rows, columns, stride = self._rows, self._columns, self._stride
-        column, row, length = np.asarray(self._spans, np.intp).T
+        column, row, to = np.asarray(self._pieces, np.intp).T
         side, half = self._side, self._half
         begin = side * column - (side - 1) // 2 + (side * row - (side - 1) // 2) * stride
-        kinds = np.asarray(self._kinds)
-        last = int((begin[kinds["end_span"] - 1] + kinds["row_bytes"]).max()) + (side - 1) * (stride + LANES)
+        last = begin.max() + side * _piece_of(side) + (side - 1) * stride
         low = ((rows - 1) * stride + half + 1 - last) // stride
         self._inner = PHASES * np.array([half, half, columns - half, min(rows - half, low + 1)], np.float64)
-        self._steps = np.zeros((kinds["end_step"].max() + LANES, 2), np.intp)
-        steps = np.asarray(self._steps)
-        for k in kinds:
-            n, spans = k["end_span"] - k["first_span"], slice(k["first_span"], k["end_span"])
-            steps[k["first_step"] :][:n] = np.stack([np.diff(begin[spans], prepend=0), length[spans]], axis=1)
+        self._steps = np.stack([begin, to], axis=1)
 
     @cython.cfunc
     def _read(self) -> cython.void:
@@ -253,7 +253,7 @@ class CentroidKernel:
         if n == 0:
             return
         self._steps_of = steps_of(
-            self._norms, self.predicted, self._inner, self._kind_of, self._norm_of, self._stride,
+            self._norms, self.predicted, self._inner, self._norm_of, self._stride,
             self._reach2, self._noise2, self._gain, self._side, self.xy, self.sigma, self.amplitude, self.fit,
         )  # fmt: skip
         if self._wide:
@@ -361,7 +361,7 @@ class CentroidKernel:
         right: cython.double = 0.0
         top: cython.double = self._rows
         bottom: cython.double = 0.0
-        for i in range(self.n):
+        for i in range(0, self.n, 8):  # near enough: what is not fetched is only read later
             x, y = self.predicted[i, 0], self.predicted[i, 1]
             left, right = min(left, x), max(right, x)
             top, bottom = min(top, y), max(bottom, y)
@@ -375,7 +375,7 @@ class CentroidKernel:
         f.beyond = cython.cast(cython.Py_ssize_t, min(right, self._columns)) + half + 1
         f.beyond = min(f.beyond, self._columns)
         # More than the mean, to get ahead where pins are few; to a window and a half below the one in hand.
-        f.rows = 1 + 3 * (end_row - first_row) // max(self.n, 1)
+        f.rows = 1 + 8 * (end_row - first_row) // max(self.n, 1)
         f.ahead = 2 * (2 * half + 1) * self._stride
         self._fetch[0] = f
 
@@ -415,7 +415,7 @@ class CentroidKernel:
         middle_x = middle_of(px, self._to_middle)
         middle_y = middle_of(py, self._to_middle)
         if not self._wide and self._inner[0] <= x4 < self._inner[2] and self._inner[1] <= y4 < self._inner[3]:
-            sum_window(self._windows, cy * self._stride + cx, kind, norm)
+            sum_window(self._windows, cy * self._stride + cx, norm)
         else:
             self._take_window(cx, cy, kind)
             if self._in_view < self._kinds[kind].pixels:
@@ -584,20 +584,29 @@ def square(x: cython.double, y: cython.double) -> cython.double:
     return x * x + y * y
 
 
-def _kinds_of(templates: TemplateSet) -> NDArray[np.void]:
-    """`KIND` of each kind of pins, for images of no stride yet."""
-    lengths = np.array([len(spans) for spans in templates.spans])
-    end = np.cumsum(lengths)
+def _kinds_of(templates: TemplateSet) -> tuple[NDArray[np.void], Index]:
+    """`KIND` of each kind of pins, and all their pieces, which are copied UNROLL at a time."""
     kinds = np.zeros(len(templates.half), KIND).view(np.recarray)
-    kinds.half, kinds.plane = templates.half, templates.plane
-    kinds.first, kinds.first_uv = templates.first, templates.first_uv
-    kinds.first_span, kinds.end_span = end - lengths, end
-    space = LANES * np.arange(len(lengths))  # behind each kind's steps
-    kinds.first_step, kinds.end_step = end - lengths + space, end + space
+    kinds.first, kinds.first_uv, kinds.plane = templates.first, templates.first_uv, templates.plane
+    kinds.end_span = np.cumsum([len(spans) for spans in templates.spans])
+    kinds.first_span[1:] = kinds.end_span[:-1]
     kinds.pixels = [spans[:, 2].sum() for spans in templates.spans]
-    longest = templates.side * np.array([spans[:, 2].max() for spans in templates.spans])
-    kinds.row_bytes = -(-longest // LANES) * LANES
-    return kinds
+    pieces, size = [], _piece_of(templates.side)
+    for column, row, length in (spans.T for spans in templates.spans):
+        to = np.cumsum(length) - length
+        some = [np.stack([column + k, row, to + k])[:, length > k] for k in range(0, length.max(), size)]
+        every = np.concatenate(some, axis=1).T
+        every = every[np.argsort(every[:, 2])]
+        lacking = (UNROLL - 1) * len(every) % UNROLL
+        pieces.append(np.concatenate([every, np.repeat(every[-1:], lacking, axis=0)]))
+    kinds.end_step = np.cumsum([len(some) for some in pieces])
+    kinds.first_step[1:] = kinds.end_step[:-1]
+    return kinds, np.concatenate(pieces).astype(np.int32)
+
+
+def _piece_of(side: int) -> int:
+    """Pixels of a window that are copied at once."""
+    return LANES if side == 1 else BLOCK // side
 
 
 def _check(templates: TemplateSet, kind_of: Index, rest_amplitude: Array) -> None:
