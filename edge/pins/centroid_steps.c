@@ -3,8 +3,7 @@
  *
  * All sums are exact integers. The support's pixels are copied together, row after row, which takes a fifth of the
  * instructions; then seven sums are formed in one pass. AVX2, chosen at run time, and NEON have loops of their own: GCC 12
- * needs 2 and 1.3 times as many instructions for the plain one. Steps are of two pins at a time: vectors of 16 bytes are
- * what x86-64 and aarch64 both have.
+ * needs 2 and 1.3 times as many instructions for the plain one. Steps are of as many pins at a time as vectors hold.
  */
 #include <math.h>
 #include <string.h>
@@ -306,9 +305,17 @@ static void vt_sum_window(const vt_windows *w, Py_ssize_t begin, Py_ssize_t norm
     vt_sum_windows(w, &from, 1, w->sums);
 }
 
+#ifdef VT_AVX2
+#define VT_PINS 4 /* of which steps are computed at once */
+#else
+#define VT_PINS 2
+#endif
 typedef double vt_two __attribute__((vector_size(16)));
 typedef double vt_any_two __attribute__((vector_size(16), aligned(8), may_alias));
-typedef long long vt_mask __attribute__((vector_size(16)));
+typedef long long vt_mask_two __attribute__((vector_size(16)));
+typedef double vt_pins __attribute__((vector_size(8 * VT_PINS)));
+typedef double vt_any_pins __attribute__((vector_size(8 * VT_PINS), aligned(8), may_alias));
+typedef long long vt_mask __attribute__((vector_size(8 * VT_PINS)));
 
 /* The steps of a frame share this, as `steps_of` describes it. */
 typedef struct {
@@ -319,11 +326,28 @@ typedef struct {
     double *xy, *sigma, *amplitude, *fit;
 } vt_steps;
 
-#define VT_WHERE(mask, a) ((vt_two)((vt_mask)(a) & (mask)))
-/* the numbers k and k + 1 of two rows */
-#define VT_COLUMNS(p, q, k, first, second) \
-    const vt_two first##_ = *(const vt_any_two *)(p + k), second##_ = *(const vt_any_two *)(q + k); \
-    const vt_two first = {first##_[0], second##_[0]}, second = {first##_[1], second##_[1]}
+#define VT_WHERE(mask, a) ((vt_pins)((vt_mask)(a) & (mask)))
+/* The numbers k to k + 3 of each pin's row. */
+#ifdef __clang__
+#define VT_MIX __builtin_shufflevector
+#else
+#define VT_MIX(p, q, ...) __builtin_shuffle(p, q, (vt_mask){__VA_ARGS__})
+#endif
+#if VT_PINS == 4
+#define VT_COLUMNS(row, k, a, b, c, d) \
+    const vt_pins a##_0 = *(const vt_any_pins *)(row[0] + k), a##_1 = *(const vt_any_pins *)(row[1] + k); \
+    const vt_pins a##_2 = *(const vt_any_pins *)(row[2] + k), a##_3 = *(const vt_any_pins *)(row[3] + k); \
+    const vt_pins a##_ = VT_MIX(a##_0, a##_1, 0, 4, 2, 6), b##_ = VT_MIX(a##_0, a##_1, 1, 5, 3, 7); \
+    const vt_pins c##_ = VT_MIX(a##_2, a##_3, 0, 4, 2, 6), d##_ = VT_MIX(a##_2, a##_3, 1, 5, 3, 7); \
+    const vt_pins a = VT_MIX(a##_, c##_, 0, 1, 4, 5), b = VT_MIX(b##_, d##_, 0, 1, 4, 5); \
+    const vt_pins c = VT_MIX(a##_, c##_, 2, 3, 6, 7), d = VT_MIX(b##_, d##_, 2, 3, 6, 7)
+#else
+#define VT_COLUMNS(row, k, a, b, c, d) \
+    const vt_pins a##_0 = *(const vt_any_pins *)(row[0] + k), a##_1 = *(const vt_any_pins *)(row[1] + k); \
+    const vt_pins a##_2 = *(const vt_any_pins *)(row[0] + k + 2), a##_3 = *(const vt_any_pins *)(row[1] + k + 2); \
+    const vt_pins a = VT_MIX(a##_0, a##_1, 0, 2), b = VT_MIX(a##_0, a##_1, 1, 3); \
+    const vt_pins c = VT_MIX(a##_2, a##_3, 0, 2), d = VT_MIX(a##_2, a##_3, 1, 3)
+#endif
 
 /* Shorten a step that is too long; whether it ends near enough to the prediction. */
 static int vt_is_within_reach(const vt_steps *s, const vt_start *from, double ex, double ey)
@@ -336,58 +360,52 @@ static int vt_is_within_reach(const vt_steps *s, const vt_start *from, double ex
     return dx * dx + dy * dy <= s->reach2;
 }
 
-/* A step of two pins, or of one twice, from their sums. Returns 1 if the first one has to go on, 2 for the other. */
-VT_INLINE static inline int vt_step_two(const vt_steps *s, const double *sums, const vt_start *from, double near2,
-                                        double far2, int first)
+/* A step of VT_PINS pins from their sums. Returns the sum of 1 << k of each k-th one that has to go on. */
+VT_INLINE static inline int vt_step_some(const vt_steps *s, const double *sums, const vt_start *from, double near2,
+                                         double far2, int first)
 {
-    const double *const p = s->norms + VT_NORM * from[0].norm, *const q = s->norms + VT_NORM * from[1].norm;
-    const double *const other = sums + 8;
-    VT_COLUMNS(sums, other, 0, a, tx);
-    VT_COLUMNS(sums, other, 2, ty, level);
-    VT_COLUMNS(sums, other, 4, u, v);
-    VT_COLUMNS(sums, other, 6, square, inv_pixels);
-    VT_COLUMNS(p, q, 8, inv_d, x_d); /* numbered as in NORM */
-    VT_COLUMNS(p, q, 10, y_d, x_u);
-    VT_COLUMNS(p, q, 12, y_v, d_u);
-    VT_COLUMNS(p, q, 14, tx_u, d_v);
-    VT_COLUMNS(p, q, 16, ty_v, freedom);
-    VT_COLUMNS(p, q, 18, inv_freedom, radius);
-
-    const vt_two inverse = 1.0 / a, a2 = a * a, near_ex = tx * x_d, near_ey = ty * y_d;
+    const double *sum[VT_PINS], *norm[VT_PINS];
+    for (int k = 0; k < VT_PINS; k++) sum[k] = sums + 8 * k, norm[k] = s->norms + VT_NORM * from[k].norm;
+    /* The numbers are taken where they are used, as there are few registers; they are numbered as in NORM. */
+    VT_COLUMNS(sum, 0, a, tx, ty, level);
+    VT_COLUMNS(norm, 8, inv_d, x_d, y_d, x_u);
+    const vt_pins inverse = 1.0 / a, a2 = a * a, near_ex = tx * x_d, near_ey = ty * y_d;
     const vt_mask seen = a > 0.0, is_near = near_ex * near_ex + near_ey * near_ey <= far2 * a2;
-    const vt_two su = u + d_u * a, sv = v + d_v * a, gu = su + tx_u * tx, gv = sv + ty_v * ty;
-    const vt_two gu2 = gu * gu, gv2 = gv * gv, energy = square - level * level * inv_pixels;
-    const vt_two rest = energy - a2 - tx * tx - ty * ty - gu2 - gv2;
-    vt_two variance = VT_WHERE(rest > 0.0, rest) * inv_freedom;
+    const vt_pins amplitude = VT_WHERE(seen, a * inv_d * s->gain), disc = x_d * x_d + y_d * y_d;
+    VT_COLUMNS(sum, 4, u, v, square, inv_pixels);
+    VT_COLUMNS(norm, 12, y_v, d_u, tx_u, d_v);
+    VT_COLUMNS(norm, 16, ty_v, freedom, inv_freedom, radius);
+    const vt_pins su = u + d_u * a, sv = v + d_v * a, gu = su + tx_u * tx, gv = sv + ty_v * ty;
+    const vt_pins gu2 = gu * gu, gv2 = gv * gv;
+    const vt_pins energy = square - level * level * inv_pixels, left = energy - gu * su - gv * sv;
+    const vt_pins rest = energy - a2 - tx * tx - ty * ty - gu2 - gv2;
+    const vt_pins missing = rest - freedom * (s->noise2 + 1.0 / 12.0);
+    const vt_pins m = VT_WHERE((missing > 0.0) & (left > 0.0), missing / left), hidden = radius * m * m;
+    vt_pins variance = VT_WHERE(rest > 0.0, rest) * inv_freedom;
     if (s->side > 1.0) { /* The residual beyond the noise is alike in all pixels of a block. */
-        const vt_two more = variance - s->noise2;
+        const vt_pins more = variance - s->noise2;
         variance -= (1.0 - 1.0 / (s->side * s->side)) * VT_WHERE(more > 0.0, more);
     }
     variance += 1.0 / 12.0;
-    const vt_two limit = 4.0 * variance;
-    const vt_two keep_x = VT_WHERE((gu2 > limit) & is_near, 1.0 - limit / gu2);
-    const vt_two keep_y = VT_WHERE((gv2 > limit) & is_near, 1.0 - limit / gv2);
-    const vt_two ex = near_ex - keep_x * gu * x_u, ey = near_ey - keep_y * gv * y_v;
+    const vt_pins limit = 4.0 * variance;
+    const vt_pins keep_x = VT_WHERE((gu2 > limit) & is_near, 1.0 - limit / gu2);
+    const vt_pins keep_y = VT_WHERE((gv2 > limit) & is_near, 1.0 - limit / gv2);
+    const vt_pins spread = disc + keep_x * (x_u * x_u) + keep_y * (y_v * y_v);
+    const vt_pins variances = 0.5 * variance * spread * inverse * inverse + hidden * hidden;
+    const vt_pins ex = near_ex - keep_x * gu * x_u, ey = near_ey - keep_y * gv * y_v;
     const vt_mask on = (ex * ex + ey * ey >= near2 * a2) & seen;
-    const vt_two step_x = ex * inverse, step_y = ey * inverse;
+    const vt_pins step_x = ex * inverse, step_y = ey * inverse, fit = VT_WHERE((left > 0.0) & seen, a2 / left);
 
-    const vt_two left = energy - gu * su - gv * sv;
-    const vt_two spread = x_d * x_d + y_d * y_d + keep_x * (x_u * x_u) + keep_y * (y_v * y_v);
-    const vt_two missing = rest - freedom * (s->noise2 + 1.0 / 12.0);
-    const vt_two m = VT_WHERE((missing > 0.0) & (left > 0.0), missing / left), hidden = radius * m * m;
-    const vt_two variances = 0.5 * variance * spread * inverse * inverse + hidden * hidden;
-    const vt_two amplitude = VT_WHERE(seen, a * inv_d * s->gain);
-    const vt_two fit = VT_WHERE((left > 0.0) & seen, a2 / left);
-    const vt_two sigma = {sqrt(variances[0]), sqrt(variances[1])};
-    int goes_on = 0;
-    _Pragma("GCC unroll 2")
-    for (int k = 0; k < 2; k++) { /* of a pin that is not seen the place does not count */
+    int goes_on = 0, any = 0;
+    _Pragma("GCC unroll 4")
+    for (int k = 0; k < VT_PINS; k++) { /* of a pin that is not seen the place does not count */
         const size_t i = from[k].pin;
-        s->amplitude[i] = amplitude[k], s->fit[i] = fit[k], s->sigma[i] = sigma[k];
+        s->amplitude[i] = amplitude[k], s->fit[i] = fit[k], s->sigma[i] = sqrt(variances[k]);
         *(vt_any_two *)(s->xy + 2 * i) = *(const vt_any_two *)&from[k].x + (vt_two){step_x[k], step_y[k]};
+        any |= (int)on[k];
     }
-    if (first && !(on[0] | on[1])) return 0; /* so short that they are within reach */
-    for (int k = 0; k < 2; k++) {
+    if (first && !any) return 0; /* so short that they are within reach */
+    for (int k = 0; k < VT_PINS; k++) {
         const size_t i = from[k].pin;
         if (!on[k] && first) continue;
         if (!vt_is_within_reach(s, from + k, step_x[k], step_y[k])) s->amplitude[i] = s->fit[i] = 0.0;
@@ -396,14 +414,20 @@ VT_INLINE static inline int vt_step_two(const vt_steps *s, const double *sums, c
     return goes_on;
 }
 
-static int vt_step(const vt_steps *s, const double *sums, Py_ssize_t i, Py_ssize_t norm, double x, double y,
-                   double near2, double far2, int first)
+/* Behind n pins repeat the last one, as steps are of VT_PINS of them. */
+static inline void vt_fill(vt_start *from, double *sums, Py_ssize_t n)
 {
-    double twice[16];
-    const vt_start one = {x, y, (size_t)i, (size_t)norm, 0}, from[2] = {one, one};
-    memcpy(twice, sums, 8 * sizeof *sums);
-    memcpy(twice + 8, sums, 8 * sizeof *sums);
-    return vt_step_two(s, twice, from, near2, far2, first) & 1;
+    for (; n % VT_PINS; n++) from[n] = from[n - 1], memcpy(sums + 8 * n, sums + 8 * (n - 1), 8 * sizeof *sums);
+}
+
+VT_INLINE static inline int vt_step_by(const vt_steps *s, const double *sums, Py_ssize_t i, Py_ssize_t norm, double x,
+                                       double y, double near2, double far2, int first)
+{
+    double some[8 * VT_PINS];
+    vt_start from[VT_PINS] = {{x, y, (size_t)i, (size_t)norm, 0}};
+    memcpy(some, sums, 8 * sizeof *sums);
+    vt_fill(from, some, 1);
+    return vt_step_some(s, some, from, near2, far2, first) & 1;
 }
 
 #define VT_MANY 32 /* windows in a row: each of the three loops has the registers for itself */
@@ -422,7 +446,7 @@ VT_INLINE static inline Py_ssize_t vt_take_steps_by(const vt_windows *windows, c
         for (; j < n && taken < VT_MANY; j++) {
             const int i = who[j];
             const vt_two at = 4.0 * *(const vt_any_two *)(begin + 2 * i) + to_middle; /* phases */
-            const vt_mask inside = (at >= least) & (at < beyond);
+            const vt_mask_two inside = (at >= least) & (at < beyond);
             if (!(inside[0] & inside[1])) {
                 who[asked++] = 2 * i;
                 continue;
@@ -432,31 +456,29 @@ VT_INLINE static inline Py_ssize_t vt_take_steps_by(const vt_windows *windows, c
                                        (size_t)((y >> 2) * s.stride + (x >> 2))};
         }
         vt_sum_windows(windows, from, taken, sums);
-        for (Py_ssize_t k = 0; k < taken; k += 2) {
-            const int is_last = k + 1 == taken;
-            if (is_last) from[taken] = from[k], memcpy(sums + 8 * taken, sums + 8 * k, 8 * sizeof *sums);
-            const int goes_on = vt_step_two(&s, sums + 8 * k, from + k, near2, far2, first);
-            if (goes_on & 1) who[asked++] = (int)(2 * from[k].pin + 1);
-            if (goes_on & 2 && !is_last) who[asked++] = (int)(2 * from[k + 1].pin + 1);
+        vt_fill(from, sums, taken);
+        for (Py_ssize_t k = 0; k < taken; k += VT_PINS) {
+            const int goes_on = vt_step_some(&s, sums + 8 * k, from + k, near2, far2, first);
+            for (Py_ssize_t m = k; goes_on >> (m - k) && m < taken; m++)
+                if (goes_on >> (m - k) & 1) who[asked++] = (int)(2 * from[m].pin + 1);
         }
     }
     return asked;
 }
 
+/* The function `name`, which takes its form for AVX2 where there is that. */
 #ifdef VT_AVX2
-__attribute__((target("avx2"))) static Py_ssize_t vt_take_steps_avx2(const vt_windows *windows, const vt_steps *s,
-                                                                     int *who, Py_ssize_t n, double near2, double far2,
-                                                                     int first)
-{
-    return vt_take_steps_by(windows, s, who, n, near2, far2, first);
-}
+#define VT_CHOOSE(type, name, parameters, arguments) \
+    __attribute__((target("avx2"))) static type name##_avx2 parameters { return name##_by arguments; } \
+    static type name parameters \
+    { \
+        return __builtin_cpu_supports("avx2") ? name##_avx2 arguments : name##_by arguments; \
+    }
+#else
+#define VT_CHOOSE(type, name, parameters, arguments) static type name parameters { return name##_by arguments; }
 #endif
-
-static Py_ssize_t vt_take_steps(const vt_windows *windows, const vt_steps *s, int *who, Py_ssize_t n, double near2,
-                                double far2, int first)
-{
-#ifdef VT_AVX2
-    if (__builtin_cpu_supports("avx2")) return vt_take_steps_avx2(windows, s, who, n, near2, far2, first);
-#endif
-    return vt_take_steps_by(windows, s, who, n, near2, far2, first);
-}
+VT_CHOOSE(int, vt_step, (const vt_steps *s, const double *sums, Py_ssize_t i, Py_ssize_t norm, double x, double y,
+                         double near2, double far2, int first), (s, sums, i, norm, x, y, near2, far2, first))
+VT_CHOOSE(Py_ssize_t, vt_take_steps, (const vt_windows *windows, const vt_steps *steps, int *who, Py_ssize_t n,
+                                      double near2, double far2, int first),
+          (windows, steps, who, n, near2, far2, first))

@@ -38,7 +38,7 @@ KIND = np.dtype(
 #: with as many rows as there are, and 1.5 times with 1 window ahead.
 #: row, end, stride  bytes: the next row, the first that is not wanted, and from row to row
 #: first, beyond     bytes: what is wanted of each
-#: rows              for each window at most
+#: rows              for four windows at most
 #: ahead             bytes: as far beyond the middle of the window in hand
 FETCH = np.dtype([(name, np.intp) for name in ("row", "end", "stride", "first", "beyond", "rows", "ahead")])
 
