@@ -257,9 +257,10 @@ class Mesh:
             u, v = rest[n + k, 0], rest[n + k, 1]
             x = u + affine_x[0] + affine_x[1] * u + affine_x[2] * v
             y = v + affine_y[0] + affine_y[1] * u + affine_y[2] * v
-            for i in range(self.start[k], self.start[k + 1]):
-                x += weight[i] * residual[near[i]]
-                y += weight[i] * residual[near[i] + 1]
+            for i in range(self.start[k], self.start[k + 1], 2):
+                for j in range(i, i + 2):
+                    x += weight[j] * residual[near[j]]
+                    y += weight[j] * residual[near[j] + 1]
             points[n + k, 0], points[n + k, 1] = x, y
             x_of[n + k], y_of[n + k] = x, y
         return self._update(self.areas)
