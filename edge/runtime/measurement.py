@@ -14,7 +14,8 @@ from edge.calibration import Calibration
 from edge.drift import PARAMS as DRIFT
 from edge.drift import Drift, DriftParams
 from edge.errors import CalibrationError, EdgeError, SourceError
-from edge.faults.detector import NO_CALIBRATION, FaultDetector
+from edge.faults.detector import FaultDetector
+from edge.faults.judge import NO_CALIBRATION
 from edge.faults.registry import FaultRegistry
 from edge.frame import Pipeline
 from edge.params import PARAMS as RUNTIME
