@@ -138,7 +138,6 @@ def play() -> None:
     from edge.link.state_packer import StatePacker
     from edge.pins import take_rest
     from edge.rest.tip_match import in_order_of
-    from hostlink.wire import Contact, State
     from tests.bench.frames import calibration_of, scene
     from tests.edge.calibration.test_evaluation import INPUTS, MODELS
 
@@ -158,8 +157,7 @@ def play() -> None:
     frame_counts.which_reach((0.1, 0.9, True), [0.2, 0.5], 1)
     corners = np.rint(rest.xy_img[20:24]).astype(np.int32)
     frame_counts.FocusWindows(corners, 7, 20).measure(image, np.empty((4, 2)))
-    StatePacker().pack(vars(State(displacement_mm=1.0, contacts=(Contact(1.0, -1.0),))))
-    StatePacker().pack(vars(State(sample=1, contact_n=1, contacts=(Contact(1.0, -1.0, 0.5),))))
+    StatePacker().to_state(result, 1, 0, 1)
     ModelKernel(INPUTS, MODELS)
 
 
