@@ -139,7 +139,6 @@ def play() -> None:
     from edge.link.state_packer import StatePacker
     from edge.pins import take_rest
     from edge.rest.tip_match import in_order_of
-    from hostlink.wire import Contact, State
     from tests.bench.frames import calibration_of, scene
     from tests.edge.calibration.test_evaluation import INPUTS, MODELS
 
@@ -161,8 +160,7 @@ def play() -> None:
     judge.begin(frames[-1], 10**9)
     judge.learn(rest, frames[-1], True)
     judge.judge(frames[-1], result, 0.0)
-    StatePacker().pack(vars(State(displacement_mm=1.0, contacts=(Contact(1.0, -1.0),))))
-    StatePacker().pack(vars(State(sample=1, contact_n=1, contacts=(Contact(1.0, -1.0, 0.5),))))
+    StatePacker().to_state(result, 1, 0, 1)
     ModelKernel(INPUTS, MODELS)
 
 
