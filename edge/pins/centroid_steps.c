@@ -206,7 +206,7 @@ static inline void vt_sums_neon(const unsigned char *restrict w, const short *t,
     const signed char *pv = uv + n;
     const unsigned char *const end = w + n;
     int32x4_t d = {0}, ex = {0}, ey = {0}, u = {0}, v = {0};
-    uint32x4_t one = {0}, w2 = {0};
+    uint32x4_t one = {0}, w2 = vdupq_n_u32(-4096 * (unsigned)n); /* a quarter of 128 x 128 */
     const uint8x16_t middle = vdupq_n_u8(128);
     do {
         const uint8x16x2_t p = vld1q_u8_x2(w);
@@ -226,8 +226,7 @@ static inline void vt_sums_neon(const unsigned char *restrict w, const short *t,
         VT_ADD_SIGNED(u, uv);
         VT_ADD_SIGNED(v, pv);
     } while ((w += 32) < end);
-    w2 = vsubq_u32(vmlaq_n_u32(w2, one, 256), vdupq_n_u32(4096 * (unsigned)n)); /* a quarter of 128 x 128 */
-    const int32x4_t level = vreinterpretq_s32_u32(one), square = vreinterpretq_s32_u32(w2);
+    const int32x4_t level = vreinterpretq_s32_u32(one), square = vreinterpretq_s32_u32(vmlaq_n_u32(w2, one, 256));
     const int32x4_t four = vpaddq_s32(vpaddq_s32(d, ex), vpaddq_s32(ey, level));
     const int32x4_t rest = vpaddq_s32(vpaddq_s32(u, v), vpaddq_s32(square, (int32x4_t){1}));
     vst1q_f64(sums, vmulq_f64(VT_DOUBLES(vget_low_s32(four)), vld1q_f64(norm)));
@@ -442,19 +441,21 @@ VT_INLINE static inline Py_ssize_t vt_take_steps_by(const vt_windows *windows, c
     const double *const begin = first ? s.predicted : s.xy, to_middle = s.side > 1.0 ? 0.0 : 2.0; /* phases */
     const double to_place = 0.125 - 0.25 * to_middle;
     while (j < n) {
-        Py_ssize_t taken = 0;
-        for (; j < n && taken < VT_MANY; j++) {
-            const int i = who[j];
+        vt_start *to = from;
+        for (const Py_ssize_t end = n - j < VT_MANY ? n : j + VT_MANY; j < end; j++) {
+            const unsigned i = (unsigned)who[j];
             const vt_two at = 4.0 * *(const vt_any_two *)(begin + 2 * i) + to_middle; /* phases */
             const vt_mask_two inside = (at >= least) & (at < beyond);
             if (!(inside[0] & inside[1])) {
-                who[asked++] = 2 * i;
+                who[asked++] = (int)(2 * i);
                 continue;
             }
-            const int x = (int)at[0], y = (int)at[1], norm = s.norm_of[i] + (y & 3) * 4 + (x & 3);
-            from[taken++] = (vt_start){0.25 * x + to_place, 0.25 * y + to_place, (size_t)i, (size_t)norm,
-                                       (size_t)((y >> 2) * s.stride + (x >> 2))};
+            const int x = (int)at[0], y = (int)at[1];
+            const unsigned column = (unsigned)x, row = (unsigned)y, norm = (unsigned)s.norm_of[i];
+            *to++ = (vt_start){0.25 * x + to_place, 0.25 * y + to_place, i, norm + row % 4 * 4 + column % 4,
+                               row / 4 * (size_t)s.stride + column / 4};
         }
+        const Py_ssize_t taken = to - from;
         vt_sum_windows(windows, from, taken, sums);
         vt_fill(from, sums, taken);
         for (Py_ssize_t k = 0; k < taken; k += VT_PINS) {
