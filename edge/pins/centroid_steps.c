@@ -2,7 +2,7 @@
  * `centroid_steps.py` describes both, and is the same for uncompiled runs to the last bit.
  *
  * All sums are exact integers. The support's pixels are copied together, row after row, which takes a fifth of the
- * instructions; then seven sums are formed in one pass. AVX2, chosen at run time, and NEON have loops of their own: GCC 12
+ * instructions; then seven sums are formed in one pass. AVX2, chosen at run time, and NEON have loops of their own: GCC
  * needs 2 and 1.3 times as many instructions for the plain one. Steps are of as many pins at a time as vectors hold.
  */
 #include <math.h>
@@ -190,7 +190,8 @@ __attribute__((target("avx2"))) static inline void vt_sums_avx2(const unsigned c
         VT_STAY; \
         const int8x16x2_t q = vld1q_s8_x2(p); \
         const int16x8_t two = vmlal_high_s8(vmull_s8(vget_low_s8(s[0]), vget_low_s8(q.val[0])), s[0], q.val[0]); \
-        sum = vpadalq_s16(sum, vmlal_high_s8(vmlal_s8(two, vget_low_s8(s[1]), vget_low_s8(q.val[1])), s[1], q.val[1])); \
+        const int16x8_t three = vmlal_s8(two, vget_low_s8(s[1]), vget_low_s8(q.val[1])); \
+        sum = vpadalq_s16(sum, vmlal_high_s8(three, s[1], q.val[1])); \
         p += 32; \
     } while (0)
 #define VT_SQUARES(s) vreinterpretq_u16_s16(vmlal_high_s8(vmull_s8(vget_low_s8(s), vget_low_s8(s)), s, s))
@@ -243,8 +244,8 @@ static inline void vt_sums_neon(const unsigned char *restrict w, const short *t,
 typedef struct {
     double x, y;
     size_t pin, norm, begin;
+    const double *norms; /* the row `norm` of them */
 } vt_start;
-typedef void vt_sum(const vt_windows *, const vt_start *, Py_ssize_t n, double *sums);
 
 /* The sums of n windows, 8 each; sums_of: of bytes; none: of blocks. */
 VT_INLINE static inline void vt_sum_windows_by(vt_sums_of *sums_of, const vt_windows *windows, const vt_start *from,
@@ -257,17 +258,16 @@ VT_INLINE static inline void vt_sum_windows_by(vt_sums_of *sums_of, const vt_win
         const Py_ssize_t *const step = w.steps + 2 * k->first_step, *const end = w.steps + 2 * k->end_step;
         const short *const t = w.values + k->first + 3 * k->plane * (from->norm % VT_PHASES);
         const signed char *const uv = w.uv + k->first_uv;
-        const double *const norm = w.norms + VT_NORM * from->norm;
         if (n % 4 == 0) vt_fetch_rows(w.image, w.fetch, (Py_ssize_t)from->begin);
         if (sums_of) {
             vt_take_rows(middle, step, end, w.pixels);
             memset(w.pixels + k->pixels, 0, 32);
-            sums_of(w.pixels, t, uv, k, norm, sums);
+            sums_of(w.pixels, t, uv, k, from->norms, sums);
         } else {
             short *const blocks = (short *)w.pixels;
             vt_add_rows(middle, step, end, w.fetch->stride, blocks);
             memset(blocks + k->pixels, 0, 64);
-            vt_sums_by(0, blocks, VT_MIDDLE, t, uv, k, norm, sums);
+            vt_sums_by(0, blocks, VT_MIDDLE, t, uv, k, from->norms, sums);
         }
         if (w.dark) { /* of the brightest less each level; the sums of the other templates are 0 */
             const double most = sums_of ? 255.0 : 255.0 * VT_SIDE * VT_SIDE, white = most * (double)k->pixels;
@@ -291,16 +291,16 @@ VT_SUM_WINDOWS(vt_sum_windows_avx2, vt_sums_avx2, __attribute__((target("avx2"))
 
 static void vt_sum_windows(const vt_windows *w, const vt_start *from, Py_ssize_t n, double *sums)
 {
-    vt_sum *sum_windows = w->side > 1 ? vt_sum_blocks : vt_sum_windows_plain;
 #ifdef VT_AVX2
-    if (w->side == 1 && __builtin_cpu_supports("avx2")) sum_windows = vt_sum_windows_avx2;
+    if (w->side == 1 && __builtin_cpu_supports("avx2")) vt_sum_windows_avx2(w, from, n, sums);
+    else
 #endif
-    sum_windows(w, from, n, sums);
+    (w->side > 1 ? vt_sum_blocks : vt_sum_windows_plain)(w, from, n, sums);
 }
 
 static void vt_sum_window(const vt_windows *w, Py_ssize_t begin, Py_ssize_t norm)
 {
-    const vt_start from = {0.0, 0.0, 0, (size_t)norm, (size_t)begin};
+    const vt_start from = {0.0, 0.0, 0, (size_t)norm, (size_t)begin, w->norms + VT_NORM * norm};
     vt_sum_windows(w, &from, 1, w->sums);
 }
 
@@ -353,7 +353,7 @@ static int vt_is_within_reach(const vt_steps *s, const vt_start *from, double ex
 {
     double *const xy = s->xy + 2 * from->pin;
     const double *const at = s->predicted + 2 * from->pin;
-    const double length = sqrt(ex * ex + ey * ey), longest = s->norms[VT_NORM * from->norm + 20];
+    const double length = sqrt(ex * ex + ey * ey), longest = from->norms[20];
     if (length > longest) xy[0] = from->x + longest / length * ex, xy[1] = from->y + longest / length * ey;
     const double dx = xy[0] - at[0], dy = xy[1] - at[1];
     return dx * dx + dy * dy <= s->reach2;
@@ -364,7 +364,7 @@ VT_INLINE static inline int vt_step_some(const vt_steps *s, const double *sums, 
                                          double far2, int first)
 {
     const double *sum[VT_PINS], *norm[VT_PINS];
-    for (int k = 0; k < VT_PINS; k++) sum[k] = sums + 8 * k, norm[k] = s->norms + VT_NORM * from[k].norm;
+    for (int k = 0; k < VT_PINS; k++) sum[k] = sums + 8 * k, norm[k] = from[k].norms;
     /* The numbers are taken where they are used, as there are few registers; they are numbered as in NORM. */
     VT_COLUMNS(sum, 0, a, tx, ty, level);
     VT_COLUMNS(norm, 8, inv_d, x_d, y_d, x_u);
@@ -423,7 +423,7 @@ VT_INLINE static inline int vt_step_by(const vt_steps *s, const double *sums, Py
                                        double y, double near2, double far2, int first)
 {
     double some[8 * VT_PINS];
-    vt_start from[VT_PINS] = {{x, y, (size_t)i, (size_t)norm, 0}};
+    vt_start from[VT_PINS] = {{x, y, (size_t)i, (size_t)norm, 0, s->norms + VT_NORM * norm}};
     memcpy(some, sums, 8 * sizeof *sums);
     vt_fill(from, some, 1);
     return vt_step_some(s, some, from, near2, far2, first) & 1;
@@ -451,9 +451,10 @@ VT_INLINE static inline Py_ssize_t vt_take_steps_by(const vt_windows *windows, c
                 continue;
             }
             const int x = (int)at[0], y = (int)at[1];
-            const unsigned column = (unsigned)x, row = (unsigned)y, norm = (unsigned)s.norm_of[i];
-            *to++ = (vt_start){0.25 * x + to_place, 0.25 * y + to_place, i, norm + row % 4 * 4 + column % 4,
-                               row / 4 * (size_t)s.stride + column / 4};
+            const unsigned column = (unsigned)x, row = (unsigned)y;
+            const size_t norm = (unsigned)s.norm_of[i] + row % 4 * 4 + column % 4;
+            *to++ = (vt_start){0.25 * x + to_place, 0.25 * y + to_place, i, norm,
+                               row / 4 * (size_t)s.stride + column / 4, s.norms + VT_NORM * norm};
         }
         const Py_ssize_t taken = to - from;
         vt_sum_windows(windows, from, taken, sums);
