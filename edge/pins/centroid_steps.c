@@ -9,8 +9,12 @@
 #include <string.h>
 #if defined(__x86_64__) && defined(__GNUC__)
 #define VT_AVX2
+#define VT_PINS 4 /* numbers that a vector holds; steps are of as many pins at once */
 #include <immintrin.h>
-#elif defined(__aarch64__) && defined(__ARM_NEON)
+#else
+#define VT_PINS 2
+#endif
+#if defined(__aarch64__) && defined(__ARM_NEON)
 #define VT_NEON
 #include <arm_neon.h>
 #endif
@@ -40,11 +44,7 @@ typedef struct {
 #define VT_PHASES 16
 #define VT_NORM 24 /* numbers of a phase, in the order of NORM */
 #define VT_UNROLL 6 /* steps at once: each kind has a multiple of it */
-#ifdef VT_NEON
-#define VT_LANES 16 /* bytes copied at once: of an address and an offset, which no instruction for 32 of them has */
-#else
-#define VT_LANES 32
-#endif
+#define VT_LANES (8 * VT_PINS) /* bytes of a vector, which are copied at once */
 #define VT_LINE 64 /* bytes that memory gives at a time */
 
 typedef unsigned char vt_lanes __attribute__((vector_size(VT_LANES), aligned(1), may_alias));
@@ -91,10 +91,8 @@ static inline void vt_fetch_rows(const unsigned char *image, vt_fetch *f, Py_ssi
     const Py_ssize_t until = most < ahead ? most : ahead, end = until < f->end ? until : f->end;
     for (; f->row < end; f->row += f->stride) {
         const unsigned char *line = image + f->row + f->first, *const beyond = image + f->row + f->beyond;
-        for (; line < beyond; line += 4 * VT_LINE) {
-            _Pragma("GCC unroll 4")
+        for (; line < beyond; line += 4 * VT_LINE)
             for (int k = 0; k < 4; k++) __builtin_prefetch(line + k * VT_LINE);
-        }
     }
 }
 
@@ -180,7 +178,6 @@ __attribute__((target("avx2"))) static inline void vt_sums_avx2(const unsigned c
     do { \
         VT_STAY; \
         const int16x8x4_t q = vld1q_s16_x4(p); \
-        _Pragma("GCC unroll 4") \
         for (int m = 0; m < 4; m++) \
             sum = vmlal_high_s16(vmlal_s16(sum, vget_low_s16(a[m]), vget_low_s16(q.val[m])), a[m], q.val[m]); \
         p += 32; \
@@ -213,7 +210,6 @@ static inline void vt_sums_neon(const unsigned char *restrict w, const short *t,
         const uint8x16x2_t p = vld1q_u8_x2(w);
         int16x8_t a[4];
         int8x16_t s[2];
-        _Pragma("GCC unroll 2")
         for (int m = 0; m < 2; m++) {
             a[2 * m] = vreinterpretq_s16_u16(vmovl_u8(vget_low_u8(p.val[m])));
             a[2 * m + 1] = vreinterpretq_s16_u16(vmovl_high_u8(p.val[m]));
@@ -292,8 +288,10 @@ VT_SUM_WINDOWS(vt_sum_windows_avx2, vt_sums_avx2, __attribute__((target("avx2"))
 static void vt_sum_windows(const vt_windows *w, const vt_start *from, Py_ssize_t n, double *sums)
 {
 #ifdef VT_AVX2
-    if (w->side == 1 && __builtin_cpu_supports("avx2")) vt_sum_windows_avx2(w, from, n, sums);
-    else
+    if (w->side == 1 && __builtin_cpu_supports("avx2")) {
+        vt_sum_windows_avx2(w, from, n, sums);
+        return;
+    }
 #endif
     (w->side > 1 ? vt_sum_blocks : vt_sum_windows_plain)(w, from, n, sums);
 }
@@ -304,17 +302,12 @@ static void vt_sum_window(const vt_windows *w, Py_ssize_t begin, Py_ssize_t norm
     vt_sum_windows(w, &from, 1, w->sums);
 }
 
-#ifdef VT_AVX2
-#define VT_PINS 4 /* of which steps are computed at once */
-#else
-#define VT_PINS 2
-#endif
 typedef double vt_two __attribute__((vector_size(16)));
 typedef double vt_any_two __attribute__((vector_size(16), aligned(8), may_alias));
 typedef long long vt_mask_two __attribute__((vector_size(16)));
-typedef double vt_pins __attribute__((vector_size(8 * VT_PINS)));
-typedef double vt_any_pins __attribute__((vector_size(8 * VT_PINS), aligned(8), may_alias));
-typedef long long vt_mask __attribute__((vector_size(8 * VT_PINS)));
+typedef double vt_pins __attribute__((vector_size(VT_LANES)));
+typedef double vt_any_pins __attribute__((vector_size(VT_LANES), aligned(8), may_alias));
+typedef long long vt_mask __attribute__((vector_size(VT_LANES)));
 
 /* The steps of a frame share this, as `steps_of` describes it. */
 typedef struct {
@@ -396,7 +389,6 @@ VT_INLINE static inline int vt_step_some(const vt_steps *s, const double *sums, 
     const vt_pins step_x = ex * inverse, step_y = ey * inverse, fit = VT_WHERE((left > 0.0) & seen, a2 / left);
 
     int goes_on = 0, any = 0;
-    _Pragma("GCC unroll 4")
     for (int k = 0; k < VT_PINS; k++) { /* of a pin that is not seen the place does not count */
         const size_t i = from[k].pin;
         s->amplitude[i] = amplitude[k], s->fit[i] = fit[k], s->sigma[i] = sqrt(variances[k]);
