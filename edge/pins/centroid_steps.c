@@ -2,15 +2,19 @@
  * `centroid_steps.py` describes both, and is the same for uncompiled runs to the last bit.
  *
  * All sums are exact integers. The support's pixels are copied together, row after row, which takes a fifth of the
- * instructions; then seven sums are formed in one pass. AVX2, chosen at run time, and NEON have loops of their own: GCC 12
+ * instructions; then seven sums are formed in one pass. AVX2, chosen at run time, and NEON have loops of their own: GCC
  * needs 2 and 1.3 times as many instructions for the plain one. Steps are of as many pins at a time as vectors hold.
  */
 #include <math.h>
 #include <string.h>
 #if defined(__x86_64__) && defined(__GNUC__)
 #define VT_AVX2
+#define VT_PINS 4 /* numbers that a vector holds; steps are of as many pins at once */
 #include <immintrin.h>
-#elif defined(__aarch64__) && defined(__ARM_NEON)
+#else
+#define VT_PINS 2
+#endif
+#if defined(__aarch64__) && defined(__ARM_NEON)
 #define VT_NEON
 #include <arm_neon.h>
 #endif
@@ -40,11 +44,7 @@ typedef struct {
 #define VT_PHASES 16
 #define VT_NORM 24 /* numbers of a phase, in the order of NORM */
 #define VT_UNROLL 6 /* steps at once: each kind has a multiple of it */
-#ifdef VT_NEON
-#define VT_LANES 16 /* bytes copied at once: of an address and an offset, which no instruction for 32 of them has */
-#else
-#define VT_LANES 32
-#endif
+#define VT_LANES (8 * VT_PINS) /* bytes of a vector, which are copied at once */
 #define VT_LINE 64 /* bytes that memory gives at a time */
 
 typedef unsigned char vt_lanes __attribute__((vector_size(VT_LANES), aligned(1), may_alias));
@@ -91,10 +91,8 @@ static inline void vt_fetch_rows(const unsigned char *image, vt_fetch *f, Py_ssi
     const Py_ssize_t until = most < ahead ? most : ahead, end = until < f->end ? until : f->end;
     for (; f->row < end; f->row += f->stride) {
         const unsigned char *line = image + f->row + f->first, *const beyond = image + f->row + f->beyond;
-        for (; line < beyond; line += 4 * VT_LINE) {
-            _Pragma("GCC unroll 4")
+        for (; line < beyond; line += 4 * VT_LINE)
             for (int k = 0; k < 4; k++) __builtin_prefetch(line + k * VT_LINE);
-        }
     }
 }
 
@@ -180,7 +178,6 @@ __attribute__((target("avx2"))) static inline void vt_sums_avx2(const unsigned c
     do { \
         VT_STAY; \
         const int16x8x4_t q = vld1q_s16_x4(p); \
-        _Pragma("GCC unroll 4") \
         for (int m = 0; m < 4; m++) \
             sum = vmlal_high_s16(vmlal_s16(sum, vget_low_s16(a[m]), vget_low_s16(q.val[m])), a[m], q.val[m]); \
         p += 32; \
@@ -190,7 +187,8 @@ __attribute__((target("avx2"))) static inline void vt_sums_avx2(const unsigned c
         VT_STAY; \
         const int8x16x2_t q = vld1q_s8_x2(p); \
         const int16x8_t two = vmlal_high_s8(vmull_s8(vget_low_s8(s[0]), vget_low_s8(q.val[0])), s[0], q.val[0]); \
-        sum = vpadalq_s16(sum, vmlal_high_s8(vmlal_s8(two, vget_low_s8(s[1]), vget_low_s8(q.val[1])), s[1], q.val[1])); \
+        const int16x8_t three = vmlal_s8(two, vget_low_s8(s[1]), vget_low_s8(q.val[1])); \
+        sum = vpadalq_s16(sum, vmlal_high_s8(three, s[1], q.val[1])); \
         p += 32; \
     } while (0)
 #define VT_SQUARES(s) vreinterpretq_u16_s16(vmlal_high_s8(vmull_s8(vget_low_s8(s), vget_low_s8(s)), s, s))
@@ -206,13 +204,12 @@ static inline void vt_sums_neon(const unsigned char *restrict w, const short *t,
     const signed char *pv = uv + n;
     const unsigned char *const end = w + n;
     int32x4_t d = {0}, ex = {0}, ey = {0}, u = {0}, v = {0};
-    uint32x4_t one = {0}, w2 = {0};
+    uint32x4_t one = {0}, w2 = vdupq_n_u32(-4096 * (unsigned)n); /* a quarter of 128 x 128 */
     const uint8x16_t middle = vdupq_n_u8(128);
     do {
         const uint8x16x2_t p = vld1q_u8_x2(w);
         int16x8_t a[4];
         int8x16_t s[2];
-        _Pragma("GCC unroll 2")
         for (int m = 0; m < 2; m++) {
             a[2 * m] = vreinterpretq_s16_u16(vmovl_u8(vget_low_u8(p.val[m])));
             a[2 * m + 1] = vreinterpretq_s16_u16(vmovl_high_u8(p.val[m]));
@@ -226,8 +223,7 @@ static inline void vt_sums_neon(const unsigned char *restrict w, const short *t,
         VT_ADD_SIGNED(u, uv);
         VT_ADD_SIGNED(v, pv);
     } while ((w += 32) < end);
-    w2 = vsubq_u32(vmlaq_n_u32(w2, one, 256), vdupq_n_u32(4096 * (unsigned)n)); /* a quarter of 128 x 128 */
-    const int32x4_t level = vreinterpretq_s32_u32(one), square = vreinterpretq_s32_u32(w2);
+    const int32x4_t level = vreinterpretq_s32_u32(one), square = vreinterpretq_s32_u32(vmlaq_n_u32(w2, one, 256));
     const int32x4_t four = vpaddq_s32(vpaddq_s32(d, ex), vpaddq_s32(ey, level));
     const int32x4_t rest = vpaddq_s32(vpaddq_s32(u, v), vpaddq_s32(square, (int32x4_t){1}));
     vst1q_f64(sums, vmulq_f64(VT_DOUBLES(vget_low_s32(four)), vld1q_f64(norm)));
@@ -244,8 +240,8 @@ static inline void vt_sums_neon(const unsigned char *restrict w, const short *t,
 typedef struct {
     double x, y;
     size_t pin, norm, begin;
+    const double *norms; /* the row `norm` of them */
 } vt_start;
-typedef void vt_sum(const vt_windows *, const vt_start *, Py_ssize_t n, double *sums);
 
 /* The sums of n windows, 8 each; sums_of: of bytes; none: of blocks. */
 VT_INLINE static inline void vt_sum_windows_by(vt_sums_of *sums_of, const vt_windows *windows, const vt_start *from,
@@ -258,17 +254,16 @@ VT_INLINE static inline void vt_sum_windows_by(vt_sums_of *sums_of, const vt_win
         const Py_ssize_t *const step = w.steps + 2 * k->first_step, *const end = w.steps + 2 * k->end_step;
         const short *const t = w.values + k->first + 3 * k->plane * (from->norm % VT_PHASES);
         const signed char *const uv = w.uv + k->first_uv;
-        const double *const norm = w.norms + VT_NORM * from->norm;
         if (n % 4 == 0) vt_fetch_rows(w.image, w.fetch, (Py_ssize_t)from->begin);
         if (sums_of) {
             vt_take_rows(middle, step, end, w.pixels);
             memset(w.pixels + k->pixels, 0, 32);
-            sums_of(w.pixels, t, uv, k, norm, sums);
+            sums_of(w.pixels, t, uv, k, from->norms, sums);
         } else {
             short *const blocks = (short *)w.pixels;
             vt_add_rows(middle, step, end, w.fetch->stride, blocks);
             memset(blocks + k->pixels, 0, 64);
-            vt_sums_by(0, blocks, VT_MIDDLE, t, uv, k, norm, sums);
+            vt_sums_by(0, blocks, VT_MIDDLE, t, uv, k, from->norms, sums);
         }
         if (w.dark) { /* of the brightest less each level; the sums of the other templates are 0 */
             const double most = sums_of ? 255.0 : 255.0 * VT_SIDE * VT_SIDE, white = most * (double)k->pixels;
@@ -292,30 +287,27 @@ VT_SUM_WINDOWS(vt_sum_windows_avx2, vt_sums_avx2, __attribute__((target("avx2"))
 
 static void vt_sum_windows(const vt_windows *w, const vt_start *from, Py_ssize_t n, double *sums)
 {
-    vt_sum *sum_windows = w->side > 1 ? vt_sum_blocks : vt_sum_windows_plain;
 #ifdef VT_AVX2
-    if (w->side == 1 && __builtin_cpu_supports("avx2")) sum_windows = vt_sum_windows_avx2;
+    if (w->side == 1 && __builtin_cpu_supports("avx2")) {
+        vt_sum_windows_avx2(w, from, n, sums);
+        return;
+    }
 #endif
-    sum_windows(w, from, n, sums);
+    (w->side > 1 ? vt_sum_blocks : vt_sum_windows_plain)(w, from, n, sums);
 }
 
 static void vt_sum_window(const vt_windows *w, Py_ssize_t begin, Py_ssize_t norm)
 {
-    const vt_start from = {0.0, 0.0, 0, (size_t)norm, (size_t)begin};
+    const vt_start from = {0.0, 0.0, 0, (size_t)norm, (size_t)begin, w->norms + VT_NORM * norm};
     vt_sum_windows(w, &from, 1, w->sums);
 }
 
-#ifdef VT_AVX2
-#define VT_PINS 4 /* of which steps are computed at once */
-#else
-#define VT_PINS 2
-#endif
 typedef double vt_two __attribute__((vector_size(16)));
 typedef double vt_any_two __attribute__((vector_size(16), aligned(8), may_alias));
 typedef long long vt_mask_two __attribute__((vector_size(16)));
-typedef double vt_pins __attribute__((vector_size(8 * VT_PINS)));
-typedef double vt_any_pins __attribute__((vector_size(8 * VT_PINS), aligned(8), may_alias));
-typedef long long vt_mask __attribute__((vector_size(8 * VT_PINS)));
+typedef double vt_pins __attribute__((vector_size(VT_LANES)));
+typedef double vt_any_pins __attribute__((vector_size(VT_LANES), aligned(8), may_alias));
+typedef long long vt_mask __attribute__((vector_size(VT_LANES)));
 
 /* The steps of a frame share this, as `steps_of` describes it. */
 typedef struct {
@@ -354,7 +346,7 @@ static int vt_is_within_reach(const vt_steps *s, const vt_start *from, double ex
 {
     double *const xy = s->xy + 2 * from->pin;
     const double *const at = s->predicted + 2 * from->pin;
-    const double length = sqrt(ex * ex + ey * ey), longest = s->norms[VT_NORM * from->norm + 20];
+    const double length = sqrt(ex * ex + ey * ey), longest = from->norms[20];
     if (length > longest) xy[0] = from->x + longest / length * ex, xy[1] = from->y + longest / length * ey;
     const double dx = xy[0] - at[0], dy = xy[1] - at[1];
     return dx * dx + dy * dy <= s->reach2;
@@ -365,7 +357,7 @@ VT_INLINE static inline int vt_step_some(const vt_steps *s, const double *sums, 
                                          double far2, int first)
 {
     const double *sum[VT_PINS], *norm[VT_PINS];
-    for (int k = 0; k < VT_PINS; k++) sum[k] = sums + 8 * k, norm[k] = s->norms + VT_NORM * from[k].norm;
+    for (int k = 0; k < VT_PINS; k++) sum[k] = sums + 8 * k, norm[k] = from[k].norms;
     /* The numbers are taken where they are used, as there are few registers; they are numbered as in NORM. */
     VT_COLUMNS(sum, 0, a, tx, ty, level);
     VT_COLUMNS(norm, 8, inv_d, x_d, y_d, x_u);
@@ -397,7 +389,6 @@ VT_INLINE static inline int vt_step_some(const vt_steps *s, const double *sums, 
     const vt_pins step_x = ex * inverse, step_y = ey * inverse, fit = VT_WHERE((left > 0.0) & seen, a2 / left);
 
     int goes_on = 0, any = 0;
-    _Pragma("GCC unroll 4")
     for (int k = 0; k < VT_PINS; k++) { /* of a pin that is not seen the place does not count */
         const size_t i = from[k].pin;
         s->amplitude[i] = amplitude[k], s->fit[i] = fit[k], s->sigma[i] = sqrt(variances[k]);
@@ -424,7 +415,7 @@ VT_INLINE static inline int vt_step_by(const vt_steps *s, const double *sums, Py
                                        double y, double near2, double far2, int first)
 {
     double some[8 * VT_PINS];
-    vt_start from[VT_PINS] = {{x, y, (size_t)i, (size_t)norm, 0}};
+    vt_start from[VT_PINS] = {{x, y, (size_t)i, (size_t)norm, 0, s->norms + VT_NORM * norm}};
     memcpy(some, sums, 8 * sizeof *sums);
     vt_fill(from, some, 1);
     return vt_step_some(s, some, from, near2, far2, first) & 1;
@@ -442,19 +433,22 @@ VT_INLINE static inline Py_ssize_t vt_take_steps_by(const vt_windows *windows, c
     const double *const begin = first ? s.predicted : s.xy, to_middle = s.side > 1.0 ? 0.0 : 2.0; /* phases */
     const double to_place = 0.125 - 0.25 * to_middle;
     while (j < n) {
-        Py_ssize_t taken = 0;
-        for (; j < n && taken < VT_MANY; j++) {
-            const int i = who[j];
+        vt_start *to = from;
+        for (const Py_ssize_t end = n - j < VT_MANY ? n : j + VT_MANY; j < end; j++) {
+            const unsigned i = (unsigned)who[j];
             const vt_two at = 4.0 * *(const vt_any_two *)(begin + 2 * i) + to_middle; /* phases */
             const vt_mask_two inside = (at >= least) & (at < beyond);
             if (!(inside[0] & inside[1])) {
-                who[asked++] = 2 * i;
+                who[asked++] = (int)(2 * i);
                 continue;
             }
-            const int x = (int)at[0], y = (int)at[1], norm = s.norm_of[i] + (y & 3) * 4 + (x & 3);
-            from[taken++] = (vt_start){0.25 * x + to_place, 0.25 * y + to_place, (size_t)i, (size_t)norm,
-                                       (size_t)((y >> 2) * s.stride + (x >> 2))};
+            const int x = (int)at[0], y = (int)at[1];
+            const unsigned column = (unsigned)x, row = (unsigned)y;
+            const size_t norm = (unsigned)s.norm_of[i] + row % 4 * 4 + column % 4;
+            *to++ = (vt_start){0.25 * x + to_place, 0.25 * y + to_place, i, norm,
+                               row / 4 * (size_t)s.stride + column / 4, s.norms + VT_NORM * norm};
         }
+        const Py_ssize_t taken = to - from;
         vt_sum_windows(windows, from, taken, sums);
         vt_fill(from, sums, taken);
         for (Py_ssize_t k = 0; k < taken; k += VT_PINS) {

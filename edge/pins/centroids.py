@@ -93,6 +93,7 @@ class CentroidKernel:
     _fetch: loops.Fetch[::1]  # as `sum_window` takes it
     _windows: loops.Windows  # of the image in hand
     _steps_of: loops.Steps  # to take in it
+    _every: cython.int[::1]  # 0 to n - 1
     _who: cython.int[::1]  # pins that have to take a step, and what `take_steps` says of them
     _values: cython.short[::1]  # of the templates
     _uv: cython.schar[::1]
@@ -142,6 +143,7 @@ class CentroidKernel:
         self._norms = np.concatenate(templates.norms)
         self._rows = self._columns = self._stride = -1  # none yet
         self._inner, self._who = np.zeros(4), np.zeros(self.n, np.int32)
+        self._every = np.arange(self.n, dtype=np.int32)
         if not 0 <= limits["spare_bits"] <= 12:
             raise ValueError(f"spare_bits of 0 to 12 are wanted, not {limits['spare_bits']}")
         self._reach2 = limits["reach_px"] ** 2
@@ -233,8 +235,7 @@ class CentroidKernel:
             self._image8, self._fetch, self._kinds, self._steps, self._values, self._uv, self._norms,
             self._pixels, self._sums, self._sign < 0, self._side,
         )  # fmt: skip
-        for i in range(n):
-            self._who[i] = i
+        self._who[:] = self._every
         while n > 0:
             asked = loops.take_steps(
                 self._windows, self._steps_of, self._who, n, self._near2, self._far2_of(iteration),
@@ -268,7 +269,7 @@ class CentroidKernel:
         high = 0.0
         for i in range(self.n):
             gain = amplitude[i] / at_rest[i]
-            low, high, worst = min(low, gain), max(high, gain), min(worst, fit[i])
+            low, high, worst = min(gain, low), max(gain, high), min(fit[i], worst)
         if worst > self._share_min and low > self._share_min * high:  # none is too dim, whatever the gain
             return
         for i in range(self.n):
