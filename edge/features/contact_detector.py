@@ -143,8 +143,8 @@ class ContactDetector:
         """Whether no `_median_area_change` of this frame is above a limit.
 
         An area change is the sum of the two slopes and a product of them less one of the cross slopes; these
-        are taken to be as large as they may be anywhere. So are the slopes, where all medians that they are of
-        are small enough. Medians are in single precision.
+        are taken to be as large as they may be anywhere, and so are slopes of small medians, if that is below
+        the limit. Medians are in single precision.
         """
         most: cython.double = 0.0
         total: cython.double
