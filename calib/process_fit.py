@@ -41,7 +41,7 @@ from scipy.linalg import block_diag, cholesky, solve_triangular
 
 from calib.carry_over import KnownModel, changed
 from calib.process_likelihood import Repeats, Settings, Symmetry, fit_settings
-from calib.process_noise import TOO_FEW, WITHIN, NoiseModel, fit_lost, fit_noise, likeliest_scales, scales_of
+from calib.process_noise import WITHIN, NoiseModel, fit_lost, fit_noise, likeliest_scales, scales_of
 from calib.ridge import blocks, share_of_pose
 from calib.terms import evaluate_terms, term_columns
 from edge.calibration.file import TERMS_MAX, Lost
@@ -360,7 +360,8 @@ class _Errors:
     def noise(self, rows: Mask | slice = EVERY) -> tuple[NoiseModel, NoiseModel | None, float]:
         """Noise of one output, or of two along the value, and across it; and their typical variance."""
         inputs, learnt, share = self._inputs[rows], self._learnt[rows], self._share[rows]
-        fitted = partial(fit_noise, inputs, self._names, learnt=learnt, share=share, constant=self._few)
+        constant = self._few or self._few_known
+        fitted = partial(fit_noise, inputs, self._names, learnt=learnt, share=share, constant=constant)
         if not self._turning or not self._all_round:
             one = fitted(squares=np.abs(self._error[rows]) ** 2, before=self._before[0])
             return one.over(one.level), None, one.level
@@ -376,14 +377,14 @@ class _Errors:
     def scale(self, group: Index) -> Array:
         """(outputs,) of sigma, that it covers as many errors as it should, with another tip's model no fewer.
 
-        So few errors that they hardly show how many are beyond two sigma make sigma no smaller with it.
+        Errors of few poses make sigma no smaller with it.
         """
         standardised, poses = self._standardised(group), float(self._share.sum())
         if self._few and not self._known:  # neither who is beyond two sigma, nor which output errs more
             return np.full(len(standardised), scales_of([np.concatenate(standardised)])[0, 0])
         if not self._known:
             return likeliest_scales(standardised, poses)
-        return np.asarray(scales_of(standardised, len(WITHIN)).max(axis=1, initial=float(poses <= TOO_FEW)))
+        return np.asarray(scales_of(standardised, len(WITHIN)).max(axis=1, initial=float(self._few_known)))
 
     def _standardised(self, group: Index) -> list[Array]:
         """Errors of each output over their deviation, by a noise that has not seen their group."""

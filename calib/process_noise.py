@@ -18,7 +18,6 @@ from edge.calibration.file import Lost
 from edge.types import Array, Complex
 
 __all__ = [
-    "TOO_FEW",
     "NoiseModel",
     "NoiseParams",
     "fit_lost",
@@ -50,8 +49,6 @@ class NoiseParams:
 PARAMS = NoiseParams()
 #: Shares of Gaussian errors within one, two and three sigma.
 WITHIN = ((1.0, 0.6827), (2.0, 0.9545), (3.0, 0.9973))
-#: Errors up to this number do not show how many are beyond two sigma.
-TOO_FEW = int(1.0 / (1.0 - WITHIN[1][1]))
 
 
 def scales_of(standardised: Sequence[Array], levels: int = 2) -> Array:
@@ -135,16 +132,15 @@ def fit_noise(
     """Likeliest for errors with these squares, of which the weights explain `learnt`.
 
     share   what each counts
-    before  another tip's, which this one departs from no further than the errors show: it is a multiple of
-            it, and not below it, if they are too few to show more; None: a constant
-    constant  of one tip alone it is the same in all frames
+    before  another tip's, which this one departs from no further than the errors show; None: a constant
+    constant  they show no more than one: all frames' noise, or a multiple of the other tip's, not below it
     """
     terms = before.terms if before else [[], *(() if constant else NOISE_TERMS)]
     psi = evaluate_terms(inputs, term_columns(terms, names)).real
     weights = before.weights if before else np.zeros(len(terms))
     times = np.exp(np.clip(psi @ weights, -60.0, 60.0))
     change = np.zeros(len(terms))
-    if before and share.sum() <= TOO_FEW:
+    if before and constant:
         change[0] = max(0.0, *_fit_log_variance(psi[:, :1], squares, learnt, times, share))
     else:
         change += _fit_log_variance(psi, squares, learnt, times, share)

@@ -1,15 +1,14 @@
 """The untouched tip, from frames of which none shows it: the pins' places extrapolated to no load.
 
-    motion of the pins = motion of the rest frame's own + load (a + b . rest of the truth)
+    motion of the pins = motion of the rest frame's own + load f(truth) + load^2 g(truth) + noise load^2
 
 The motion is in modes. The truth of each frame is known: its load (depth, or force), shear, tilt and so on.
-Without load none of the others has an effect, so that each of them comes multiplied by it, and each only in
-the modes that turn as it does when tip and touch are turned together: ten frames are enough for the unknowns
-that are left. What the formula leaves out begins with the square of the load, which is therefore the scale of
-its error: shallow frames count most, deep ones little.
+Without load none of the others has an effect, so that each comes multiplied by it. f and g are polynomials of
+second degree (as processes), in each mode those terms that turn as it does when tip and touch are turned
+together: ten frames are enough. How large g and the noise are is the likeliest for the motion.
 
 By how much a pin deviates from its neighbours is not extrapolated, which would amplify noise: it is the same
-with load and without, so that the mean over the frames is taken, with the same weights.
+with load and without, so that the mean over the frames is taken, shallow ones counting most.
 
 The estimate is better than the least deformed frame, whose own shear and tilt would be in every value later.
 Here they cancel; what remains is nearly the same all round.
@@ -20,13 +19,12 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import cv2
 import numpy as np
+from scipy.linalg import cholesky, solve_triangular
 
 from calib.designs import GROUPS
-from calib.process_likelihood import Symmetry
 from edge.features.modes import MODE_POWERS
 from edge.geometry.lattice import pitch_of
 from edge.geometry.parts import own_pins
@@ -46,13 +44,17 @@ class UnloadedParams:
 
     frames_min  with fewer there is no estimate
     reach       of the span of the loads: how far below the least of them no load may be
+    frames_max  the least pressed ones count
     """
 
     frames_min: int = 8
     reach: float = 5.0
+    frames_max: int = 200
 
 
 PARAMS = UnloadedParams()
+SPINS = np.array([1 - a + b for a, b in MODE_POWERS])
+TRIED = np.exp(np.arange(-5.0, 1.0))  # variances of g and of the noise at the mean load, over that of f
 
 
 def load_of(values: Mapping[str, Array]) -> Array | None:
@@ -81,9 +83,9 @@ def unloaded(
     known = np.isfinite(places).any(axis=(1, 2)) & (load > 0)
     if known.sum() < params.frames_min or load[known].min() > params.reach * np.ptp(load[known]):
         return None
-    modes = _modes(rest)
-    motion = np.array([_in_modes(modes, xy - rest.xy_img) for xy in places[known]])
-    xy = rest.xy_img + _xy(modes @ _at_no_load(motion, load[known], {k: v[known] for k, v in values.items()}))
+    modes, used = _modes(rest), np.flatnonzero(known)[np.argsort(load[known])[: params.frames_max]]
+    motion = np.array([_in_modes(modes, xy - rest.xy_img) for xy in places[used]])
+    xy = rest.xy_img + _xy(modes @ _at_no_load(motion, load[used], {k: v[used] for k, v in values.items()}))
     mean = _mean(places[known], load[known])
     mean = np.where(np.isfinite(mean), mean, xy)
     xy = mean + _xy(modes @ _in_modes(modes, xy - mean))
@@ -124,24 +126,46 @@ def _xy(motion: Complex) -> Array:
 def _at_no_load(motion: Complex, load: Array, values: Mapping[str, Array]) -> Complex:
     """(modes,) of the motion (frames, modes), whichever way each vector's axes lie in the image."""
     vectors: list[Complex] = []
-    others: list[Any] = [np.ones_like(load)]
+    others: Complex = np.zeros((len(load), len(load)), np.complex128)  # products of two frames' truth
     for group in GROUPS:
         parts = [values[name] for name in group.outputs if name in values and name not in LOADS]
         if len(parts) == len(group.outputs) and np.isfinite(parts).all() and np.ptp(parts) > 0:
-            column = parts[0] + (1j * parts[1] if group.symmetry is Symmetry.TURNING else 0.0)
-            column = column / np.sqrt((np.abs(column) ** 2).mean())
-            (vectors if group.symmetry is Symmetry.TURNING else others).append(column)
-    best, least = np.zeros(motion.shape[1], np.complex128), np.inf
+            column = np.asarray(np.array((1.0, 1j)[: len(parts)]) @ parts, np.complex128)
+            column /= np.sqrt((np.abs(column) ** 2).mean())
+            if len(parts) == 2:
+                vectors.append(column)
+            else:
+                others += np.outer(column, column)
+    load = load / np.sqrt((load**2).mean())
+    found = []
     for ways in itertools.product((False, True), repeat=len(vectors)):
         turning = [v.conj() if mirrored else v for v, mirrored in zip(vectors, ways, strict=True)]
-        of_spin = {0: others, 1: turning, -1: [v.conj() for v in turning]}
-        found, left = np.zeros_like(best), 0.0
-        for k, (a, b) in enumerate(MODE_POWERS):
-            columns = [np.ones_like(load), *(load * one for one in of_spin.get(1 - a + b, ()))]
-            design = np.column_stack(columns).astype(np.complex128) / load[:, None] ** 2
-            weights = np.linalg.lstsq(design, motion[:, k] / load**2, rcond=None)[0]
-            left += float((np.abs(design @ weights - motion[:, k] / load**2) ** 2).sum())
-            found[k] = weights[0]
-        if left < least:
-            best, least = found, left
-    return best
+        vector = sum((np.outer(v, v.conj()) for v in turning), np.zeros_like(others))
+        # The part of 1 + k + k^2 with each spin, where k = others + Re(vector turned).
+        alike = {1: (0.5 + others) * vector, 2: vector**2 / 4.0}
+        alike |= {-spin: one.conj() for spin, one in alike.items()}
+        alike[0] = 1.0 + others + others**2 + vector * vector.conj() / 2.0
+        found += [_likely(bend, noise, alike, motion, load) for bend in TRIED for noise in TRIED]
+    return min(found, key=lambda one: one[0])[1]
+
+
+def _likely(
+    bend: float, noise: float, alike: Mapping[int, Complex], motion: Complex, load: Array
+) -> tuple[float, Complex]:
+    """How unlikely the motion is, and the likeliest at no load (modes,).
+
+    bend, noise  variances of g and of the noise
+    alike        (frames, frames) by spin, covariance of f
+    """
+    cost, found = 0.0, np.zeros(motion.shape[1], np.complex128)
+    both = np.column_stack([np.ones(len(load)), motion]) / load[:, None] ** 2
+    for spin in np.unique(SPINS):
+        covariance = alike.get(spin, 0.0) * (1.0 / np.outer(load, load) + bend) + noise * np.eye(len(load))
+        root, these = cholesky(covariance, lower=True), np.flatnonzero(spin == SPINS)
+        one, *left = solve_triangular(root, both[:, [0, *(these + 1)]], lower=True).T
+        size = np.vdot(one, one).real
+        for mode, row in zip(these, left, strict=True):
+            found[mode] = np.vdot(one, row) / size
+            rest = np.linalg.norm(row - found[mode] * one)
+            cost += np.log(np.diag(root).real).sum() + 0.5 * np.log(size) + (len(load) - 1) * np.log(rest)
+    return float(cost), found
