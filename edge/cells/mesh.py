@@ -187,12 +187,10 @@ class Mesh:
             raise DegenerateLayout("no triangulation: coordinates out of range")
         self._sum_exactly()
         self._share()
-        area: cython.double[::1] = self.area
-        total: cython.double = 0.0
+        self.total_area = 0.0
         for i in range(self.n_pins):
-            areas[i] = 0.125 * area[i] if area[i] < INFINITY else NAN
-            total += areas[i]
-        self.total_area = total
+            areas[i] = 0.125 * self.area[i] if self.area[i] < INFINITY else NAN
+            self.total_area += areas[i]
         return self.changes
 
     def attach(self, rest: Array, rim: Index, motion: RimMotion, points: Array, areas: Array) -> None:

@@ -73,7 +73,6 @@ class ContactDetector:
         self._noise_frames_n = PARAMS.noise_frames_n
         self._rounding = 8.0 * float(np.finfo(np.float32).eps)  # of sums over a ring: 11 times half of it
         of_x, of_y = np.abs(slope).sum(axis=2).T
-        self._sums = (of_x + of_y).astype(np.float32)
         self._most_sum, self._most_product = float((of_x + of_y).max()), float((of_x * of_y).max())
         self._blocks_n = blocks_n = -(-n // 32) if width == N_RING + 1 else 0
         missing = max(0, 32 * blocks_n - n)
@@ -82,7 +81,6 @@ class ContactDetector:
         self._first_user = np.searchsorted(np.sort(ring, axis=None), np.arange(n + 1)).astype(np.int32)
         self._is_bent = np.zeros(n, np.uint8)
         self._motion, self._medians = np.zeros((2, 2 * (n + missing)), np.float32)
-        self._gathered = np.zeros(2 * 32 * width, np.float32)
 
     def cell_noise(self, sigma_px: float) -> float:
         """One-sigma noise of a single cell's relative area change."""
@@ -142,24 +140,25 @@ class ContactDetector:
     def _are_below(self, xy: Array, mean: Array, limit: float) -> bool:
         """Whether no `_median_area_change` of this frame is above a limit.
 
-        An area change is the sum of the two slopes and a product of them less one of the cross slopes; these
-        are taken to be as large as they may be anywhere. So are the slopes, where all medians that they are of
-        are small enough. Medians are in single precision.
+        Medians are in single precision. An area change is the sum of the two slopes and a product of them
+        less one of the cross slopes; these are taken to be as large as they may be anywhere, and so are the
+        slopes of small medians, if that is below the limit.
         """
         most: cython.double = 0.0
         total: cython.double
         motion: cython.float[::1] = self._motion
         medians: cython.float[::1] = self._medians
-        own: cython.float[::1] = self._gathered
         is_bent: cython.uchar[::1] = self._is_bent
-        users: cython.int[::1] = self._users
-        sums: cython.float[::1] = self._sums
         largest: cython.float[64] = [0.0] * 64
+        own: cython.float[448] = [0.0] * 448
         for i in range(self._n):
             motion[2 * i] = cython.cast(cython.float, xy[i, 0] - self._rest[i, 0] - mean[0])
             motion[2 * i + 1] = cython.cast(cython.float, xy[i, 1] - self._rest[i, 1] - mean[1])
         for block in range(self._blocks_n):
-            self._gather(motion, 32 * block)
+            for i in range(32):  # the values of the pins of a block of rings, ring by ring
+                for k in range(7):
+                    j = self._twice[32 * block + i, k]
+                    own[64 * k + 2 * i], own[64 * k + 2 * i + 1] = motion[j], motion[j + 1]
             # Exchanges that leave the median of seven: Devillard, "Fast median search", 1998.
             for i in range(64):
                 a, b, c, d = own[i], own[64 + i], own[128 + i], own[192 + i]
@@ -180,14 +179,10 @@ class ContactDetector:
         sizes = self._most_sum * (most + fabs(mean[0]) + fabs(mean[1]))
         limit -= 2.0 * self._most_product * most * most + self._rounding * (sizes + self._rounding)
         is_bent[:] = False
-        for i in range(64):
-            if self._most_sum * largest[i] > limit:
-                for block in range(self._blocks_n):
-                    size = fabs(medians[64 * block + i])
-                    at = min(32 * block + i // 2, self._n - 1)
-                    if self._most_sum * size > limit:
-                        for user in range(self._first_user[at], self._first_user[at + 1]):
-                            is_bent[users[user]] |= sums[users[user]] * size > limit
+        for i in range(self._n):
+            if self._most_sum * max(fabs(medians[2 * i]), fabs(medians[2 * i + 1])) > limit:
+                for user in range(self._first_user[i], self._first_user[i + 1]):
+                    is_bent[self._users[user]] = True
         for i in range(self._n):
             if is_bent[i]:
                 total = 0.0
@@ -197,15 +192,6 @@ class ContactDetector:
                 if not total <= limit:
                     return False
         return True
-
-    def _gather(self, values: cython.float[::1], first: cython.Py_ssize_t) -> None:
-        """The values of the pins of a block of rings, ring by ring."""
-        own: cython.float[::1] = self._gathered
-        for i in range(32):
-            for k in range(7):
-                j = self._twice[first + i, k]
-                x, y = values[j], values[j + 1]
-                own[64 * k + 2 * i], own[64 * k + 2 * i + 1] = x, y
 
     def by_motion(self, xy: Array, sigma_px: float) -> bool:
         """Decide without areas: do pins move against each other beyond their noise?

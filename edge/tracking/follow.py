@@ -193,10 +193,9 @@ class Follower:
         goes_on = 2.0 * self.share >= 1.0 and not strayed
         is_held = goes_on and not self._is_too_few(leapt)
         self.baseline_share += (self.share - self.baseline_share) / self.baseline_frames
+        self.step_most = HUGE_VAL
         if is_held:
             self._accept()
-        else:
-            self.step_most = HUGE_VAL
         xy, sigma, seen = [copies.take() for copies in self.results]
         return xy, sigma, seen, seen_n, self.autocorrelation, goes_on, is_held
 
@@ -297,10 +296,7 @@ class Follower:
         longest2: cython.double = 0.0
         self._predict_from_neighbours(xy, True)
         for i in range(self.n):
-            self._set_residual(xy, residual, i)
-            x = cython.cast(cython.double, residual[2 * i])
-            y = cython.cast(cython.double, residual[2 * i + 1])
-            longest2 = max(longest2, x * x + y * y)
+            longest2 = max(longest2, self._set_residual(xy, residual, i))
         return sqrt(longest2)
 
     @cython.cfunc
@@ -338,11 +334,15 @@ class Follower:
     @cython.inline
     def _set_residual(
         self, xy: cython.const[cython.double][:, ::1], residual: cython.float[::1], i: cython.Py_ssize_t
-    ) -> cython.void:
-        """The motion of pin i since rest beside what its neighbours predict."""
+    ) -> cython.double:
+        """The motion of pin i since rest beside what its neighbours predict; the square of its length."""
+        x: cython.double
+        y: cython.double
         for d in range(2):
             own = xy[i, d] - self.rest[i, d] - self.predicted[2 * i + d]
             residual[2 * i + d] = cython.cast(cython.float, own)
+        x, y = residual[2 * i], residual[2 * i + 1]
+        return x * x + y * y
 
     @cython.cfunc
     def _reject_by_residual(self, found: cython.const[cython.double][:, ::1]) -> cython.bint:
@@ -359,21 +359,17 @@ class Follower:
         is_within: cython.uchar
         changed: cython.uchar = 0
         longest2: cython.double = 0.0
-        x: cython.double
-        y: cython.double
         for i in range(self.n):
             most2 = change2 = self.pitch2[i]
             if not self.last_seen[i]:
                 most2 *= 0.5**2
                 change2 *= 2.0 if 2 * self._seen_near(i) >= self.closest.shape[1] else 0.0
-            self._set_residual(found, residual, i)
-            x = residual[2 * i]
-            y = residual[2 * i + 1]
-            dx = x - last[2 * i]
-            dy = y - last[2 * i + 1]
-            longest2 = x * x + y * y if x * x + y * y > longest2 else longest2
+            size2 = self._set_residual(found, residual, i)
+            dx = cython.cast(cython.double, residual[2 * i]) - last[2 * i]
+            dy = cython.cast(cython.double, residual[2 * i + 1]) - last[2 * i + 1]
+            longest2 = size2 if size2 > longest2 else longest2
             # NaN, not found, is not within.
-            is_within = (x * x + y * y < most2) & (dx * dx + dy * dy < self.change2 * change2)
+            is_within = (size2 < most2) & (dx * dx + dy * dy < self.change2 * change2)
             changed |= is_within ^ seen[i]
             seen[i] = is_within
         self.residual_most = sqrt(longest2)
@@ -381,10 +377,7 @@ class Follower:
 
     @cython.cfunc
     def _keep_apart(self, found: cython.const[cython.double][:, ::1], step: cython.double) -> cython.void:
-        """Lose the one with the larger innovation of two pins that came too near to each other.
-
-        step  px, the longest of a pin since the last frame, if both have all
-        """
+        """Lose the one with the larger innovation of two pins that came too near; step as of `Separation`."""
         if self.separation.holds(found, step):
             return
         least: cython.double = HUGE_VAL

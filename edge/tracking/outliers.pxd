@@ -26,6 +26,7 @@ cdef class PhotometricFilter:
     cdef bint find_doubts(
         self, const double[::1] brightness, const double[::1] sigma, const unsigned char[::1] seen, bint searched
     ) noexcept nogil
+    cdef double _median(self, const double[::1] of, const unsigned char[::1] seen) noexcept nogil
     cdef Py_ssize_t _below(self, const double[::1] values, double limit) noexcept nogil
     cdef void filter(
         self, const double[::1] brightness, const double[::1] sigma, const float[::1] residual,

@@ -253,11 +253,8 @@ class PhotometricFilter:
         sigmas: cython.double = self.ratio * _SIGMA_OF_MAD  # that count, in median absolute deviations
         sigma_ratio_max: cython.double = HUGE_VAL if searched else self.sigma_ratio_max
         m: cython.Py_ssize_t = 0
-        within: cython.Py_ssize_t = 0
-        low: cython.double = HUGE_VAL
-        high: cython.double = 0.0
-        narrowest: cython.double = HUGE_VAL
-        widest: cython.double = 0.0
+        low = narrowest = HUGE_VAL
+        high = widest = 0.0
         for i in range(self.n):
             off[i] = HUGE_VAL
             if seen[i]:
@@ -271,31 +268,20 @@ class PhotometricFilter:
                 m += 1
         # No median is needed where half of the pins or more are so near to the dimmest one, as many to the
         # brightest and to the one with the largest sigma, that these are near enough to it.
-        least = high / (1.0 + self.brightness_change_min)
-        most = low / (1.0 - self.brightness_change_min)
+        least, most = high / (1.0 + self.brightness_change_min), low / (1.0 - self.brightness_change_min)
         widest /= sigma_ratio_max
         are_narrow: cython.bint = narrowest >= widest or self._below(sigma, widest) <= m // 2
-        are_alike: cython.bint = low >= least or self._below(off, least) <= m // 2
-        if are_narrow and are_alike and (high <= most or self._below(off, most) > m // 2):
+        are_alike: cython.bint = are_narrow and (low >= least or self._below(off, least) <= m // 2)
+        if are_alike and (high <= most or self._below(off, most) > m // 2):
             return False
-        m = 0
-        for i in range(self.n):
-            values[m] = off[i]
-            m += seen[i]
-        gain = select_kth(values, m, m // 2)
+        gain = self._median(off, seen)
         change_max = self.brightness_change_min * gain
-        for i in range(m):
-            values[i] = fabs(values[i] - gain)
-            within += sigmas * values[i] <= change_max
-        if within <= m // 2:  # else the median is
+        near = change_max / sigmas
+        if self._below(off, gain + near) - self._below(off, gain - near) <= m // 2:  # else the median is
+            for i in range(m):
+                values[i] = fabs(values[i] - gain)
             change_max = sigmas * select_kth(values, m, m // 2)
-        sigma_max = HUGE_VAL
-        if not are_narrow:
-            m = 0
-            for i in range(self.n):
-                values[m] = sigma[i]
-                m += seen[i]
-            sigma_max = sigma_ratio_max * select_kth(values, m, m // 2)
+        sigma_max = HUGE_VAL if are_narrow else sigma_ratio_max * self._median(sigma, seen)
         for i in range(self.n):
             trusted[i] = (
                 seen[i] & (not fabs(off[i] - gain) > change_max) & (not sigma[i] > sigma_max * sigma_ratio[i])
@@ -303,6 +289,17 @@ class PhotometricFilter:
             some |= seen[i] ^ trusted[i]
         self.gain = gain
         return some != 0
+
+    def _median(
+        self, of: cython.const[cython.double][::1], seen: cython.const[cython.uchar][::1]
+    ) -> cython.double:
+        """Of the seen pins; the upper one of two."""
+        values: cython.double[::1] = self.values
+        m: cython.Py_ssize_t = 0
+        for i in range(self.n):
+            values[m] = of[i]
+            m += seen[i]
+        return select_kth(values, m, m // 2)
 
     def _below(self, values: cython.const[cython.double][::1], limit: cython.double) -> cython.Py_ssize_t:
         """How many of the pins have less."""
