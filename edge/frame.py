@@ -98,8 +98,8 @@ class _View:
         tracks, searched = self._locate(frame.image)
         if searched:
             self._extractor.forget_contacts()
-        if tracks.confidence < Tracks.LOW_CONFIDENCE and not (even_untrusted and tracks.n_seen >= 3):
-            return Result(frame, tracks, None, None, uncalibrated(), searched)
+            if tracks.confidence < Tracks.LOW_CONFIDENCE and not (even_untrusted and tracks.n_seen >= 3):
+                return Result(frame, tracks, None, None, uncalibrated(), searched)
         moved = tracks
         if drift is not None and drift.learnt:
             t, extractor = tracks, self._extractor

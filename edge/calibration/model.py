@@ -186,7 +186,6 @@ class Calibration:
         return self._at_rest[1]
 
     def _reading_of(self, features: Features, pattern: PinPattern, interval_s: float | None) -> Reading:
-        saturated: frozenset[str] = frozenset()
         if features.in_contact:
             # None: not looked for, as nothing in demand depends on them.
             is_light = features.contacts == () and self.light_models is not self.frame_models
@@ -195,7 +194,7 @@ class Calibration:
             if is_light:
                 values, sigmas = self._unknown | values, self._unknown | sigmas
         else:
-            values, sigmas = self._untouched.copy(), self._untouched_sigmas.copy()
+            values, sigmas, saturated = self._untouched.copy(), self._untouched_sigmas.copy(), frozenset()
         found = features.contacts if self._gives_contacts else None
         derive(features, found, values, sigmas, interval_s, self.mm_per_px)
         if not found:

@@ -88,14 +88,10 @@ class StatePacker:
         self.tracked, self.count = at["pins_tracked"], at["contact_n"]
 
     def to_state(
-        self,
-        measured: Result | None,
-        sample: cython.longlong,
-        status: cython.longlong,
-        capture_time_us: cython.longlong,
-        latency_us: cython.double = NAN,
+        self, measured: Result | None, sample: cython.longlong, status: cython.longlong,
+        capture_time_us: cython.longlong, latency_us: cython.double = NAN,
         temperature_degc: cython.double = NAN,
-    ) -> State:
+    ) -> State:  # fmt: skip
         """The sample of one frame, packed; it keeps the numbers as they were before that, too.
 
         measured          None: there is no rest frame, or no image
