@@ -159,14 +159,13 @@ class LinkSink(ABC):
         items = self.encode(state, number)
         if medium.instant and not self._queue.sample_ahead and self._writing.acquire(False):
             try:
-                sent = self._write(medium, items)
-                if sent:
+                if self._write(medium, items):
                     self._sent_at_once_n += 1
+                    return True
             finally:
                 self._writing.release()
-            if not sent:
-                self._count("dropped")
-            return sent
+            self._count("dropped")
+            return False
         with self._changed:
             # If the medium was lost meanwhile, queued samples would be old when the link is back.
             kept = self._medium is medium and self._queue.put_sample(items)
