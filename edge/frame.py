@@ -118,7 +118,9 @@ class _View:
             reading = uncalibrated(features)
         else:
             before_ns, self._capture_ns = self._capture_ns, frame.capture_ns
-            interval_s = None if before_ns is None else (frame.capture_ns - before_ns) * 1e-9
+            interval_s = None  # which only a speed of slip needs
+            if before_ns is not None and features.slip_px is not None:
+                interval_s = (frame.capture_ns - before_ns) * 1e-9
             reading = self._calibration.apply(features, self._rest.pattern, interval_s, self.demand)
         return Result(frame, tracks, cells, features, reading, searched)
 

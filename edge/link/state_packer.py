@@ -142,8 +142,9 @@ class StatePacker:
             self.known[i] = value
         sigmas: dict[str, float] = reading.sigmas
         for i, one, other in self.sigmas:
-            if one in sigmas:
-                self.known[i] = max(sigmas[one], sigmas[other])
+            sigma: object = sigmas.get(one)
+            if sigma is not None:
+                self.known[i] = max(cython.cast(cython.double, sigma), sigmas[other])
         n: cython.Py_ssize_t = len(reading.contacts)
         self.known[self.count] = n
         if n > 0:
