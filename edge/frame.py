@@ -98,8 +98,8 @@ class _View:
         tracks, searched = self._locate(frame.image)
         if searched:
             self._extractor.forget_contacts()
-        if tracks.confidence < Tracks.LOW_CONFIDENCE and not (even_untrusted and tracks.n_seen >= 3):
-            return Result(frame, tracks, None, None, uncalibrated(), searched)
+            if tracks.confidence < Tracks.LOW_CONFIDENCE and not (even_untrusted and tracks.n_seen >= 3):
+                return Result(frame, tracks, None, None, uncalibrated(), searched)
         moved = tracks
         if drift is not None and drift.learnt:
             t, extractor = tracks, self._extractor
@@ -118,7 +118,9 @@ class _View:
             reading = uncalibrated(features)
         else:
             before_ns, self._capture_ns = self._capture_ns, frame.capture_ns
-            interval_s = None if before_ns is None else (frame.capture_ns - before_ns) * 1e-9
+            interval_s = None  # which only a speed of slip needs
+            if before_ns is not None and features.slip_px is not None:
+                interval_s = (frame.capture_ns - before_ns) * 1e-9
             reading = self._calibration.apply(features, self._rest.pattern, interval_s, self.demand)
         return Result(frame, tracks, cells, features, reading, searched)
 

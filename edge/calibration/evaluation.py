@@ -58,9 +58,7 @@ VOLUME_MIN = cython.declare(cython.double, 1e-6)  # of the tip's circle times it
 _NONE = cython.declare(frozenset, frozenset())
 _N_MODES = cython.declare(cython.Py_ssize_t, len(MODES))
 #: Lengths of `Features`, and the values that the scale makes of them.
-_SCALED = cython.declare(
-    list, [(f"{name}_px", f"{name}_mm") for feature in Feature for name in feature.scaled]
-)
+_SCALED = cython.declare(list, [(f"{name}_px", f"{name}_mm") for row in Feature for name in row.scaled])
 
 
 @cython.final
@@ -532,13 +530,9 @@ def area_mm2(
 
 
 def derive(
-    features: Features,
-    found: tuple[ContactRegion, ...] | None,
-    values: dict[str, float],
-    sigmas: dict[str, float],
-    interval_s: float | None,
-    mm_per_px: float | None,
-) -> None:
+    features: Features, found: tuple[ContactRegion, ...] | None, values: dict[str, float],
+    sigmas: dict[str, float], interval_s: float | None, mm_per_px: float | None,
+) -> None:  # fmt: skip
     """Add the values that follow from others and the scale; see the head of `edge.calibration.model`."""
     in_contact: cython.bint = features.in_contact
     area = area_mm2(found, values, mm_per_px)

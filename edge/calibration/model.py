@@ -57,6 +57,8 @@ OF_FRICTION = frozenset({"force_x_n", "force_y_n", "torque_z_nmm"})
 OF_PROCESS = frozenset({Feature.DISPLACEMENT, Feature.CONTACTS})
 #: Features that include contacts: only for these are they passed on.
 OF_CONTACTS = frozenset({Feature.CONTACTS, Feature.PRESSURE, Feature.CONTACT_AREA, Feature.ORIENTATION})
+#: Those of which a touched frame derives values.
+OF_DERIVED = OF_CONTACTS | {Feature.FORCE, Feature.SLIP} | {row for row in Feature if row.scaled}
 
 
 class Calibration:
@@ -110,7 +112,7 @@ class Calibration:
             self.of_volume = any(view.of_volume for view in self._views)
             self._processes = [process for view in self._views for process in view._processes]
         self._demand: frozenset[Feature] | None = None
-        self._gives_contacts = True  # the demand includes them
+        self._gives_contacts = self._derives = True  # the demand includes them, and what is derived
         self._at_rest: tuple[object, Reading] | None = None  # what is known of an untouched frame gives that
 
     def __reduce__(self) -> tuple[type[Calibration], tuple[CalibrationFile]]:
@@ -176,6 +178,7 @@ class Calibration:
             for kernel in (self.frame_models, self.light_models):
                 kernel.want(None if demand is None else _outputs_in(demand))
             self._gives_contacts = demand is None or not demand.isdisjoint(OF_CONTACTS)
+            self._derives = demand is None or not demand.isdisjoint(OF_DERIVED)
             self._at_rest = None
         if features.in_contact or features.contacts:
             return self._reading_of(features, pattern, interval_s)
@@ -186,7 +189,6 @@ class Calibration:
         return self._at_rest[1]
 
     def _reading_of(self, features: Features, pattern: PinPattern, interval_s: float | None) -> Reading:
-        saturated: frozenset[str] = frozenset()
         if features.in_contact:
             # None: not looked for, as nothing in demand depends on them.
             is_light = features.contacts == () and self.light_models is not self.frame_models
@@ -195,9 +197,10 @@ class Calibration:
             if is_light:
                 values, sigmas = self._unknown | values, self._unknown | sigmas
         else:
-            values, sigmas = self._untouched.copy(), self._untouched_sigmas.copy()
+            values, sigmas, saturated = self._untouched.copy(), self._untouched_sigmas.copy(), frozenset()
         found = features.contacts if self._gives_contacts else None
-        derive(features, found, values, sigmas, interval_s, self.mm_per_px)
+        if self._derives or not features.in_contact:
+            derive(features, found, values, sigmas, interval_s, self.mm_per_px)
         if not found:
             return Reading(values, sigmas, NOWHERE, saturated, True)
         contacts, beyond = self._places.of_frame(found, features, pattern, values.get("displacement_mm"))

@@ -169,9 +169,14 @@ def _add_sink(
     for code, message in loop.faults.active.items():
         node.report(code, True, message)
 
+    watched = False
+
     def send_detail(result: Result, state: State) -> None:
-        loop.measurement.watch(node, bool(node.detail_divider))
-        if node.detail_divider and result.features is not None:
+        nonlocal watched
+        if watched is not (wanted := node.detail_divider > 0):
+            watched = wanted
+            loop.measurement.watch(node, wanted)
+        if wanted and result.features is not None:
             f = result.features
             node.send_detail(state.sample, np.column_stack([f.displacement_px, f.area_change]).tolist())
 

@@ -53,8 +53,10 @@ NAN = cython.declare(cython.double, float("nan"))
 #: contact: torsion, slip and its probabilities, vibration and the end of its band.
 _OfAreas = tuple[float | None, Array | None, tuple[Array, Array] | None, tuple[ContactRegion, ...] | None]
 _OfPins = tuple[float | None, float | None, float | None, float | None, float | None, float | None]
-_NO_AREAS: _OfAreas = (None, None, None, None)
-_NO_PINS: _OfPins = (None, None, None, None, None, None)
+# Looking up a name of the module takes as long as ten numbers.
+_NO_AREAS = cython.declare(tuple, (None, None, None, None))
+_NO_PINS = cython.declare(tuple, (None, None, None, None, None, None))
+_Features = cython.declare(object, Features)
 
 
 @cython.final
@@ -262,7 +264,7 @@ class FeatureExtractor:
         gap = (0.0 if n_seen == self._n else NAN) if cells is None else cells.gap
         motion: PinMotion = self._motion
         # They are given by place, in the order of `Features`: names cost 3,000 instructions, tuples 1,500.
-        return Features(
+        return _Features(
             changes, motions, in_contact,
             self._means.take() if plan.shear else None, modes_px,
             volume, surface, grid, contacts, torsion, slip, probability, of_twist, vibration, to_hz,

@@ -159,13 +159,13 @@ class LinkSink(ABC):
         items = self.encode(state, number)
         if medium.instant and not self._queue.sample_ahead and self._writing.acquire(False):
             try:
-                sent = self._write(medium, items)
-                self._sent_at_once_n += sent
+                if self._write(medium, items):
+                    self._sent_at_once_n += 1
+                    return True
             finally:
                 self._writing.release()
-            if not sent:
-                self._count("dropped")
-            return sent
+            self._count("dropped")
+            return False
         with self._changed:
             # If the medium was lost meanwhile, queued samples would be old when the link is back.
             kept = self._medium is medium and self._queue.put_sample(items)
@@ -255,16 +255,12 @@ class LinkSink(ABC):
         finally:
             self._writing_since_s = None
         if self._lost or bus_off or self._refused_s is not None:
-            self._recovered()
+            if self._lost:
+                self._count("reconnects")
+                log.info("%s: link reconnected", self.name)
+            self._lost, self._refused_s = False, None
+            self._fault_event.set()
         return True
-
-    def _recovered(self) -> None:
-        """Note that the medium accepts again."""
-        if self._lost:
-            self._count("reconnects")
-            log.info("%s: link reconnected", self.name)
-        self._lost, self._refused_s = False, None
-        self._fault_event.set()
 
     def _lose(self, medium: Medium, error: BaseException) -> None:
         if not isinstance(error, (MediumError, *medium.broken)):

@@ -68,7 +68,7 @@ class Node:
     def send(self, state: State) -> bool:
         """Send a sample if it is due; True: it was sent. One that is not due is not counted either."""
         self.objects.newest = state
-        if self.state is not NmtState.OPERATIONAL or not self._is_due(state.capture_time_us):
+        if self.state is not NmtState.OPERATIONAL or not self._is_due(state):
             return False
         if self.objects.transmission[1] != 254:
             with self._sending:
@@ -156,7 +156,7 @@ class Node:
             self._dropped_n = dropped_n
         return sent
 
-    def _is_due(self, capture_us: int) -> bool:
+    def _is_due(self, state: State) -> bool:
         """Whether rate and divider allow this sample. At most `rate_hz`, evenly, at any camera rate."""
         settings = self._settings.values
         self._frames += 1
@@ -164,7 +164,7 @@ class Node:
             return False
         if settings.rate_hz == 0:
             return True
-        period_us = 1e6 / settings.rate_hz
+        period_us, capture_us = 1e6 / settings.rate_hz, state.capture_time_us
         if abs(capture_us - self._next_us) > 2 * period_us:
             self._next_us = capture_us  # first one, after a pause or a clock step
         # Given half a millisecond of jitter, a camera of 100 Hz and a rate of 100 Hz must not give 50 Hz.

@@ -22,10 +22,7 @@ class _Spaced:
 
 
 class SendQueue:
-    """The items that wait, so many at most. Methods are called with the link's lock held.
-
-    sample_ahead  a sample waits or is being written, which another one must not overtake. Needs no lock
-    """
+    """The items that wait, so many at most. Methods are called with the link's lock held."""
 
     def __init__(self, samples_n: int, control_n: int) -> None:
         self._samples_n = samples_n
@@ -35,7 +32,7 @@ class SendQueue:
         self._make: Callable[[], Any] | None = None  # what is sent periodically
         self._period_s = self._due_s = 0.0
         self._in_hand: Kind | None = None
-        self.sample_ahead = False
+        self.sample_ahead = False  # one waits or is being written: another must not overtake. Needs no lock
 
     @property
     def waiting(self) -> bool:

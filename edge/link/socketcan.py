@@ -19,7 +19,7 @@ INTERFACES = Path("/sys/class/net")
 # linux/can.h, linux/can/raw.h
 _CLASSIC, _FD = struct.Struct("=IBxxx8s"), struct.Struct("=IBBxx64s")  # can_frame, canfd_frame
 _FILTER = struct.Struct("=II")
-CANFD_BRS, CANFD_FDF = 0x01, 0x04
+_FD_FLAGS = 0x01 | 0x04  # CANFD_BRS, CANFD_FDF
 CAN_EFF_FLAG, CAN_RTR_FLAG, CAN_ERR_FLAG = 0x80000000, 0x40000000, 0x20000000
 CAN_SFF_MASK = 0x7FF
 CAN_RAW_ERR_FILTER = 2  # not in the type checker's `socket`
@@ -37,13 +37,14 @@ class SocketCanMedium(Medium):
 
     def __init__(self, bus: socket.socket, carrier: Path) -> None:
         self._bus, self._carrier = bus, carrier
+        self.bus_off = False  # it is read for each frame, and sooner than the class's own
 
     def write(self, item: CanFrame) -> None:
         if self.bus_off:
             raise MediumFull("bus-off")
         data = item.data
         if item.fd:
-            frame = _FD.pack(item.can_id, len(data), CANFD_FDF | CANFD_BRS, data)
+            frame = _FD.pack(item.can_id, len(data), _FD_FLAGS, data)
         else:
             frame = _CLASSIC.pack(item.can_id, len(data), data)
         try:

@@ -88,14 +88,10 @@ class StatePacker:
         self.tracked, self.count = at["pins_tracked"], at["contact_n"]
 
     def to_state(
-        self,
-        measured: Result | None,
-        sample: cython.longlong,
-        status: cython.longlong,
-        capture_time_us: cython.longlong,
-        latency_us: cython.double = NAN,
+        self, measured: Result | None, sample: cython.longlong, status: cython.longlong,
+        capture_time_us: cython.longlong, latency_us: cython.double = NAN,
         temperature_degc: cython.double = NAN,
-    ) -> State:
+    ) -> State:  # fmt: skip
         """The sample of one frame, packed; it keeps the numbers as they were before that, too.
 
         measured          None: there is no rest frame, or no image
@@ -146,8 +142,9 @@ class StatePacker:
             self.known[i] = value
         sigmas: dict[str, float] = reading.sigmas
         for i, one, other in self.sigmas:
-            if one in sigmas:
-                self.known[i] = max(sigmas[one], sigmas[other])
+            sigma: object = sigmas.get(one)
+            if sigma is not None:
+                self.known[i] = max(cython.cast(cython.double, sigma), sigmas[other])
         n: cython.Py_ssize_t = len(reading.contacts)
         self.known[self.count] = n
         if n > 0:

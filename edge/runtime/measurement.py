@@ -156,7 +156,8 @@ class Measurement:
         if self._detector.after_gap:
             self.pipeline.forget()
         result = self.pipeline.step(frame, self._detector)
-        self._counters.counts.full_searches_n += result.searched
+        if result.searched:
+            self._counters.counts.full_searches_n += 1
         return result
 
     def use_rest(self, rest: Rest, frame: Frame) -> None:
