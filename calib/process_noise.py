@@ -133,8 +133,7 @@ def fit_noise(
 
     share   what each counts
     before  another tip's, which this one departs from no further than the errors show; None: a constant
-    constant  they show no more than one: all frames' noise, or a multiple of the other tip's, not below it, in
-              no frame below its mean
+    constant  they show no more than one, or a multiple of the other tip's: nowhere below its, or its mean
     """
     terms = before.terms if before else [[], *(() if constant else NOISE_TERMS)]
     psi = evaluate_terms(inputs, term_columns(terms, names)).real
