@@ -147,7 +147,7 @@ def fit_noise(
     shift = float((psi @ change).mean())
     logs = psi @ (weights + change)
     low, high = float(logs.min()), float(logs.max())
-    if before:  # so few do not show that a frame is told better than most
+    if before:  # so few cannot show that a frame is read better than most
         low = float(logs.mean()) if constant else min(low, before.low + shift)
         high = max(high, before.high + shift)
     return NoiseModel(terms, weights + change, low, high, math.exp(float(np.clip(logs, low, high).mean())))
