@@ -28,6 +28,7 @@ from typing import Any
 
 import msgspec
 import numpy as np
+from scipy.spatial import cKDTree
 
 from calib.axes import Axes, recognise_axes, recognise_handedness
 from calib.carry_over import KnownModel
@@ -70,7 +71,7 @@ from edge.calibration.file import (
     Sensor,
     encode,
 )
-from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS
+from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, MODES
 from edge.features.modes import mode_basis
 from edge.geometry.parts import parts_of
 from edge.types import Array, Complex, Index, Mask, Rest
@@ -514,7 +515,9 @@ def _start_processes(problem: _Problem, search: Search, pool: Executor | None) -
         )
         calls: dict[ModelKind, Callable[[], FittedProcess]] = {}
         # Too few poses to decide a weight for each input are better told by another tip's model.
-        if poses >= (ENOUGH if group.outputs in search.known else PARAMS.process_rows_min):
+        # Of poses that repeat, a weight for all modes is decided by fewer.
+        enough = PARAMS.process_rows_min if poses == len(y) else PARAMS.rows_min
+        if poses >= (ENOUGH if group.outputs in search.known else enough):
             calls[ModelKind.PROCESS] = partial(call, problem.inputs, terms_max=search.terms_max)
         if len(y) >= PARAMS.known_rows_min and group.outputs in search.known:
             known = search.known[group.outputs].in_the_image(problem.inputs, problem.names)
@@ -529,11 +532,19 @@ def _fit_process(inputs: Complex, possible: InputNoise, **given: Any) -> FittedP
     return fit_process(inputs, moved=list(possible.draws()), **given)
 
 
-def _poses_that_count(poses: Array) -> Index:
-    """(n,) number of each frame's pose; of few poses the table may lack what tells them apart: its own."""
-    pose = pose_numbers(poses)
-    few = int(pose.max(initial=0)) < PARAMS.process_rows_min - 1
-    return np.arange(len(pose), dtype=np.int32) if few else pose
+def _poses_that_count(poses: Array, inputs: Complex) -> Index:
+    """(n,) number of each frame's pose, or its own: the poses are too few, or not all that the frames show.
+
+    The table may lack what tells poses apart; then most frames move most like one of another pose.
+    """
+    pose, own = pose_numbers(poses), np.arange(len(poses), dtype=np.int32)
+    repeated = np.flatnonzero(np.bincount(pose)[pose] > 1)
+    if int(pose.max(initial=0)) < PARAMS.rows_min - 1 or not len(repeated):
+        return own
+    motion = inputs[:, [FRAME_INPUTS.index(name) for name in MODES]]
+    places = np.hstack([motion.real, motion.imag])
+    nearest = cKDTree(places).query(places[repeated], [2])[1][:, 0]
+    return pose if np.mean(pose[nearest] == pose[repeated]) > 0.5 else own
 
 
 def _problems(rest: Rest, targets: Targets, extract: Extract, usable: Mask) -> Iterator[_Problem]:
@@ -564,7 +575,7 @@ def _problems(rest: Rest, targets: Targets, extract: Extract, usable: Mask) -> I
             contact=extract.contact[rows] if of_contact else None,
             y=np.column_stack(columns),
             fold=folds_of(poses[rows]),
-            pose=_poses_that_count(poses[rows]),
+            pose=_poses_that_count(poses[rows], extract.inputs[rows]),
             all_round=went_all_round(targets, rows),
             where=targets.where,
             frames=tuple(path.name for path, use in zip(targets.frames, rows, strict=True) if use),

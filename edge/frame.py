@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from edge.calibration import OF_GRIP, Calibration, Grip, uncalibrated
+from edge.calibration.evaluation import area_mm2
 from edge.calibration.smoothing import Smoother
 from edge.cells import Tessellator
 from edge.drift import Drift
@@ -207,7 +208,7 @@ class Pipeline:
             self.drift.learn(judged.tracks, frame.capture_ns, untouched and judge.quiet)
         return judged
 
-    def process(self, frame: Frame, *, even_untrusted: bool = False) -> Result:
+    def process(self, frame: Frame, even_untrusted: bool = False) -> Result:
         """Compute what the plan says of one frame.
 
         even_untrusted  give values for identities that are not trusted too: for statistics
@@ -226,8 +227,8 @@ class Pipeline:
         if not features.in_contact:
             self._grip.forget()
         elif self.calibration is not None:
-            area_mm2 = self.calibration.area_mm2(features.contacts, reading.values)
-            reading.values.update(self._grip.update(reading.values, reading.sigmas, area_mm2))
+            area = area_mm2(features.contacts, reading.values, self.calibration.mm_per_px)
+            reading.values.update(self._grip.update(reading.values, reading.sigmas, area))
 
     def prepare(self, demand: frozenset[Feature]) -> None:
         """Make the tables that the first contacts and lost pins would wait for (100 ms); from any thread."""

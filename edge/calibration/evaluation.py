@@ -32,15 +32,16 @@ Rules
 
 import math
 from collections.abc import Sequence
+from sys import intern
 
 import cython
 import msgspec
 import numpy as np
-from cython.cimports.libc.math import exp, isfinite, isnan, log, sqrt
+from cython.cimports.libc.math import exp, hypot, isfinite, isnan, log, sqrt
 
 from edge.calibration.file import CONTACT_OUTPUTS, JOINT_OUTPUTS, Curve, Lost, Model, Process
 from edge.calibration.inputs import MODES
-from edge.types import Array, Complex, ContactRegion, Features, Index, PinPattern
+from edge.types import Array, Complex, ContactRegion, Feature, Features, Index, PinPattern
 
 if cython.compiled:
     from cython.cimports.edge.geometry.copies import Copies, numbers_of
@@ -54,7 +55,12 @@ NAN = cython.declare(cython.double, float("nan"))
 ROWS = 8
 LOST_MAX = cython.declare(cython.double, 100.0)  # of the logarithm: more is no number any more
 VOLUME_MIN = cython.declare(cython.double, 1e-6)  # of the tip's circle times its radius: no load at all
-_NONE: frozenset[str] = frozenset()
+_NONE = cython.declare(frozenset, frozenset())
+_N_MODES = cython.declare(cython.Py_ssize_t, len(MODES))
+#: Lengths of `Features`, and the values that the scale makes of them.
+_SCALED = cython.declare(
+    list, [(f"{name}_px", f"{name}_mm") for feature in Feature for name in feature.scaled]
+)
 
 
 @cython.final
@@ -85,7 +91,7 @@ class InputRow:
     @cython.exceptval(check=True)
     def write_frame(self, features: Features, pattern: PinPattern) -> cython.void:
         """Write the inputs of one frame. Raises ValueError: sizes that do not fit, a tip without a radius."""
-        n: cython.Py_ssize_t = len(MODES)
+        n: cython.Py_ssize_t = _N_MODES
         first: cython.Py_ssize_t = 2 + n
         self._must_have(first + 5, pattern)
         r: cython.double = self._radius
@@ -230,7 +236,8 @@ class ModelKernel:
         for part in parts:
             _check_sizes(part)
         self._models, self._inputs = parts, InputRow(inputs)
-        self.names = tuple(name for part in parts for name in part.outputs)
+        # As constants of the program are: they are looked up by what they are, not by what they say.
+        self.names = tuple(intern(name) for part in parts for name in part.outputs)
         self._unknown = dict.fromkeys(self.names, NAN)
         self.sigmas = tuple(sigma for part in parts for sigma in part.sigma)
         lost = [_lost_of(part) for part in parts]
@@ -510,6 +517,58 @@ class Places:
             if k > 1:
                 rows.append([place[0], place[1], place[2]])
         return (self._copies.take() if k == 1 else np.array(rows)), beyond
+
+
+@cython.ccall
+def area_mm2(
+    found: tuple[ContactRegion, ...] | None, values: dict[str, float], mm_per_px: float | None
+) -> float | None:
+    """Area of all contacts: a model's, else that of the contacts in the image; None: not known."""
+    if "contact_area_mm2" in values:
+        return values["contact_area_mm2"]
+    if found is None or mm_per_px is None:
+        return None
+    return sum([c.area_px2 for c in found]) * mm_per_px**2
+
+
+def derive(
+    features: Features,
+    found: tuple[ContactRegion, ...] | None,
+    values: dict[str, float],
+    sigmas: dict[str, float],
+    interval_s: float | None,
+    mm_per_px: float | None,
+) -> None:
+    """Add the values that follow from others and the scale; see the head of `edge.calibration.model`."""
+    in_contact: cython.bint = features.in_contact
+    area = area_mm2(found, values, mm_per_px)
+    if area is not None:
+        values["contact_area_mm2"] = area
+    if found:
+        values["orientation_deg"] = found[0].orientation_rad * (180.0 / M_PI)
+    if area is not None and "force_n" in values:
+        if not in_contact:
+            values["pressure_kpa"] = 0.0
+        elif area > 0.0:
+            pressure = 1e3 * values["force_n"] / area
+            values["pressure_kpa"] = pressure
+            if "contact_area_mm2" in sigmas:
+                of_force = 1e3 * sigmas["force_n"] / area
+                sigmas["pressure_kpa"] = hypot(of_force, pressure * sigmas["contact_area_mm2"] / area)
+    slip_px, probability = features.slip_px, features.slip_probability
+    of_twist = features.twist_slip_probability
+    if slip_px is not None and probability is not None:
+        values["slip_probability"] = probability
+        if of_twist is not None:
+            values["twist_slip_probability"] = of_twist
+        if not in_contact:
+            values["slip_speed_mm_s"] = 0.0
+        elif mm_per_px is not None and interval_s is not None and interval_s > 0.0:
+            values["slip_speed_mm_s"] = slip_px * mm_per_px / interval_s
+    for length, name in _SCALED:
+        length_px = getattr(features, length)
+        if length_px is not None and mm_per_px is not None:
+            values[name] = length_px * mm_per_px
 
 
 class _Tree:

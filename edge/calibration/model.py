@@ -24,13 +24,12 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from edge.calibration.checks import check, is_of_contact, is_of_place, outputs_of
-from edge.calibration.evaluation import ModelKernel, Places
+from edge.calibration.evaluation import ModelKernel, Places, derive
 from edge.calibration.file import (
     CONTACT_OUTPUTS,
     JOINT_OUTPUTS,
@@ -49,19 +48,15 @@ from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, MOMENTS
 from edge.errors import CalibrationError
 from edge.geometry.parts import of_parts
 from edge.limits import BadContent
-from edge.types import NOWHERE, ContactRegion, Feature, Features, PinPattern, Reading
+from edge.types import NOWHERE, Feature, Features, PinPattern, Reading
 from hostlink.output_file import writing
 
 #: Forces along the surface. The torque that a contact can carry depends on its area.
 OF_FRICTION = frozenset({"force_x_n", "force_y_n", "torque_z_nmm"})
-#: Lengths of `Features`, and the values that the scale makes of them.
-SCALED = [(f"{name}_px", f"{name}_mm") for feature in Feature for name in feature.scaled]
 #: The features that a process takes its inputs from: modes and volume, the strongest contact.
 OF_PROCESS = frozenset({Feature.DISPLACEMENT, Feature.CONTACTS})
 #: Features that include contacts: only for these are they passed on.
 OF_CONTACTS = frozenset({Feature.CONTACTS, Feature.PRESSURE, Feature.CONTACT_AREA, Feature.ORIENTATION})
-
-Contacts = tuple[ContactRegion, ...]
 
 
 class Calibration:
@@ -202,59 +197,13 @@ class Calibration:
         else:
             values, sigmas = self._untouched.copy(), self._untouched_sigmas.copy()
         found = features.contacts if self._gives_contacts else None
-        self._derive(features, found, values, sigmas, interval_s)
+        derive(features, found, values, sigmas, interval_s, self.mm_per_px)
         if not found:
             return Reading(values, sigmas, NOWHERE, saturated, True)
         contacts, beyond = self._places.of_frame(found, features, pattern, values.get("displacement_mm"))
         if beyond:
             saturated |= {name for i, name in enumerate(CONTACT_OUTPUTS) if beyond >> i & 1}
         return Reading(values, sigmas, contacts, saturated, True)
-
-    def area_mm2(self, found: Contacts | None, values: Mapping[str, float]) -> float | None:
-        """Area of all contacts: a model's, else that of the contacts in the image; None: not known."""
-        if "contact_area_mm2" in values:
-            return values["contact_area_mm2"]
-        if found is None or self.mm_per_px is None:
-            return None
-        return sum(c.area_px2 for c in found) * self.mm_per_px**2
-
-    def _derive(
-        self,
-        features: Features,
-        found: Contacts | None,
-        values: dict[str, float],
-        sigmas: dict[str, float],
-        interval_s: float | None,
-    ) -> None:
-        """Add the values that follow from others and the scale; see the head of the file."""
-        scale = self.mm_per_px
-        area = self.area_mm2(found, values)
-        if area is not None:
-            values["contact_area_mm2"] = area
-        if found:
-            values["orientation_deg"] = found[0].orientation_rad * (180.0 / math.pi)
-        if area is not None and "force_n" in values:
-            force = values["force_n"]
-            if not features.in_contact:
-                values["pressure_kpa"] = 0.0
-            elif area > 0.0:
-                pressure = 1e3 * force / area
-                values["pressure_kpa"] = pressure
-                if "contact_area_mm2" in sigmas:
-                    parts = (1e3 * sigmas["force_n"] / area, pressure * sigmas["contact_area_mm2"] / area)
-                    sigmas["pressure_kpa"] = math.hypot(*parts)
-        if features.slip_px is not None and features.slip_probability is not None:
-            values["slip_probability"] = features.slip_probability
-            if features.twist_slip_probability is not None:
-                values["twist_slip_probability"] = features.twist_slip_probability
-            if not features.in_contact:
-                values["slip_speed_mm_s"] = 0.0
-            elif scale is not None and interval_s is not None and interval_s > 0.0:
-                values["slip_speed_mm_s"] = features.slip_px * scale / interval_s
-        for length, name in SCALED:
-            length_px = getattr(features, length)
-            if length_px is not None and scale is not None:
-                values[name] = length_px * scale
 
 
 def _inputs_of(model: Model) -> frozenset[str]:

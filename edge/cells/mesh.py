@@ -187,10 +187,12 @@ class Mesh:
             raise DegenerateLayout("no triangulation: coordinates out of range")
         self._sum_exactly()
         self._share()
-        self.total_area = 0.0
+        area: cython.double[::1] = self.area
+        total: cython.double = 0.0
         for i in range(self.n_pins):
-            areas[i] = 0.125 * self.area[i] if self.area[i] < INFINITY else NAN
-            self.total_area += areas[i]
+            areas[i] = 0.125 * area[i] if area[i] < INFINITY else NAN
+            total += areas[i]
+        self.total_area = total
         return self.changes
 
     def attach(self, rest: Array, rim: Index, motion: RimMotion, points: Array, areas: Array) -> None:
@@ -255,9 +257,10 @@ class Mesh:
             u, v = rest[n + k, 0], rest[n + k, 1]
             x = u + affine_x[0] + affine_x[1] * u + affine_x[2] * v
             y = v + affine_y[0] + affine_y[1] * u + affine_y[2] * v
-            for i in range(self.start[k], self.start[k + 1]):
-                x += weight[i] * residual[near[i]]
-                y += weight[i] * residual[near[i] + 1]
+            for i in range(self.start[k], self.start[k + 1], 2):
+                for j in range(i, i + 2):
+                    x += weight[j] * residual[near[j]]
+                    y += weight[j] * residual[near[j] + 1]
             points[n + k, 0], points[n + k, 1] = x, y
             x_of[n + k], y_of[n + k] = x, y
         return self._update(self.areas)
@@ -325,9 +328,9 @@ class Mesh:
         total: cython.double = 0.0  # not finite if a coordinate is not
         for i in range(n):
             x, y = x_of[i], y_of[i]
-            left, right = x if x < left else left, x if x > right else right
-            top, bottom = y if y < top else top, y if y > bottom else bottom
-            nearest = fabs(x * y) if fabs(x * y) < nearest else nearest
+            left, right = left if left < x else x, right if right > x else x
+            top, bottom = top if top < y else y, bottom if bottom > y else y
+            nearest = nearest if nearest < fabs(x * y) else fabs(x * y)
             total += x + y
         if not fabs(total) < INFINITY:
             raise DegenerateLayout("a coordinate is not finite")
@@ -364,12 +367,6 @@ class Mesh:
         return not self._orient(self.tail[3 * t], self.tail[3 * t + 1], self.tail[3 * t + 2]) > 0.0
 
     @cython.cfunc
-    @cython.exceptval(check=False)
-    def _is_certain(self, t: cython.Py_ssize_t, k: cython.Py_ssize_t) -> cython.bint:
-        """Whether the part of edge k of triangle t is positive and accurate by itself."""
-        return self.parts[t, 3] < AREA_TOLERANCE * self.parts[t, k]
-
-    @cython.cfunc
     def _sweep(self) -> cython.bint:
         """Check every edge and sum the areas; edges that are not Delaunay are put onto the stack.
 
@@ -379,27 +376,37 @@ class Mesh:
         tail: cython.int[::1] = self.tail
         area: cython.double[::1] = self.area
         parts: cython.double[:, ::1] = self.parts
-        for i in range(self.n_pins):  # nobody reads the other points' areas
+        twin: cython.int[::1] = self.twin
+        unsure: cython.int[::1] = self.unsure
+        n = self.n_pins
+        for i in range(n):  # nobody reads the other points' areas
             area[i] = 0.0
         if self.has_bounds:
             self.has_bounds = False
-            for i in range(self.n_pins):
+            for i in range(n):
                 self.bound[i] = 0.0
         unsure_n = measure(
-            tail, self.x, self.y, self.n_triangles, SLIVER, ERROR_BOUND, AREA_TOLERANCE, parts, area,
-            self.unsure,
+            tail, self.x, self.y, self.n_triangles, 2.0 * SLIVER, 2.0 * ERROR_BOUND / AREA_TOLERANCE, parts,
+            area, unsure,
         )  # fmt: skip
         for i in range(unsure_n):
-            t: cython.Py_ssize_t = self.unsure[i]
-            if parts[t, 3] == INFINITY and self._is_turned(t):
+            t: cython.Py_ssize_t = unsure[i]
+            least = parts[t, 3]
+            if least == INFINITY and self._is_turned(t):
                 return False
             for k in range(3):
-                if self._is_certain(t, k):
-                    part = parts[t, k]
-                    area[tail[3 * t + k]] += part
-                    area[tail[3 * t + (k + 1) % 3]] += part
+                h = 3 * t + k
+                own = parts[t, k]
+                g: cython.Py_ssize_t = twin[h]
+                if g >= 0 and tail[h] >= n and tail[g] >= n:  # no pin's: it need only be Delaunay
+                    other = g // 3
+                    if own + parts[other, g - 3 * other] > AREA_TOLERANCE * (least + parts[other, 3]):
+                        continue
+                if own > least:
+                    area[tail[h]] += own
+                    area[tail[3 * t + (k + 1) % 3]] += own
                 else:
-                    self._sweep_edge(3 * t + k, parts[t, k], parts[t, 3])
+                    self._sweep_edge(h, own, least)
         if self.reached or self.marked != self.changes:
             self.marked = self.changes
             self.reached = self._mark()
@@ -407,7 +414,7 @@ class Mesh:
 
     @cython.cfunc
     @cython.exceptval(check=False)
-    def _sweep_edge(self, h: cython.Py_ssize_t, own: cython.double, error: cython.double) -> cython.void:
+    def _sweep_edge(self, h: cython.Py_ssize_t, own: cython.double, least: cython.double) -> cython.void:
         """Check an edge whose part of its triangle is not certain, and add what its cells lack."""
         g = self.twin[h]
         if g < 0:  # the hull
@@ -415,12 +422,12 @@ class Mesh:
         p, q, other = self.tail[h], self.tail[g], g // 3
         beyond = self.parts[other, g % 3]
         part: cython.double = own + beyond
-        is_certain: cython.bint = self._is_certain(other, g % 3)
+        is_certain: cython.bint = beyond > self.parts[other, 3]
         if g < h and not is_certain:  # seen from the other side
             return
-        error += self.parts[other, 3]
-        if not error < AREA_TOLERANCE * part:
-            part = self._part(h, g, part, error)
+        least += self.parts[other, 3]
+        if not part > least:
+            part = self._part(h, g, part, AREA_TOLERANCE * least)
             if part < 0.0:
                 return
         if is_certain:  # it has been added
@@ -481,13 +488,13 @@ class Mesh:
         area: cython.double[::1] = self.area
         bound: cython.double[::1] = self.bound
         exactly: cython.uchar[::1] = self.exactly
-        found: cython.uchar = 0
-        for i in range(n):
-            exactly[i] = (bound[i] > AREA_TOLERANCE * area[i]) & (area[i] < INFINITY)
-            found |= exactly[i]
-        if not found:
+        found: cython.Py_ssize_t = 0
+        for i in range(n):  # in vectors; never of an area that is infinite
+            found = found + 1 if bound[i] > AREA_TOLERANCE * area[i] else found
+        if found == 0:
             return
         for i in range(n):
+            exactly[i] = bound[i] > AREA_TOLERANCE * area[i]
             area[i] = 0.0 if exactly[i] else area[i]
         for h in range(3 * self.n_triangles):
             g = self.twin[h]

@@ -1,5 +1,5 @@
 # cython: infer_types=True
-"""Counts over a frame's image, for its faults, and which numbers reach their limits.
+"""Counts over a frame's image, for its faults.
 
 A kernel (`CONTRIBUTING.md`, "Kernels"). Meaning and limits are explained by the callers.
 """
@@ -13,10 +13,16 @@ from edge.params import PARAMS
 from edge.types import Image, Index
 
 if cython.compiled:
-    from cython.cimports.edge.geometry.select import select_kth
+    from cython.cimports.edge.geometry.select import median, select_kth
     from cython.cimports.libc.string import memcpy
 else:
-    from edge.geometry.select import select_kth
+    from edge.geometry.select import median, select_kth
+
+    def means_of(image: Image, step: int, top: int) -> tuple[float, float]:
+        """Of each step-th pixel of each step-th row: level over `top`, and whether it is as high."""
+        samples = image[::step, ::step]
+        return float(samples.mean()) / top, float(np.mean(samples >= top))
+
 
 _LEVELS = np.dtype(np.uint8), np.dtype(np.uint16)
 _SAMPLE_N = cython.declare(cython.Py_ssize_t, PARAMS.sample_n)
@@ -32,53 +38,9 @@ def level_of(image: Image, bits: cython.int) -> tuple[float, float]:
     if not 1 <= bits <= 16:
         raise ValueError(f"1 to 16 bits are wanted, not {bits}")
     size: cython.Py_ssize_t = image.size
-    top: cython.long = (1 << bits) - 1
     if size == 0:
         return 0.0, 0.0
-    step = max(1, cython.cast(cython.Py_ssize_t, sqrt(size)) // _SAMPLE_N)
-    if image.itemsize == 1:
-        return _level_of_bytes(image, step, top)
-    samples = image[::step, ::step]
-    return int(samples.sum()) / (samples.size * top), np.count_nonzero(samples >= top) / samples.size
-
-
-@cython.cfunc
-def _level_of_bytes(
-    image: cython.const[cython.uchar][:, :], step: cython.Py_ssize_t, top: cython.long
-) -> tuple[float, float]:
-    level: cython.long
-    total: cython.double = 0.0
-    full: cython.double = 0.0
-    rows: cython.Py_ssize_t = (image.shape[0] + step - 1) // step
-    columns: cython.Py_ssize_t = (image.shape[1] + step - 1) // step
-    for y in range(rows):
-        for x in range(columns):
-            level = cython.cast(cython.long, image[y * step, x * step])
-            total += level
-            full += level >= top
-    return total / (rows * columns * top), full / (rows * columns)
-
-
-def which_reach(values: tuple[float, ...], limits: list[float], below_n: cython.Py_ssize_t) -> int:
-    """A bit for each value, the lowest for the first: whether it reaches its limit; the first `below_n` do
-    below it. Of a value without a limit, whether it is true. NaN reaches none.
-
-    Raises  ValueError: more limits than values, or than bits
-    """
-    bits: cython.longlong = 0
-    one: cython.longlong = 1
-    n: cython.Py_ssize_t = len(limits)
-    if not n <= len(values) <= 62:
-        raise ValueError(f"{n} to 62 values are wanted, not {len(values)}")
-    for i in range(n):
-        value: cython.double = values[i]
-        limit: cython.double = limits[i]
-        if value <= limit if i < below_n else value >= limit:
-            bits |= one << i
-    for i in range(n, len(values)):
-        if values[i]:
-            bits |= one << i
-    return bits
+    return means_of(image, max(1, cython.cast(cython.Py_ssize_t, sqrt(size)) // _SAMPLE_N), (1 << bits) - 1)
 
 
 @cython.cclass
@@ -98,7 +60,9 @@ class FocusWindows:
     corners: cython.int[:, ::1]
     levels: cython.double[::1]
     bytes: cython.uchar[::1]
-    counts: cython.Py_ssize_t[::1]
+    counts: cython.ushort[::1]
+    energy: cython.double[::1]  # of each window: mean square of the differences of pixels next to each other
+    span: cython.double[::1]  # of its levels, without the tails
 
     def __init__(self, corners: Index, side: int, sample_n: int) -> None:
         are_pairs = corners.ndim == 2 and corners.shape[1] == 2
@@ -108,34 +72,37 @@ class FocusWindows:
             )
         self.corners = np.array(corners, np.int32, order="C")
         self.side, self.every, self.tail = side, max(1, round(side / sample_n)), sample_n
-        self.levels, self.bytes = np.empty(side * side), np.empty(side * side, np.uint8)
-        self.counts = np.empty(256, np.intp)
+        self.levels, self.bytes = np.empty(max(side * side, len(corners))), np.empty(side * side, np.uint8)
+        self.counts = np.empty(256, np.uint16)
+        self.energy, self.span = np.zeros((2, len(corners)))
 
-    def measure(self, image: Image, out: cython.double[:, ::1]) -> float:
-        """Mean level of the windows; 0 where there is none.
+    def measure(self, image: Image, noise_energy: cython.double = 0.0) -> tuple[float, float, float]:
+        """Medians over the windows: of the energy, less that of noise, over the square of the span, and of
+        the span; and their mean level. All are 0 where there is no window.
 
         image   (h, w) uint8 or uint16
-        out     (m, 2): of each window the mean square of the differences of pixels that are read next to
-                each other, along x and y together, and the span of its levels without the tails; written
         Raises  ValueError: no such image, a window that is not within it
         """
         _check_image(image)
-        if out.shape[0] != self.corners.shape[0] or out.shape[1] != 2:
-            raise ValueError(f"out ({self.corners.shape[0]}, 2) is wanted")
+        n: cython.Py_ssize_t = self.corners.shape[0]
         rows: cython.Py_ssize_t = image.shape[0]
         columns: cython.Py_ssize_t = image.shape[1]
-        for w in range(self.corners.shape[0]):
+        for w in range(n):
             x, y = self.corners[w, 0], self.corners[w, 1]
             if x < 0 or y < 0 or x + self.side > columns or y + self.side > rows:
                 raise ValueError("a window that is not within the image")
-        if self.corners.shape[0] == 0:
-            return 0.0
-        if image.itemsize == 1:
-            return self._measure_bytes(image, out)
-        return self._measure(image, out)
+        if n == 0:
+            return 0.0, 0.0, 0.0
+        level = self._measure_bytes(image) if image.itemsize == 1 else self._measure(image)
+        for w in range(n):
+            self.levels[w] = max(self.span[w], 1.0)
+        span = median(self.levels, n)
+        for w in range(n):
+            self.levels[w] = (self.energy[w] - noise_energy) / max(self.span[w], 1.0) ** 2
+        return median(self.levels, n), span, level
 
     @cython.cfunc
-    def _measure(self, image: cython.const[cython.ushort][:, :], out: cython.double[:, ::1]) -> cython.double:
+    def _measure(self, image: cython.const[cython.ushort][:, :]) -> cython.double:
         m: cython.Py_ssize_t = 1 + (self.side - 1) // self.every
         n: cython.Py_ssize_t = m * m
         k: cython.Py_ssize_t
@@ -155,20 +122,18 @@ class FocusWindows:
                     sum_ += level
                     levels[k] = level
                     k += 1
-            out[w, 0] = energy / (m * (m - 1))
+            self.energy[w] = energy / (m * (m - 1))
             low = select_kth(levels, n, n // self.tail)
-            out[w, 1] = select_kth(levels, n, n - 1 - n // self.tail) - low
+            self.span[w] = select_kth(levels, n, n - 1 - n // self.tail) - low
             total += sum_ / n
         return total / self.corners.shape[0]
 
     @cython.cfunc
-    def _measure_bytes(
-        self, image: cython.const[cython.uchar][:, :], out: cython.double[:, ::1]
-    ) -> cython.double:
+    def _measure_bytes(self, image: cython.const[cython.uchar][:, :]) -> cython.double:
         """The same in whole numbers, of which a vector holds many."""
         m: cython.Py_ssize_t = 1 + (self.side - 1) // self.every
         n: cython.Py_ssize_t = m * m
-        step: cython.int
+        step: cython.short  # 16 bits, of which one vector operation adds up the products
         sum_: cython.int
         energy: cython.int
         own: cython.uchar[::1] = self.bytes
@@ -195,8 +160,8 @@ class FocusWindows:
                 energy -= step * step
             for i in range(n):
                 sum_ += cython.cast(cython.int, own[i])
-            out[w, 0] = cython.cast(cython.double, energy) / (m * (m - 1))
-            out[w, 1] = self._span(n)
+            self.energy[w] = cython.cast(cython.double, energy) / (m * (m - 1))
+            self.span[w] = self._span(n)
             total += cython.cast(cython.double, sum_) / n
         return total / self.corners.shape[0]
 
@@ -206,7 +171,7 @@ class FocusWindows:
         below: cython.Py_ssize_t
         low: cython.Py_ssize_t = 0
         high: cython.Py_ssize_t = 255
-        counts: cython.Py_ssize_t[::1] = self.counts
+        counts: cython.ushort[::1] = self.counts
         own: cython.uchar[::1] = self.bytes
         for i in range(256):
             counts[i] = 0

@@ -17,7 +17,6 @@ from math import log, pi, sqrt
 
 import numpy as np
 
-from edge.faults.image_quality import HALF_REL
 from edge.features.params import PARAMS as FEATURES
 from edge.geometry.lattice import N_RING
 from edge.geometry.neighbours import nearest_of
@@ -37,12 +36,13 @@ class PinVisibility:
     """Checks the pins of each frame against the rest frame.
 
     impossible  the pins moved further than skin can: the pattern was matched to itself rotated
+    baseline_px  with what mean sigma pins are usually seen; to be learnt by the caller
     explained   by what the last frame's problem is, so that it has values all the same; empty: by nothing
     """
 
     def __init__(self, rest: Rest) -> None:
         self._baseline_share = 1.0
-        self._baseline_px = float(np.nanmean(rest.pins.sigma_px))
+        self.baseline_px = float(np.nanmean(rest.pins.sigma_px))
         self._rest_img = rest.xy_img
         parts = parts_of(rest)
         near = [rows[nearest_of(own.xy_img, own.xy_img, N_RING + 1)[1]] for rows, own in parts]
@@ -67,7 +67,7 @@ class PinVisibility:
         if features is None or features.longest_px > 0.5 * self._far_px:
             far = np.hypot(*(tracks.xy_img - self._rest_img).T) > self._far_px
             self.impossible = int(np.count_nonzero(far)) > ASTRAY_REL * n
-        why, noisy_px = "", FEATURES.noise_ratio_max * self._baseline_px
+        why, noisy_px = "", FEATURES.noise_ratio_max * self.baseline_px
         if features is None or self._seen_n < n or features.sigma_max_px > noisy_px:
             before, self._bad = self._bad, ~(tracks.sigma_px <= noisy_px)
             why = self._judge(tracks, features, self._bad & ~before)
@@ -127,15 +127,6 @@ class PinVisibility:
         length_px = np.hypot(step[:, 0], step[:, 1])
         length_px = length_px[np.isfinite(length_px)]
         return not length_px.size or float(np.median(length_px)) < RUNTIME.still_pitches * self._pitch_px
-
-    def needs_focus_check(self, sigma_px: float) -> bool:
-        """Whether pins are missing, or seen with more noise than the baseline; sigma_px: their mean sigma."""
-        if self._seen_n < (1.0 - ASTRAY_REL) * self._n:
-            return True
-        # A centroid's sigma is as the root of the gradient's energy.
-        noisy = sigma_px * sqrt(HALF_REL) > self._baseline_px
-        self._baseline_px += (sigma_px - self._baseline_px) / BASELINE_N
-        return noisy
 
 
 def _evidence_of_place(gone: Mask, near: Index) -> float:

@@ -24,10 +24,12 @@ cdef class ContactDetector:
     # These are for the slopes of all ring medians at once, in blocks and in single precision.
     cdef Py_ssize_t _blocks_n
     cdef unsigned short[:, ::1] _twice  # twice the rows of each ring
-    cdef float[::1] _weights  # of the slopes: block, pin of a ring, ring, coordinate
+    cdef int[::1] _users, _first_user  # the rings that a pin belongs to, and where those of each pin begin
+    cdef unsigned char[::1] _is_bent  # whether a median that a pin's slope depends on is large
     cdef float[::1] _motion, _medians  # x and y of each pin or ring in turn
     cdef float[::1] _gathered  # of one block: pin of a ring, ring, coordinate
     cdef double _rounding  # error of a sum over a ring in single precision, over its terms' sizes
+    cdef float[::1] _sums
     cdef double _most_sum, _most_product  # of a ring's weights for x and for y, their sizes added up
 
     cpdef double cell_noise(self, double sigma_px) noexcept
@@ -36,8 +38,8 @@ cdef class ContactDetector:
         self, const double[:, ::1] xy, const double[::1] mean, double sigma_px, bint if_touched, bint if_untouched
     ) noexcept
     cdef bint _learns_next(self) noexcept
-    @cython.locals(a=float, b=float, c=float, d=float, e=float, f=float, g=float, highest=float, total=float)
-    cdef double _highest_slope(self, const double[:, ::1] xy, const double[::1] mean) noexcept
+    @cython.locals(a=float, b=float, c=float, d=float, e=float, f=float, g=float)
+    cdef bint _are_below(self, const double[:, ::1] xy, const double[::1] mean, double limit) noexcept
     cdef void _gather(self, float[::1] values, Py_ssize_t first) noexcept
     cpdef bint by_motion(self, const double[:, ::1] xy, double sigma_px) noexcept
     cdef double _limit_sigma(self) noexcept

@@ -73,12 +73,14 @@ class ContactDetector:
         self._noise_frames_n = PARAMS.noise_frames_n
         self._rounding = 8.0 * float(np.finfo(np.float32).eps)  # of sums over a ring: 11 times half of it
         of_x, of_y = np.abs(slope).sum(axis=2).T
+        self._sums = (of_x + of_y).astype(np.float32)
         self._most_sum, self._most_product = float((of_x + of_y).max()), float((of_x * of_y).max())
         self._blocks_n = blocks_n = -(-n // 32) if width == N_RING + 1 else 0
         missing = max(0, 32 * blocks_n - n)
         self._twice = short_rows(2 * np.pad(ring, ((0, missing), (0, 0)), "edge"))
-        weights = np.pad(slope, ((0, missing), (0, 0), (0, 0))).reshape(max(1, blocks_n), -1, 2, width)
-        self._weights = np.ascontiguousarray(weights.transpose(0, 3, 1, 2), np.float32).ravel()
+        self._users = np.argsort(ring, axis=None, kind="stable").astype(np.int32) // width
+        self._first_user = np.searchsorted(np.sort(ring, axis=None), np.arange(n + 1)).astype(np.int32)
+        self._is_bent = np.zeros(n, np.uint8)
         self._motion, self._medians = np.zeros((2, 2 * (n + missing)), np.float32)
         self._gathered = np.zeros(2 * 32 * width, np.float32)
 
@@ -128,7 +130,7 @@ class ContactDetector:
         if self._blocks_n == 0 or self._learns_next():
             return -1
         noise = self._ring_noise * sigma_px / self._pitch_px * self._ring_noise_ratio
-        if not self._highest_slope(xy, mean) <= self._clear_sigma * noise:
+        if not self._are_below(xy, mean, self._clear_sigma * noise):
             return -1
         self._untouched_n += 1
         return 0
@@ -137,19 +139,21 @@ class ContactDetector:
         """Whether noise is learnt from the next untouched frame."""
         return self._untouched_n < self._noise_frames_n or self._untouched_n % self._width == 0
 
-    def _highest_slope(self, xy: Array, mean: Array) -> float:
-        """No `_median_area_change` of this frame is above this.
+    def _are_below(self, xy: Array, mean: Array, limit: float) -> bool:
+        """Whether no `_median_area_change` of this frame is above a limit.
 
-        Medians and slopes are in single precision. An area change is the sum of the two slopes and a product
-        of them less one of the cross slopes; these are taken to be as large as they may be anywhere.
+        An area change is the sum of the two slopes and a product of them less one of the cross slopes; these
+        are taken to be as large as they may be anywhere. So are the slopes, where all medians that they are of
+        are small enough. Medians are in single precision.
         """
         most: cython.double = 0.0
-        highest: cython.float = 0.0
-        total: cython.float
+        total: cython.double
         motion: cython.float[::1] = self._motion
         medians: cython.float[::1] = self._medians
         own: cython.float[::1] = self._gathered
-        weights: cython.float[::1] = self._weights
+        is_bent: cython.uchar[::1] = self._is_bent
+        users: cython.int[::1] = self._users
+        sums: cython.float[::1] = self._sums
         largest: cython.float[64] = [0.0] * 64
         for i in range(self._n):
             motion[2 * i] = cython.cast(cython.float, xy[i, 0] - self._rest[i, 0] - mean[0])
@@ -171,19 +175,28 @@ class ContactDetector:
                 b, e = min(b, e), max(b, e)
                 medians[64 * block + i] = d = min(max(b, d), e)
                 largest[i] = max(largest[i], max(d, -d))
-        for block in range(self._blocks_n):
-            self._gather(medians, 32 * block)
-            for i in range(64):
-                total = 0.0
-                for k in range(7):
-                    total += weights[448 * block + 64 * k + i] * own[64 * k + i]
-                own[i] = total
-            for i in range(32):
-                highest = max(highest, own[2 * i] + own[2 * i + 1])
         for i in range(64):
             most = max(most, largest[i])
         sizes = self._most_sum * (most + fabs(mean[0]) + fabs(mean[1]))
-        return highest + 2.0 * self._most_product * most * most + self._rounding * (sizes + self._rounding)
+        limit -= 2.0 * self._most_product * most * most + self._rounding * (sizes + self._rounding)
+        is_bent[:] = False
+        for i in range(64):
+            if self._most_sum * largest[i] > limit:
+                for block in range(self._blocks_n):
+                    size = fabs(medians[64 * block + i])
+                    at = min(32 * block + i // 2, self._n - 1)
+                    if self._most_sum * size > limit:
+                        for user in range(self._first_user[at], self._first_user[at + 1]):
+                            is_bent[users[user]] |= sums[users[user]] * size > limit
+        for i in range(self._n):
+            if is_bent[i]:
+                total = 0.0
+                for k in range(7):
+                    j = self._twice[i, k]
+                    total += self._slope[i, 0, k] * medians[j] + self._slope[i, 1, k] * medians[j + 1]
+                if not total <= limit:
+                    return False
+        return True
 
     def _gather(self, values: cython.float[::1], first: cython.Py_ssize_t) -> None:
         """The values of the pins of a block of rings, ring by ring."""

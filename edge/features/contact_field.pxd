@@ -4,6 +4,7 @@ cimport cython
 @cython.final
 cdef class QuantizedOperator:
     cdef readonly float[::1] values, result
+    cdef float[::1] _padded  # (w,), the values, and 0
     cdef short[::1] _weights  # of `_in_runs`, as the next three
     cdef int[::1] _start, _begin, _ahead
     cdef float[::1] _row_step
@@ -30,7 +31,8 @@ cdef class ContactField:
     cdef float[::1] _divergence_row
     cdef int[::1] _near  # points near each pin, pin after pin
     cdef int[::1] _near_start  # (n + 1,)
-    cdef unsigned char[::1] _is_active  # (k,)
+    cdef unsigned char[::1] _is_active  # (k,), and up to 7 more
+    cdef unsigned long long[::1] _are_active  # the same, eight at once
     cdef float _min_area_change, _heights_rel
     cdef const double[:, ::1] _rest
     cdef double[:, ::1] _inverse  # (3, 3), of the equations of a plane through all pins, about the first

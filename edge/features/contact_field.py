@@ -69,8 +69,8 @@ class QuantizedOperator:
         self._weights, self._start, self._begin, self._ahead = _in_runs(matrix, step)
         self._row_step = step.astype(np.float32)
         self._vector = np.zeros(-(-m // BLOCK) * BLOCK, np.int16)
-        self.values = np.zeros(m, np.float32)
-        self.result = np.empty(k, np.float32)
+        self._padded = np.zeros(self._vector.shape[0], np.float32)
+        self.values, self.result = self._padded[:m], np.empty(k, np.float32)
 
     def apply_rows(self, which: Index, n: cython.Py_ssize_t) -> None:
         """The first n of `result`: the first n of these rows, (at least n,) int32, times `values`."""
@@ -94,10 +94,14 @@ class QuantizedOperator:
     def _quantize(self) -> float:
         """The values in whole steps; returns the step."""
         highest: cython.float = 0.0
-        values: cython.float[::1] = self.values
+        largest: cython.float[16] = [0.0] * 16
+        values: cython.float[::1] = self._padded
         vector: cython.short[::1] = self._vector
-        for i in range(values.shape[0]):
-            highest = max(highest, abs(values[i]))
+        for begin in range(0, values.shape[0], 16):
+            for i in range(16):
+                largest[i] = max(largest[i], abs(values[begin + i]))
+        for i in range(16):
+            highest = max(highest, largest[i])
         scale: cython.float = _VALUE_MAX / highest if highest > 0.0 else 0.0
         for i in range(values.shape[0]):
             size = values[i] * scale + _ROUND
@@ -146,7 +150,8 @@ class ContactField:
         self.heights, self.divergence = np.zeros(k, np.float32), np.zeros(k, np.float32)
         self.blend = np.zeros(k, np.float32)
         self.active, self.n_active = np.zeros(k, np.int32), 0
-        self._is_active = np.zeros(k, np.uint8)
+        self._is_active = np.zeros((k + 7) // 8 * 8, np.uint8)
+        self._are_active = np.asarray(self._is_active).view(np.uint64)
         self._min_area_change = PARAMS.min_area_change
         self._near_start, self._near = _points_near(rest_xy, points, pitch_px)
         self.plane_divergence = self.plane_curl = 0.0
@@ -235,9 +240,12 @@ class ContactField:
             if self.area_change[i] > level:
                 for p in range(self._near_start[i], self._near_start[i + 1]):
                     is_active[near[p]] = True
-        for p in range(is_active.shape[0]):
-            active[n_active] = cython.cast(cython.int, p)
-            n_active += 1 if is_active[p] else 0
+        for eight in range(self._are_active.shape[0]):
+            if self._are_active[eight]:
+                for p in range(8 * eight, 8 * eight + 8):
+                    if is_active[p]:
+                        active[n_active] = cython.cast(cython.int, p)
+                        n_active += 1
         self.n_active = n_active
 
     def _detrend(self, xy: Array) -> None:

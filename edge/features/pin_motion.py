@@ -158,12 +158,13 @@ class PinMotion:
         det = xx * yy - xy * xy
         pins: cython.int[::1] = self.pins
         is_ellipse: cython.bint = total > 0.0 and det > _FLAT
+        px: cython.double = 1.0 / self._per_px
+        x, y = x * px + self._x0, y * px + self._y0  # from here on in px
         for i in range(self._n):
             pins[n_pins] = cython.cast(cython.int, i)  # written over if it is not chosen
             if is_ellipse:
-                u = (rest[i, 0] - self._x0) * self._per_px - x
-                v = (rest[i, 1] - self._y0) * self._per_px - y
-                n_pins += u * u * yy - 2.0 * u * v * xy + v * v * xx <= _ELLIPSE * det
+                u, v = rest[i, 0] - x, rest[i, 1] - y
+                n_pins += u * (u * yy - 2.0 * v * xy) + v * v * xx <= _ELLIPSE * det * px * px
             else:
                 n_pins += not total > 0.0 or area_change[i] > least
         self.n_pins = n_pins

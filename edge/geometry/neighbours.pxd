@@ -8,6 +8,7 @@ cdef class Separation:
     cdef Py_ssize_t n
     cdef double[:, ::1] at
     cdef double far2
+    cdef double moved  # px, no point by more since they were compared
 
-    cdef bint holds(self, const double[:, ::1] xy) noexcept nogil
+    cdef bint holds(self, const double[:, ::1] xy, double step) noexcept nogil
     cdef void renew(self, const double[:, ::1] xy, double gap) noexcept nogil

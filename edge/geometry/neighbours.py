@@ -190,22 +190,30 @@ class Separation:
             raise ValueError(f"n: 0 to {POINTS_MAX} are wanted, not {n}")
         self.n = n
         self.at = np.full((n, 2), np.nan)  # when they were compared
-        self.far2 = 0.0
+        self.far2 = self.moved = 0.0
 
-    def holds(self, xy: cython.const[cython.double][:, ::1]) -> cython.bint:
+    def holds(self, xy: cython.const[cython.double][:, ::1], step: cython.double) -> cython.bint:
         """Whether no two points can have come too near to each other.
 
         xy       (n, 2) px; NaN: not there, near to none
+        step     px, none has moved by more since the last call, when all were there; infinite: not known
         Returns  False: they are to be compared; so is a point that was not there then
         """
+        longest2: cython.double = 0.0
+        self.moved += step
+        if self.moved * self.moved < self.far2:
+            return True
         for i in range(self.n):
             x = xy[i, 0] - self.at[i, 0]
             y = xy[i, 1] - self.at[i, 1]
             if not x * x + y * y < self.far2 and xy[i, 0] == xy[i, 0]:
                 return False
+            longest2 = x * x + y * y if x * x + y * y > longest2 else longest2
+        self.moved = sqrt(longest2)
         return True
 
     def renew(self, xy: cython.const[cython.double][:, ::1], gap: cython.double) -> cython.void:
         """They were compared; `gap`, px: the least distance of two, less what would be too near."""
         self.at[:, :] = xy
+        self.moved = 0.0
         self.far2 = 0.25 * gap * gap if gap > 0.0 else 0.0

@@ -101,6 +101,7 @@ class LinkSink(ABC):
         self._closing = False
         self._numbers = count()
         self._counts = dict.fromkeys(SinkCounters.__slots__, 0)
+        self._sent_at_once_n = 0  # samples, besides those; `_writing` is held
         self._counting = threading.Lock()
         self._budget = ReadBudget(0.0, time.monotonic())  # the thread that it counts is to begin
         self._threads = [
@@ -143,7 +144,7 @@ class LinkSink(ABC):
     def counters(self) -> SinkCounters:
         """A copy of the present counts."""
         with self._counting:
-            return SinkCounters(**self._counts)
+            return SinkCounters(**self._counts | {"sent": self._counts["sent"] + self._sent_at_once_n})
 
     @property
     def dropped_n(self) -> int:
@@ -159,9 +160,11 @@ class LinkSink(ABC):
         if medium.instant and not self._queue.sample_ahead and self._writing.acquire(False):
             try:
                 sent = self._write(medium, items)
+                self._sent_at_once_n += sent
             finally:
                 self._writing.release()
-            self._count("sent" if sent else "dropped")
+            if not sent:
+                self._count("dropped")
             return sent
         with self._changed:
             # If the medium was lost meanwhile, queued samples would be old when the link is back.
@@ -251,14 +254,17 @@ class LinkSink(ABC):
             return False
         finally:
             self._writing_since_s = None
+        if self._lost or bus_off or self._refused_s is not None:
+            self._recovered()
+        return True
+
+    def _recovered(self) -> None:
+        """Note that the medium accepts again."""
         if self._lost:
             self._count("reconnects")
             log.info("%s: link reconnected", self.name)
-        recovered = self._lost or bus_off or self._refused_s is not None
         self._lost, self._refused_s = False, None
-        if recovered:
-            self._fault_event.set()
-        return True
+        self._fault_event.set()
 
     def _lose(self, medium: Medium, error: BaseException) -> None:
         if not isinstance(error, (MediumError, *medium.broken)):

@@ -22,7 +22,10 @@ class _Spaced:
 
 
 class SendQueue:
-    """The items that wait, so many at most. Methods are called with the link's lock held."""
+    """The items that wait, so many at most. Methods are called with the link's lock held.
+
+    sample_ahead  a sample waits or is being written, which another one must not overtake. Needs no lock
+    """
 
     def __init__(self, samples_n: int, control_n: int) -> None:
         self._samples_n = samples_n
@@ -32,15 +35,11 @@ class SendQueue:
         self._make: Callable[[], Any] | None = None  # what is sent periodically
         self._period_s = self._due_s = 0.0
         self._in_hand: Kind | None = None
+        self.sample_ahead = False
 
     @property
     def waiting(self) -> bool:
         return bool(self._samples or self._control or any(group.items for group in self._spaced.values()))
-
-    @property
-    def sample_ahead(self) -> bool:
-        """Whether a sample waits or is being written, which another one must not overtake. Needs no lock."""
-        return bool(self._samples) or self._in_hand == "sample"  # in this order: `take` sets the other first
 
     @property
     def empty(self) -> bool:
@@ -49,6 +48,7 @@ class SendQueue:
 
     def put_sample(self, items: Sequence[Any]) -> bool:
         """Add the items of a sample; False: an older sample was dropped."""
+        self.sample_ahead = True
         self._samples.append(items)
         kept = len(self._samples) <= self._samples_n
         if not kept:
@@ -101,6 +101,7 @@ class SendQueue:
     def done(self, written: bool) -> str:
         """Note that the items taken were written, or not; returns what that counts as in `SinkCounters`."""
         kind, self._in_hand = self._in_hand, None
+        self.sample_ahead = bool(self._samples)
         if kind == "sample":
             return "sent" if written else "dropped"
         detail = self._spaced["detail"].items
@@ -114,4 +115,5 @@ class SendQueue:
         samples_n = len(self._samples)
         for items in (self._samples, self._control, *(group.items for group in self._spaced.values())):
             items.clear()
+        self.sample_ahead = self._in_hand == "sample"
         return samples_n

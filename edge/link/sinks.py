@@ -7,18 +7,16 @@ from typing import Protocol
 from edge.errors import SinkError
 from edge.link.link_sink import LinkSink, SinkCounters
 from edge.link.medium import CanFrame, Medium, MediumError
-from edge.link.state_packer import StatePacker
 from hostlink.wire import CanIds, Kind, Message, State, encode_frame, pack_message, pack_parts, unpack_message
 from hostlink.wire.address import DEFAULT_BAUD, Address, AddressError, parse_address
 from hostlink.wire.errors import CorruptFrame
 from hostlink.wire.open_errors import cannot_open
 from hostlink.wire.serial import FRAME_MAX, decode_frame
-from hostlink.wire.state import frame_of
+from hostlink.wire.state import pack_state
 from hostlink.wire.timing import classic_frame_s, fd_frame_s, serial_frame_s
 
 NODE_DEFAULT = 1
 BITRATE, DBITRATE = 1_000_000, 5_000_000  # used if the address names none: CiA 601-3
-_PACKER = StatePacker()  # `pack` runs without a change of threads
 
 
 class Sink(Protocol):
@@ -36,11 +34,6 @@ class Sink(Protocol):
         """Wait until nothing waits to be sent: for recordings, which are sent as fast as possible."""
 
     def close(self) -> None: ...
-
-
-def packed(state: State, counter: int) -> bytes:
-    """The 64-byte frame of a sample, as `pack_state` gives it."""
-    return frame_of(state.body or _PACKER.pack(vars(state)), counter)
 
 
 class MemorySink:
@@ -87,7 +80,7 @@ class CanFdSink(CanSink):
     """One CAN FD frame of 64 bytes a sample, on TPDO1's identifier."""
 
     def encode(self, state: State, counter: int) -> Sequence[CanFrame]:
-        return (CanFrame(self._state_id, packed(state, counter), True),)
+        return (CanFrame(self._state_id, pack_state(state, counter), True),)
 
     def encode_detail(self, payload: bytes) -> CanFrame:
         """The message of one detail segment, on TPDO4's identifier."""
@@ -121,7 +114,7 @@ class SerialSink(LinkSink):
         self.on_message = self._split
 
     def encode(self, state: State, counter: int) -> Sequence[bytes]:
-        return (encode_frame(Message.STATE, packed(state, counter)),)
+        return (encode_frame(Message.STATE, pack_state(state, counter)),)
 
     def encode_detail(self, payload: bytes) -> bytes:
         """The frame of one detail segment."""

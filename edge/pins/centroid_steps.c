@@ -3,8 +3,7 @@
  *
  * All sums are exact integers. The support's pixels are copied together, row after row, which takes a fifth of the
  * instructions; then seven sums are formed in one pass. AVX2, chosen at run time, and NEON have loops of their own: GCC 12
- * needs 2 and 1.3 times as many instructions for the plain one. Steps are of two pins at a time: vectors of 16 bytes are
- * what x86-64 and aarch64 both have.
+ * needs 2 and 1.3 times as many instructions for the plain one. Steps are of as many pins at a time as vectors hold.
  */
 #include <math.h>
 #include <string.h>
@@ -17,7 +16,7 @@
 #endif
 
 typedef struct {
-    Py_ssize_t half, first_span, end_span, first_step, end_step, row_bytes, first, first_uv, plane, pixels;
+    Py_ssize_t first_span, end_span, first_step, end_step, first, first_uv, plane, pixels;
 } vt_kind;
 typedef struct {
     Py_ssize_t row, end, stride, first, beyond, rows, ahead;
@@ -40,29 +39,28 @@ typedef struct {
 
 #define VT_PHASES 16
 #define VT_NORM 24 /* numbers of a phase, in the order of NORM */
-#define VT_ROWS 6 /* copied at once; LANES steps behind a kind's are zero */
+#define VT_UNROLL 6 /* steps at once: each kind has a multiple of it */
+#ifdef VT_NEON
+#define VT_LANES 16 /* bytes copied at once: of an address and an offset, which no instruction for 32 of them has */
+#else
+#define VT_LANES 32
+#endif
 #define VT_LINE 64 /* bytes that memory gives at a time */
 
-/* a row in one move, where the processor has it */
-typedef unsigned char vt_row16 __attribute__((vector_size(16), aligned(1), may_alias));
-typedef unsigned char vt_row32 __attribute__((vector_size(32), aligned(1), may_alias));
+typedef unsigned char vt_lanes __attribute__((vector_size(VT_LANES), aligned(1), may_alias));
 
-#define VT_COPY_ROWS(COPY) \
-    do { \
-        _Pragma("GCC unroll 6") \
-        for (int k = 0; k < VT_ROWS; k++, step += 2) row += step[0], COPY, to += step[1]; \
-    } while (step < end)
-
-/* The rows of a window, each of `bytes`, of which the next one overwrites what is too many. */
-static inline unsigned char *vt_take_rows(const unsigned char *row, const Py_ssize_t *step, const Py_ssize_t *end,
-                                          Py_ssize_t bytes, unsigned char *to)
+/* Copy the rows of a window one after the other, in pieces, of which the next one overwrites what is too many. */
+static inline void vt_take_rows(const unsigned char *middle, const Py_ssize_t *step, const Py_ssize_t *end,
+                                unsigned char *to)
 {
-    switch (bytes) {
-    case 16: VT_COPY_ROWS(*(vt_row16 *)to = *(const vt_row16 *)row); break;
-    case 32: VT_COPY_ROWS(*(vt_row32 *)to = *(const vt_row32 *)row); break;
-    default: VT_COPY_ROWS(memcpy(to, row, (size_t)bytes));
-    }
-    return to;
+    do {
+        _Pragma("GCC unroll 6")
+        for (int k = 0; k < VT_UNROLL; k++, step += 2) {
+            Py_ssize_t from = step[0];
+            __asm__("" : "+r"(from)); /* else GCC adds it to the address by an instruction of its own */
+            *(vt_lanes *)(to + step[1]) = *(const vt_lanes *)(middle + from);
+        }
+    } while (step < end);
 }
 
 #define VT_SIDE 4 /* px, of a block */
@@ -71,25 +69,19 @@ typedef unsigned short vt_pairs __attribute__((vector_size(32), aligned(1), may_
 typedef unsigned vt_words __attribute__((vector_size(32)));
 typedef short vt_blocks __attribute__((vector_size(16), aligned(1), may_alias));
 
-/* This does the same with blocks: each pixel is the sum of one. */
-static inline short *vt_add_rows(const unsigned char *row, const Py_ssize_t *step, const Py_ssize_t *end,
-                                 Py_ssize_t stride, short *to)
+/* This does the same with blocks, eight at once: each pixel is the sum of one. */
+static inline void vt_add_rows(const unsigned char *middle, const Py_ssize_t *step, const Py_ssize_t *end,
+                               Py_ssize_t stride, short *to)
 {
     for (; step < end; step += 2) {
-        const unsigned char *at = row += step[0];
-        short *const beyond = to + step[1];
-        for (; to < beyond; to += 8, at += 32) {
-            vt_pairs sum = {0};
-            for (int k = 0; k < VT_SIDE; k++) {
-                const vt_pairs pairs = *(const vt_pairs *)(at + k * stride);
-                sum += (pairs & 255) + (pairs >> 8);
-            }
-            const vt_words four = ((vt_words)sum & 65535) + ((vt_words)sum >> 16);
-            *(vt_blocks *)to = __builtin_convertvector(four - VT_MIDDLE, vt_blocks);
+        vt_pairs sum = {0};
+        for (int k = 0; k < VT_SIDE; k++) {
+            const vt_pairs pairs = *(const vt_pairs *)(middle + step[0] + k * stride);
+            sum += (pairs & 255) + (pairs >> 8);
         }
-        to = beyond;
+        const vt_words four = ((vt_words)sum & 65535) + ((vt_words)sum >> 16);
+        *(vt_blocks *)(to + step[1]) = __builtin_convertvector(four - VT_MIDDLE, vt_blocks);
     }
-    return to;
 }
 
 /* The next rows of the image into the cache. */
@@ -99,7 +91,10 @@ static inline void vt_fetch_rows(const unsigned char *image, vt_fetch *f, Py_ssi
     const Py_ssize_t until = most < ahead ? most : ahead, end = until < f->end ? until : f->end;
     for (; f->row < end; f->row += f->stride) {
         const unsigned char *line = image + f->row + f->first, *const beyond = image + f->row + f->beyond;
-        for (; line < beyond; line += 2 * VT_LINE) __builtin_prefetch(line), __builtin_prefetch(line + VT_LINE);
+        for (; line < beyond; line += 4 * VT_LINE) {
+            _Pragma("GCC unroll 4")
+            for (int k = 0; k < 4; k++) __builtin_prefetch(line + k * VT_LINE);
+        }
     }
 }
 
@@ -180,37 +175,39 @@ __attribute__((target("avx2"))) static inline void vt_sums_avx2(const unsigned c
 #endif
 
 #ifdef VT_NEON
+#define VT_STAY __asm__ volatile("" ::: "memory") /* no load before it: there are too few registers for all at once */
 #define VT_ADD(sum, p) \
     do { \
+        VT_STAY; \
         const int16x8x4_t q = vld1q_s16_x4(p); \
         _Pragma("GCC unroll 4") \
         for (int m = 0; m < 4; m++) \
             sum = vmlal_high_s16(vmlal_s16(sum, vget_low_s16(a[m]), vget_low_s16(q.val[m])), a[m], q.val[m]); \
         p += 32; \
     } while (0)
-#define VT_ADD_SIGNED(sum, p) \
+#define VT_ADD_SIGNED(sum, p) /* 4 x 128 x half is 16 bits */ \
     do { \
+        VT_STAY; \
         const int8x16x2_t q = vld1q_s8_x2(p); \
-        _Pragma("GCC unroll 2") \
-        for (int m = 0; m < 2; m++) \
-            sum = vmlal_high_s8(vmlal_s8(sum, vget_low_s8(s[m]), vget_low_s8(q.val[m])), s[m], q.val[m]); \
+        const int16x8_t two = vmlal_high_s8(vmull_s8(vget_low_s8(s[0]), vget_low_s8(q.val[0])), s[0], q.val[0]); \
+        sum = vpadalq_s16(sum, vmlal_high_s8(vmlal_s8(two, vget_low_s8(s[1]), vget_low_s8(q.val[1])), s[1], q.val[1])); \
         p += 32; \
     } while (0)
+#define VT_SQUARES(s) vreinterpretq_u16_s16(vmlal_high_s8(vmull_s8(vget_low_s8(s), vget_low_s8(s)), s, s))
 #define VT_DOUBLES(a) vcvtq_f64_s64(vmovl_s32(a))
 
-/* Subtracting 128 from each pixel changes no sum with columns or rows, as theirs are 0; these fit 16 bits for a while.
- * The sum of squares follows from that of its squares and that of the pixels. */
+/* Subtracting 128 from each pixel changes no sum with columns or rows, as theirs are 0. The sum of squares follows from
+ * that of its squares, of which two are 16 bits, and that of the pixels. */
 static inline void vt_sums_neon(const unsigned char *restrict w, const short *t, const signed char *uv, const vt_kind *k,
                                 const double *norm, double *sums)
 {
-    const Py_ssize_t n = k->plane, most = k->half < 63 ? 63 / k->half : 1; /* times 4 x 128 x half is 16 bits */
+    const Py_ssize_t n = k->plane;
     const short *tx = t + n, *ty = tx + n;
     const signed char *pv = uv + n;
     const unsigned char *const end = w + n;
-    int32x4_t d = {0}, ex = {0}, ey = {0}, u = {0}, v = {0}, one = {0}, w2 = {-16384 * (int)n};
-    int16x8_t u16 = {0}, v16 = {0};
-    uint16x8_t one16 = {0};
-    Py_ssize_t left = most;
+    int32x4_t d = {0}, ex = {0}, ey = {0}, u = {0}, v = {0};
+    uint32x4_t one = {0}, w2 = {0};
+    const uint8x16_t middle = vdupq_n_u8(128);
     do {
         const uint8x16x2_t p = vld1q_u8_x2(w);
         int16x8_t a[4];
@@ -219,26 +216,20 @@ static inline void vt_sums_neon(const unsigned char *restrict w, const short *t,
         for (int m = 0; m < 2; m++) {
             a[2 * m] = vreinterpretq_s16_u16(vmovl_u8(vget_low_u8(p.val[m])));
             a[2 * m + 1] = vreinterpretq_s16_u16(vmovl_high_u8(p.val[m]));
-            s[m] = vreinterpretq_s8_u8(veorq_u8(p.val[m], vdupq_n_u8(128)));
-            one16 = vpadalq_u8(one16, p.val[m]);
-            const int16x8_t square = vmull_s8(vget_low_s8(s[m]), vget_low_s8(s[m])); /* two of them are 16 bits */
-            w2 = vreinterpretq_s32_u32(vpadalq_u16(
-                vreinterpretq_u32_s32(w2), vreinterpretq_u16_s16(vmlal_high_s8(square, s[m], s[m]))));
+            s[m] = vreinterpretq_s8_u8(veorq_u8(p.val[m], middle));
         }
+        one = vpadalq_u16(one, vpadalq_u8(vpaddlq_u8(p.val[0]), p.val[1]));
+        w2 = vpadalq_u16(vpadalq_u16(w2, VT_SQUARES(s[0])), VT_SQUARES(s[1]));
         VT_ADD(d, t);
         VT_ADD(ex, tx);
         VT_ADD(ey, ty);
-        VT_ADD_SIGNED(u16, uv);
-        VT_ADD_SIGNED(v16, pv);
-        w += 32;
-        if (--left && w < end) continue;
-        u = vpadalq_s16(u, u16), v = vpadalq_s16(v, v16);
-        one = vreinterpretq_s32_u32(vpadalq_u16(vreinterpretq_u32_s32(one), one16));
-        u16 = v16 = (int16x8_t){0}, one16 = (uint16x8_t){0}, left = most;
-    } while (w < end);
-    w2 = vmlaq_n_s32(w2, one, 256);
-    const int32x4_t four = vpaddq_s32(vpaddq_s32(d, ex), vpaddq_s32(ey, one));
-    const int32x4_t rest = vpaddq_s32(vpaddq_s32(u, v), vpaddq_s32(w2, (int32x4_t){1}));
+        VT_ADD_SIGNED(u, uv);
+        VT_ADD_SIGNED(v, pv);
+    } while ((w += 32) < end);
+    w2 = vsubq_u32(vmlaq_n_u32(w2, one, 256), vdupq_n_u32(4096 * (unsigned)n)); /* a quarter of 128 x 128 */
+    const int32x4_t level = vreinterpretq_s32_u32(one), square = vreinterpretq_s32_u32(w2);
+    const int32x4_t four = vpaddq_s32(vpaddq_s32(d, ex), vpaddq_s32(ey, level));
+    const int32x4_t rest = vpaddq_s32(vpaddq_s32(u, v), vpaddq_s32(square, (int32x4_t){1}));
     vst1q_f64(sums, vmulq_f64(VT_DOUBLES(vget_low_s32(four)), vld1q_f64(norm)));
     vst1q_f64(sums + 2, vmulq_f64(VT_DOUBLES(vget_high_s32(four)), vld1q_f64(norm + 2)));
     vst1q_f64(sums + 4, vmulq_f64(VT_DOUBLES(vget_low_s32(rest)), vld1q_f64(norm + 4)));
@@ -249,84 +240,114 @@ static inline void vt_sums_neon(const unsigned char *restrict w, const short *t,
 #define VT_SUMS vt_sums_plain
 #endif
 
-/* sums_of  of bytes; none: of blocks */
-VT_INLINE static inline void vt_sum_window_by(vt_sums_of *sums_of, const vt_windows *w, Py_ssize_t begin,
-                                              Py_ssize_t kind, Py_ssize_t norm)
+/* A pin's window, and where its step begins, px. */
+typedef struct {
+    double x, y;
+    size_t pin, norm, begin;
+} vt_start;
+typedef void vt_sum(const vt_windows *, const vt_start *, Py_ssize_t n, double *sums);
+
+/* The sums of n windows, 8 each; sums_of: of bytes; none: of blocks. */
+VT_INLINE static inline void vt_sum_windows_by(vt_sums_of *sums_of, const vt_windows *windows, const vt_start *from,
+                                               Py_ssize_t n, double *sums)
 {
-    const vt_kind *const k = w->kinds + kind;
-    const unsigned char *const row = w->image + begin;
-    const Py_ssize_t *const step = w->steps + 2 * k->first_step, *const end = w->steps + 2 * k->end_step;
-    const short *const t = w->values + k->first + 3 * k->plane * (norm % VT_PHASES);
-    double *const sums = w->sums;
-    vt_fetch_rows(w->image, w->fetch, begin);
-    if (sums_of) {
-        *(vt_row32 *)vt_take_rows(row, step, end, k->row_bytes, w->pixels) = (vt_row32){0};
-        sums_of(w->pixels, t, w->uv + k->first_uv, k, w->norms + VT_NORM * norm, sums);
-    } else {
-        short *const blocks = (short *)w->pixels;
-        memset(vt_add_rows(row, step, end, w->fetch->stride, blocks), 0, 64);
-        vt_sums_by(0, blocks, VT_MIDDLE, t, w->uv + k->first_uv, k, w->norms + VT_NORM * norm, sums);
-    }
-    if (w->dark) { /* of the brightest less each level; the sums of the other templates are 0 */
-        const double most = sums_of ? 255.0 : 255.0 * VT_SIDE * VT_SIDE, white = most * (double)k->pixels;
-        sums[6] += most * (white - 2.0 * sums[3]);
-        sums[3] = white - sums[3];
-        for (int m = 0; m < 6; m++) if (m != 3) sums[m] = -sums[m];
+    const vt_windows w = *windows;
+    for (; n > 0; n--, from++, sums += 8) {
+        const vt_kind *const k = w.kinds + from->norm / VT_PHASES;
+        const unsigned char *const middle = w.image + from->begin;
+        const Py_ssize_t *const step = w.steps + 2 * k->first_step, *const end = w.steps + 2 * k->end_step;
+        const short *const t = w.values + k->first + 3 * k->plane * (from->norm % VT_PHASES);
+        const signed char *const uv = w.uv + k->first_uv;
+        const double *const norm = w.norms + VT_NORM * from->norm;
+        if (n % 4 == 0) vt_fetch_rows(w.image, w.fetch, (Py_ssize_t)from->begin);
+        if (sums_of) {
+            vt_take_rows(middle, step, end, w.pixels);
+            memset(w.pixels + k->pixels, 0, 32);
+            sums_of(w.pixels, t, uv, k, norm, sums);
+        } else {
+            short *const blocks = (short *)w.pixels;
+            vt_add_rows(middle, step, end, w.fetch->stride, blocks);
+            memset(blocks + k->pixels, 0, 64);
+            vt_sums_by(0, blocks, VT_MIDDLE, t, uv, k, norm, sums);
+        }
+        if (w.dark) { /* of the brightest less each level; the sums of the other templates are 0 */
+            const double most = sums_of ? 255.0 : 255.0 * VT_SIDE * VT_SIDE, white = most * (double)k->pixels;
+            sums[6] += most * (white - 2.0 * sums[3]);
+            sums[3] = white - sums[3];
+            for (int m = 0; m < 6; m++) if (m != 3) sums[m] = -sums[m];
+        }
     }
 }
 
-typedef void vt_sum(const vt_windows *, Py_ssize_t, Py_ssize_t, Py_ssize_t);
-/* Blocks have a function of their own, which takes no registers from the loop over small pins. */
-#define VT_SUM_WINDOW(name, blocks, sums_of, target) \
-    target static void blocks(const vt_windows *w, Py_ssize_t begin, Py_ssize_t kind, Py_ssize_t norm) \
+#define VT_SUM_WINDOWS(name, sums_of, target) \
+    target static void name(const vt_windows *w, const vt_start *from, Py_ssize_t n, double *sums) \
     { \
-        vt_sum_window_by(0, w, begin, kind, norm); \
-    } \
-    target VT_INLINE static inline void name(const vt_windows *w, Py_ssize_t begin, Py_ssize_t kind, Py_ssize_t norm) \
-    { \
-        if (w->side > 1) blocks(w, begin, kind, norm); \
-        else vt_sum_window_by(sums_of, w, begin, kind, norm); \
+        vt_sum_windows_by(sums_of, w, from, n, sums); \
     }
-VT_SUM_WINDOW(vt_sum_window_plain, vt_sum_blocks_plain, VT_SUMS, )
+VT_SUM_WINDOWS(vt_sum_windows_plain, VT_SUMS, )
+VT_SUM_WINDOWS(vt_sum_blocks, 0, )
 #ifdef VT_AVX2
-VT_SUM_WINDOW(vt_sum_window_avx2, vt_sum_blocks_avx2, vt_sums_avx2, __attribute__((target("avx2"))))
+VT_SUM_WINDOWS(vt_sum_windows_avx2, vt_sums_avx2, __attribute__((target("avx2"))))
 #endif
 
-static void vt_sum_window(const vt_windows *w, Py_ssize_t begin, Py_ssize_t kind, Py_ssize_t norm)
+static void vt_sum_windows(const vt_windows *w, const vt_start *from, Py_ssize_t n, double *sums)
 {
-    static vt_sum *sum_window = 0;
-    if (!sum_window) {
-        sum_window = vt_sum_window_plain;
+    vt_sum *sum_windows = w->side > 1 ? vt_sum_blocks : vt_sum_windows_plain;
 #ifdef VT_AVX2
-        if (__builtin_cpu_supports("avx2")) sum_window = vt_sum_window_avx2;
+    if (w->side == 1 && __builtin_cpu_supports("avx2")) sum_windows = vt_sum_windows_avx2;
 #endif
-    }
-    sum_window(w, begin, kind, norm);
+    sum_windows(w, from, n, sums);
 }
 
+static void vt_sum_window(const vt_windows *w, Py_ssize_t begin, Py_ssize_t norm)
+{
+    const vt_start from = {0.0, 0.0, 0, (size_t)norm, (size_t)begin};
+    vt_sum_windows(w, &from, 1, w->sums);
+}
+
+#ifdef VT_AVX2
+#define VT_PINS 4 /* of which steps are computed at once */
+#else
+#define VT_PINS 2
+#endif
 typedef double vt_two __attribute__((vector_size(16)));
 typedef double vt_any_two __attribute__((vector_size(16), aligned(8), may_alias));
-typedef long long vt_mask __attribute__((vector_size(16)));
+typedef long long vt_mask_two __attribute__((vector_size(16)));
+typedef double vt_pins __attribute__((vector_size(8 * VT_PINS)));
+typedef double vt_any_pins __attribute__((vector_size(8 * VT_PINS), aligned(8), may_alias));
+typedef long long vt_mask __attribute__((vector_size(8 * VT_PINS)));
 
 /* The steps of a frame share this, as `steps_of` describes it. */
 typedef struct {
     const double *norms, *predicted, *inner;
-    const int *kind_of, *norm_of;
+    const int *norm_of;
     Py_ssize_t stride;
     double reach2, noise2, gain, side;
     double *xy, *sigma, *amplitude, *fit;
 } vt_steps;
-/* A pin, the row of its norms, and where its step begins. */
-typedef struct {
-    Py_ssize_t pin, norm;
-    double x, y;
-} vt_start;
 
-#define VT_WHERE(mask, a) ((vt_two)((vt_mask)(a) & (mask)))
-/* the numbers k and k + 1 of two rows */
-#define VT_COLUMNS(p, q, k, first, second) \
-    const vt_two first##_ = *(const vt_any_two *)(p + k), second##_ = *(const vt_any_two *)(q + k); \
-    const vt_two first = {first##_[0], second##_[0]}, second = {first##_[1], second##_[1]}
+#define VT_WHERE(mask, a) ((vt_pins)((vt_mask)(a) & (mask)))
+/* The numbers k to k + 3 of each pin's row. */
+#ifdef __clang__
+#define VT_MIX __builtin_shufflevector
+#else
+#define VT_MIX(p, q, ...) __builtin_shuffle(p, q, (vt_mask){__VA_ARGS__})
+#endif
+#if VT_PINS == 4
+#define VT_COLUMNS(row, k, a, b, c, d) \
+    const vt_pins a##_0 = *(const vt_any_pins *)(row[0] + k), a##_1 = *(const vt_any_pins *)(row[1] + k); \
+    const vt_pins a##_2 = *(const vt_any_pins *)(row[2] + k), a##_3 = *(const vt_any_pins *)(row[3] + k); \
+    const vt_pins a##_ = VT_MIX(a##_0, a##_1, 0, 4, 2, 6), b##_ = VT_MIX(a##_0, a##_1, 1, 5, 3, 7); \
+    const vt_pins c##_ = VT_MIX(a##_2, a##_3, 0, 4, 2, 6), d##_ = VT_MIX(a##_2, a##_3, 1, 5, 3, 7); \
+    const vt_pins a = VT_MIX(a##_, c##_, 0, 1, 4, 5), b = VT_MIX(b##_, d##_, 0, 1, 4, 5); \
+    const vt_pins c = VT_MIX(a##_, c##_, 2, 3, 6, 7), d = VT_MIX(b##_, d##_, 2, 3, 6, 7)
+#else
+#define VT_COLUMNS(row, k, a, b, c, d) \
+    const vt_pins a##_0 = *(const vt_any_pins *)(row[0] + k), a##_1 = *(const vt_any_pins *)(row[1] + k); \
+    const vt_pins a##_2 = *(const vt_any_pins *)(row[0] + k + 2), a##_3 = *(const vt_any_pins *)(row[1] + k + 2); \
+    const vt_pins a = VT_MIX(a##_0, a##_1, 0, 2), b = VT_MIX(a##_0, a##_1, 1, 3); \
+    const vt_pins c = VT_MIX(a##_2, a##_3, 0, 2), d = VT_MIX(a##_2, a##_3, 1, 3)
+#endif
 
 /* Shorten a step that is too long; whether it ends near enough to the prediction. */
 static int vt_is_within_reach(const vt_steps *s, const vt_start *from, double ex, double ey)
@@ -339,116 +360,125 @@ static int vt_is_within_reach(const vt_steps *s, const vt_start *from, double ex
     return dx * dx + dy * dy <= s->reach2;
 }
 
-/* A step of two pins, or of one twice, from their sums. Returns 1 if the first one has to go on, 2 for the other. */
-VT_INLINE static inline int vt_step_two(const vt_steps *s, const double *sums, const vt_start *from, double near2,
-                                        double far2, int first)
+/* A step of VT_PINS pins from their sums. Returns the sum of 1 << k of each k-th one that has to go on. */
+VT_INLINE static inline int vt_step_some(const vt_steps *s, const double *sums, const vt_start *from, double near2,
+                                         double far2, int first)
 {
-    const double *const p = s->norms + VT_NORM * from[0].norm, *const q = s->norms + VT_NORM * from[1].norm;
-    const double *const other = sums + 8;
-    VT_COLUMNS(sums, other, 0, a, tx);
-    VT_COLUMNS(sums, other, 2, ty, level);
-    VT_COLUMNS(sums, other, 4, u, v);
-    VT_COLUMNS(sums, other, 6, square, inv_pixels);
-    VT_COLUMNS(p, q, 8, inv_d, x_d); /* numbered as in NORM */
-    VT_COLUMNS(p, q, 10, y_d, x_u);
-    VT_COLUMNS(p, q, 12, y_v, d_u);
-    VT_COLUMNS(p, q, 14, tx_u, d_v);
-    VT_COLUMNS(p, q, 16, ty_v, freedom);
-    VT_COLUMNS(p, q, 18, inv_freedom, radius);
-
-    const vt_two inverse = 1.0 / a, a2 = a * a, near_ex = tx * x_d, near_ey = ty * y_d;
+    const double *sum[VT_PINS], *norm[VT_PINS];
+    for (int k = 0; k < VT_PINS; k++) sum[k] = sums + 8 * k, norm[k] = s->norms + VT_NORM * from[k].norm;
+    /* The numbers are taken where they are used, as there are few registers; they are numbered as in NORM. */
+    VT_COLUMNS(sum, 0, a, tx, ty, level);
+    VT_COLUMNS(norm, 8, inv_d, x_d, y_d, x_u);
+    const vt_pins inverse = 1.0 / a, a2 = a * a, near_ex = tx * x_d, near_ey = ty * y_d;
     const vt_mask seen = a > 0.0, is_near = near_ex * near_ex + near_ey * near_ey <= far2 * a2;
-    const vt_two su = u + d_u * a, sv = v + d_v * a, gu = su + tx_u * tx, gv = sv + ty_v * ty;
-    const vt_two gu2 = gu * gu, gv2 = gv * gv, energy = square - level * level * inv_pixels;
-    const vt_two rest = energy - a2 - tx * tx - ty * ty - gu2 - gv2;
-    const vt_two found = VT_WHERE(rest > 0.0, rest) * inv_freedom, more = found - s->noise2;
-    /* The residual beyond the noise is alike in all pixels of a block. */
-    const vt_two variance = found - (1.0 - 1.0 / (s->side * s->side)) * VT_WHERE(more > 0.0, more) + 1.0 / 12.0;
-    const vt_two limit = 4.0 * variance;
-    const vt_two keep_x = VT_WHERE((gu2 > limit) & is_near, 1.0 - limit / gu2);
-    const vt_two keep_y = VT_WHERE((gv2 > limit) & is_near, 1.0 - limit / gv2);
-    const vt_two ex = near_ex - keep_x * gu * x_u, ey = near_ey - keep_y * gv * y_v;
+    const vt_pins amplitude = VT_WHERE(seen, a * inv_d * s->gain), disc = x_d * x_d + y_d * y_d;
+    VT_COLUMNS(sum, 4, u, v, square, inv_pixels);
+    VT_COLUMNS(norm, 12, y_v, d_u, tx_u, d_v);
+    VT_COLUMNS(norm, 16, ty_v, freedom, inv_freedom, radius);
+    const vt_pins su = u + d_u * a, sv = v + d_v * a, gu = su + tx_u * tx, gv = sv + ty_v * ty;
+    const vt_pins gu2 = gu * gu, gv2 = gv * gv;
+    const vt_pins energy = square - level * level * inv_pixels, left = energy - gu * su - gv * sv;
+    const vt_pins rest = energy - a2 - tx * tx - ty * ty - gu2 - gv2;
+    const vt_pins missing = rest - freedom * (s->noise2 + 1.0 / 12.0);
+    const vt_pins m = VT_WHERE((missing > 0.0) & (left > 0.0), missing / left), hidden = radius * m * m;
+    vt_pins variance = VT_WHERE(rest > 0.0, rest) * inv_freedom;
+    if (s->side > 1.0) { /* The residual beyond the noise is alike in all pixels of a block. */
+        const vt_pins more = variance - s->noise2;
+        variance -= (1.0 - 1.0 / (s->side * s->side)) * VT_WHERE(more > 0.0, more);
+    }
+    variance += 1.0 / 12.0;
+    const vt_pins limit = 4.0 * variance;
+    const vt_pins keep_x = VT_WHERE((gu2 > limit) & is_near, 1.0 - limit / gu2);
+    const vt_pins keep_y = VT_WHERE((gv2 > limit) & is_near, 1.0 - limit / gv2);
+    const vt_pins spread = disc + keep_x * (x_u * x_u) + keep_y * (y_v * y_v);
+    const vt_pins variances = 0.5 * variance * spread * inverse * inverse + hidden * hidden;
+    const vt_pins ex = near_ex - keep_x * gu * x_u, ey = near_ey - keep_y * gv * y_v;
     const vt_mask on = (ex * ex + ey * ey >= near2 * a2) & seen;
-    const vt_two step_x = ex * inverse, step_y = ey * inverse;
+    const vt_pins step_x = ex * inverse, step_y = ey * inverse, fit = VT_WHERE((left > 0.0) & seen, a2 / left);
 
-    const vt_two left = energy - gu * su - gv * sv;
-    const vt_two spread = x_d * x_d + y_d * y_d + keep_x * (x_u * x_u) + keep_y * (y_v * y_v);
-    const vt_two missing = rest - freedom * (s->noise2 + 1.0 / 12.0);
-    const vt_two m = VT_WHERE((missing > 0.0) & (left > 0.0), missing / left), hidden = radius * m * m;
-    const vt_two variances = 0.5 * variance * spread * inverse * inverse + hidden * hidden;
-    const vt_two amplitude = VT_WHERE(seen, a * inv_d * s->gain);
-    const vt_two fit = VT_WHERE((left > 0.0) & seen, a2 / left);
-    int goes_on = 0;
-    for (int k = 0; k < 2; k++) {
-        const Py_ssize_t i = from[k].pin;
-        s->amplitude[i] = amplitude[k], s->fit[i] = fit[k];
-        if (!seen[k]) continue;
-        s->sigma[i] = sqrt(variances[k]);
+    int goes_on = 0, any = 0;
+    _Pragma("GCC unroll 4")
+    for (int k = 0; k < VT_PINS; k++) { /* of a pin that is not seen the place does not count */
+        const size_t i = from[k].pin;
+        s->amplitude[i] = amplitude[k], s->fit[i] = fit[k], s->sigma[i] = sqrt(variances[k]);
         *(vt_any_two *)(s->xy + 2 * i) = *(const vt_any_two *)&from[k].x + (vt_two){step_x[k], step_y[k]};
-        if (!on[k] && first) continue; /* so short that it is within reach */
+        any |= (int)on[k];
+    }
+    if (first && !any) return 0; /* so short that they are within reach */
+    for (int k = 0; k < VT_PINS; k++) {
+        const size_t i = from[k].pin;
+        if (!on[k] && first) continue;
         if (!vt_is_within_reach(s, from + k, step_x[k], step_y[k])) s->amplitude[i] = s->fit[i] = 0.0;
         else if (on[k]) goes_on |= 1 << k;
     }
     return goes_on;
 }
 
-static int vt_step(const vt_steps *s, const double *sums, Py_ssize_t i, Py_ssize_t norm, double x, double y,
-                   double near2, double far2, int first)
+/* Behind n pins repeat the last one, as steps are of VT_PINS of them. */
+static inline void vt_fill(vt_start *from, double *sums, Py_ssize_t n)
 {
-    double twice[16];
-    const vt_start from[2] = {{i, norm, x, y}, {i, norm, x, y}};
-    memcpy(twice, sums, 8 * sizeof *sums);
-    memcpy(twice + 8, sums, 8 * sizeof *sums);
-    return vt_step_two(s, twice, from, near2, far2, first) & 1;
+    for (; n % VT_PINS; n++) from[n] = from[n - 1], memcpy(sums + 8 * n, sums + 8 * (n - 1), 8 * sizeof *sums);
 }
 
-VT_INLINE static inline Py_ssize_t vt_take_steps_by(vt_sum *sum_window, const vt_windows *windows, const vt_steps *s,
-                                                    int *who, Py_ssize_t n, double near2, double far2, int first)
+VT_INLINE static inline int vt_step_by(const vt_steps *s, const double *sums, Py_ssize_t i, Py_ssize_t norm, double x,
+                                       double y, double near2, double far2, int first)
 {
-    double sums[16];
-    vt_start from[2];
-    vt_windows w = *windows;
-    Py_ssize_t asked = 0, taken = 0;
-    const vt_two least = {s->inner[0], s->inner[1]}, beyond = {s->inner[2], s->inner[3]};
-    const double *const begin = first ? s->predicted : s->xy, to_middle = s->side > 1.0 ? 0.0 : 2.0; /* phases */
-    for (Py_ssize_t j = 0; j < n; j++) {
-        const Py_ssize_t i = who[j];
-        const vt_two at = 4.0 * *(const vt_any_two *)(begin + 2 * i) + to_middle; /* phases */
-        const vt_mask inside = (at >= least) & (at < beyond);
-        if (!(inside[0] & inside[1])) {
-            who[asked++] = (int)(2 * i);
-            continue;
+    double some[8 * VT_PINS];
+    vt_start from[VT_PINS] = {{x, y, (size_t)i, (size_t)norm, 0}};
+    memcpy(some, sums, 8 * sizeof *sums);
+    vt_fill(from, some, 1);
+    return vt_step_some(s, some, from, near2, far2, first) & 1;
+}
+
+#define VT_MANY 32 /* windows in a row: each of the three loops has the registers for itself */
+VT_INLINE static inline Py_ssize_t vt_take_steps_by(const vt_windows *windows, const vt_steps *steps, int *who,
+                                                    Py_ssize_t n, double near2, double far2, int first)
+{
+    double sums[8 * VT_MANY];
+    vt_start from[VT_MANY];
+    const vt_steps s = *steps;
+    Py_ssize_t asked = 0, j = 0;
+    const vt_two least = {s.inner[0], s.inner[1]}, beyond = {s.inner[2], s.inner[3]};
+    const double *const begin = first ? s.predicted : s.xy, to_middle = s.side > 1.0 ? 0.0 : 2.0; /* phases */
+    const double to_place = 0.125 - 0.25 * to_middle;
+    while (j < n) {
+        Py_ssize_t taken = 0;
+        for (; j < n && taken < VT_MANY; j++) {
+            const int i = who[j];
+            const vt_two at = 4.0 * *(const vt_any_two *)(begin + 2 * i) + to_middle; /* phases */
+            const vt_mask_two inside = (at >= least) & (at < beyond);
+            if (!(inside[0] & inside[1])) {
+                who[asked++] = 2 * i;
+                continue;
+            }
+            const int x = (int)at[0], y = (int)at[1], norm = s.norm_of[i] + (y & 3) * 4 + (x & 3);
+            from[taken++] = (vt_start){0.25 * x + to_place, 0.25 * y + to_place, (size_t)i, (size_t)norm,
+                                       (size_t)((y >> 2) * s.stride + (x >> 2))};
         }
-        const int x = (int)at[0], y = (int)at[1];
-        const Py_ssize_t norm = s->norm_of[i] + (y & 3) * 4 + (x & 3);
-        from[taken] = (vt_start){i, norm, 0.25 * (x - to_middle) + 0.125, 0.25 * (y - to_middle) + 0.125};
-        w.sums = sums + 8 * taken;
-        sum_window(&w, (y >> 2) * s->stride + (x >> 2), s->kind_of[i], norm);
-        if (++taken < 2) continue;
-        taken = 0;
-        const int goes_on = vt_step_two(s, sums, from, near2, far2, first);
-        if (goes_on & 1) who[asked++] = (int)(2 * from[0].pin + 1);
-        if (goes_on & 2) who[asked++] = (int)(2 * i + 1);
+        vt_sum_windows(windows, from, taken, sums);
+        vt_fill(from, sums, taken);
+        for (Py_ssize_t k = 0; k < taken; k += VT_PINS) {
+            const int goes_on = vt_step_some(&s, sums + 8 * k, from + k, near2, far2, first);
+            for (Py_ssize_t m = k; goes_on >> (m - k) && m < taken; m++)
+                if (goes_on >> (m - k) & 1) who[asked++] = (int)(2 * from[m].pin + 1);
+        }
     }
-    if (taken && vt_step(s, sums, from[0].pin, from[0].norm, from[0].x, from[0].y, near2, far2, first))
-        who[asked++] = (int)(2 * from[0].pin + 1);
     return asked;
 }
 
+/* The function `name`, which takes its form for AVX2 where there is that. */
 #ifdef VT_AVX2
-__attribute__((target("avx2"))) static Py_ssize_t vt_take_steps_avx2(const vt_windows *windows, const vt_steps *s,
-                                                                     int *who, Py_ssize_t n, double near2, double far2,
-                                                                     int first)
-{
-    return vt_take_steps_by(vt_sum_window_avx2, windows, s, who, n, near2, far2, first);
-}
+#define VT_CHOOSE(type, name, parameters, arguments) \
+    __attribute__((target("avx2"))) static type name##_avx2 parameters { return name##_by arguments; } \
+    static type name parameters \
+    { \
+        return __builtin_cpu_supports("avx2") ? name##_avx2 arguments : name##_by arguments; \
+    }
+#else
+#define VT_CHOOSE(type, name, parameters, arguments) static type name parameters { return name##_by arguments; }
 #endif
-
-static Py_ssize_t vt_take_steps(const vt_windows *windows, const vt_steps *s, int *who, Py_ssize_t n, double near2,
-                                double far2, int first)
-{
-#ifdef VT_AVX2
-    if (__builtin_cpu_supports("avx2")) return vt_take_steps_avx2(windows, s, who, n, near2, far2, first);
-#endif
-    return vt_take_steps_by(vt_sum_window_plain, windows, s, who, n, near2, far2, first);
-}
+VT_CHOOSE(int, vt_step, (const vt_steps *s, const double *sums, Py_ssize_t i, Py_ssize_t norm, double x, double y,
+                         double near2, double far2, int first), (s, sums, i, norm, x, y, near2, far2, first))
+VT_CHOOSE(Py_ssize_t, vt_take_steps, (const vt_windows *windows, const vt_steps *steps, int *who, Py_ssize_t n,
+                                      double near2, double far2, int first),
+          (windows, steps, who, n, near2, far2, first))

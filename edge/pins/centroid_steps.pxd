@@ -8,8 +8,12 @@ cdef enum:  # columns of `NORM` that a pin at the image's border needs
     UNIT_T
 
 cdef extern from "centroid_steps.c":
+    enum:
+        LANES "VT_LANES"
+        UNROLL "VT_UNROLL"
+
     ctypedef struct Kind "vt_kind":
-        Py_ssize_t half, first_span, end_span, first_step, end_step, row_bytes, first, first_uv, plane, pixels
+        Py_ssize_t first_span, end_span, first_step, end_step, first, first_uv, plane, pixels
     ctypedef struct Fetch "vt_fetch":
         Py_ssize_t row, end, stride, first, beyond, rows, ahead
 
@@ -30,7 +34,6 @@ cdef extern from "centroid_steps.c":
         const double *norms
         const double *predicted
         const double *inner
-        const int *kind_of
         const int *norm_of
         Py_ssize_t stride
         double reach2, noise2, gain, side
@@ -39,7 +42,7 @@ cdef extern from "centroid_steps.c":
         double *amplitude
         double *fit
 
-    void vt_sum_window(const Windows *, Py_ssize_t, Py_ssize_t, Py_ssize_t) noexcept nogil
+    void vt_sum_window(const Windows *, Py_ssize_t, Py_ssize_t) noexcept nogil
     bint vt_step(
         const Steps *, const double *, Py_ssize_t, Py_ssize_t, double, double, double, double, bint
     ) noexcept nogil
@@ -57,17 +60,17 @@ cdef inline Windows windows_of(
     )
 
 
-cdef inline void sum_window(Windows windows, Py_ssize_t begin, Py_ssize_t kind, Py_ssize_t norm) noexcept nogil:
-    vt_sum_window(&windows, begin, kind, norm)
+cdef inline void sum_window(Windows windows, Py_ssize_t begin, Py_ssize_t norm) noexcept nogil:
+    vt_sum_window(&windows, begin, norm)
 
 
 cdef inline Steps steps_of(
-    double[:, ::1] norms, double[:, ::1] predicted, double[::1] inner, int[::1] kind_of, int[::1] norm_of,
+    double[:, ::1] norms, double[:, ::1] predicted, double[::1] inner, int[::1] norm_of,
     Py_ssize_t stride, double reach2, double noise2, double gain, double side, double[:, ::1] xy, double[::1] sigma,
     double[::1] amplitude, double[::1] fit
 ) noexcept nogil:
     return Steps(
-        &norms[0, 0], &predicted[0, 0], &inner[0], &kind_of[0], &norm_of[0], stride, reach2, noise2, gain,
+        &norms[0, 0], &predicted[0, 0], &inner[0], &norm_of[0], stride, reach2, noise2, gain,
         side, &xy[0, 0], &sigma[0], &amplitude[0], &fit[0]
     )
 

@@ -10,24 +10,23 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from edge.pins.templates import NORM, PHASES
+from edge.pins.templates import BLOCK, NORM, PHASES
 from edge.types import Array, Image, Index
 
 Shorts = NDArray[np.int16]
+LANES = BLOCK  # bytes copied at once
+UNROLL = LANES // BLOCK  # pieces
 
 #: Columns of what is known of one kind of pins:
-#: half             px, half width of its window
 #: first_span, end_span  its rows in the spans of all kinds
 #: first_step, end_step  and in their steps
-#: row_bytes        read of each row of a window: the longest, filled up to LANES
 #: first, first_uv, plane  as in `TemplateSet`
 #: pixels           of its support
 KIND = np.dtype(
     [
         (name, np.intp)
         for name in (
-            "half", "first_span", "end_span", "first_step", "end_step", "row_bytes", "first", "first_uv",
-            "plane", "pixels",
+            "first_span", "end_span", "first_step", "end_step", "first", "first_uv", "plane", "pixels",
         )
     ]
 )  # fmt: skip
@@ -39,7 +38,7 @@ KIND = np.dtype(
 #: with as many rows as there are, and 1.5 times with 1 window ahead.
 #: row, end, stride  bytes: the next row, the first that is not wanted, and from row to row
 #: first, beyond     bytes: what is wanted of each
-#: rows              for each window at most
+#: rows              for four windows at most
 #: ahead             bytes: as far beyond the middle of the window in hand
 FETCH = np.dtype([(name, np.intp) for name in ("row", "end", "stride", "first", "beyond", "rows", "ahead")])
 
@@ -49,8 +48,8 @@ class Windows(NamedTuple):
 
     fetch    (1,) `FETCH`; here of no use
     kinds    `KIND` of each kind of pins
-    steps    of each span, bytes from the begin of the one before it, the first from the middle of the window,
-             and its pixels; behind each kind's LANES zeros: rows are copied several at once
+    steps    of each piece of a row, LANES bytes or 8 blocks: where it begins, bytes from the window's middle,
+             and its first of `pixels`; the next one overwrites what is too many
     values, uv, norms  of the templates
     pixels   takes a window's spans, one after the other
     sums     (8,): I d, I tx, I ty, I, I u, I v, I^2 and 1 of a window, each times its factor in `norms`
@@ -74,7 +73,7 @@ class Windows(NamedTuple):
 windows_of = Windows
 
 
-def sum_window(windows: Windows, begin: int, kind: int, norm: int) -> None:
+def sum_window(windows: Windows, begin: int, norm: int) -> None:
     """Write `sums` of one window.
 
     begin  byte of the image where the middle of the window is
@@ -83,15 +82,15 @@ def sum_window(windows: Windows, begin: int, kind: int, norm: int) -> None:
     image, _, kinds, all_steps, values, uv, norms, _, sums, dark, side = windows
     (rows, columns), stride = image.shape, image.strides[0]
     memory = np.lib.stride_tricks.as_strided(image, (stride * (rows - 1) + columns,), (1,))
-    k, row, found = kinds[kind], begin, [np.empty(0, np.int64)]
-    for step, length in all_steps[k["first_step"] : k["end_step"]]:
-        row += step
-        pixels = memory[row + stride * np.arange(side)[:, None] + np.arange(side * length)]
-        found.append(pixels.reshape(side, length, side).sum(axis=(0, 2), dtype=np.int64))
-    n, first_uv = k["plane"], k["first_uv"]
+    k = kinds[norm // PHASES**2]
+    n, first_uv, size = k["plane"], k["first_uv"], LANES if side == 1 else BLOCK // side
     first = k["first"] + 3 * n * (norm % PHASES**2)
-    level = np.zeros(n, np.int64)
-    level[: k["pixels"]] = np.concatenate(found)
+    level = np.zeros(n + size, np.int64)
+    for step, to in all_steps[k["first_step"] : k["end_step"]]:
+        pixels = memory[begin + step + stride * np.arange(side)[:, None] + np.arange(side * size)]
+        level[to : to + size] = pixels.reshape(side, size, side).sum(axis=(0, 2), dtype=np.int64)
+    level[k["pixels"] :] = 0
+    level = level[:n]
     d, tx, ty = values[first : first + 3 * n].astype(np.int64).reshape(3, n) @ level
     u, v = uv[first_uv : first_uv + 2 * n].astype(np.int64).reshape(2, n) @ level
     sums[:8] = np.array([d, tx, ty, level.sum(), u, v, level @ level, 1], np.float64) * norms[norm, :8]
@@ -116,7 +115,7 @@ class Steps(NamedTuple):
     norms               of the templates
     predicted           (n, 2) px
     inner               phases: least x and y of pins whose windows are within the image, least beyond
-    kind_of, norm_of    (n,) which of the kinds each pin is, and the row of its first phase in `norms`
+    norm_of             (n,) the row of each pin's first phase in `norms`
     stride              bytes from row to row of an 8-bit image
     reach2              px2: farther from its prediction a pin is lost
     noise2, gain        levels^2 of the camera's noise; factor of the levels
@@ -127,7 +126,6 @@ class Steps(NamedTuple):
     norms: Array
     predicted: Array
     inner: Array
-    kind_of: Index
     norm_of: Index
     stride: int
     reach2: float
@@ -213,7 +211,7 @@ def take_steps(
         if taken:
             x, y = int(x4), int(y4)
             norm = int(steps.norm_of[i]) + y % PHASES * PHASES + x % PHASES
-            sum_window(windows, y // PHASES * steps.stride + x // PHASES, int(steps.kind_of[i]), norm)
+            sum_window(windows, y // PHASES * steps.stride + x // PHASES, norm)
             start = 0.25 * (x - to_middle) + 0.125, 0.25 * (y - to_middle) + 0.125
             if not take_step(steps, windows.sums, i, norm, *start, near2, far2, first):
                 continue

@@ -31,43 +31,15 @@ from cython.cimports.libc.math import sqrt
 from numpy.typing import NDArray
 
 from edge.pins.centroid_steps import FETCH, KIND
-from edge.pins.templates import BLOCK, FAR_PX, HALF_MAX, LANES, NORM, PHASES, SIDE, STEP_MAX, TemplateSet
+from edge.pins.templates import BLOCK, FAR_PX, HALF_MAX, NORM, PHASES, SIDE, STEP_MAX, TemplateSet
 from edge.types import Array, Image, Index
 
 if cython.compiled:
     from cython.cimports.edge.geometry.select import select_kth
-    from cython.cimports.edge.pins.centroid_steps import (
-        D2,
-        LONGEST,
-        RADIUS,
-        UNIT_D,
-        UNIT_T,
-        Fetch,
-        Kind,
-        Steps,
-        Windows,
-        sigma_of,
-        steps_of,
-        sum_window,
-        take_step,
-        take_steps,
-        windows_of,
-    )  # fmt: skip
+    from cython.cimports.edge.pins import centroid_steps as loops
 else:
     from edge.geometry.select import select_kth
-    from edge.pins.centroid_steps import (
-        D2,
-        LONGEST,
-        RADIUS,
-        UNIT_D,
-        UNIT_T,
-        sigma_of,
-        steps_of,
-        sum_window,
-        take_step,
-        take_steps,
-        windows_of,
-    )  # fmt: skip
+    from edge.pins import centroid_steps as loops
 
 HUGE_VAL = cython.declare(cython.double, float("inf"))
 NAN = cython.declare(cython.double, float("nan"))
@@ -110,16 +82,17 @@ class CentroidKernel:
     _image16: cython.const[cython.ushort][:, :]
     _kind_of: cython.int[::1]
     _norm_of: cython.int[::1]  # row of its first phase in `_norms`
-    _kinds: Kind[::1]
+    _kinds: loops.Kind[::1]
     _spans: cython.int[:, ::1]  # of all kinds
+    _pieces: cython.int[:, ::1]  # of these: first column and row, and place among the pixels
     _steps: cython.Py_ssize_t[:, ::1]  # as `sum_window` takes it, in 8-bit images of this shape
     _inner: cython.double[::1]  # phases: least x and y of pins whose windows are within them, least beyond
     _side: cython.Py_ssize_t  # px, of the blocks that are a window's pixels
     _to_middle: cython.double  # phases, from where a window's middle pixel begins; 0: it is between two
     _half: cython.Py_ssize_t  # px, of the largest window
-    _fetch: Fetch[::1]  # as `sum_window` takes it
-    _windows: Windows  # of the image in hand
-    _steps_of: Steps  # to take in it
+    _fetch: loops.Fetch[::1]  # as `sum_window` takes it
+    _windows: loops.Windows  # of the image in hand
+    _steps_of: loops.Steps  # to take in it
     _who: cython.int[::1]  # pins that have to take a step, and what `take_steps` says of them
     _values: cython.short[::1]  # of the templates
     _uv: cython.schar[::1]
@@ -160,7 +133,7 @@ class CentroidKernel:
         _check(templates, np.asarray(self._kind_of), np.asarray(rest_amplitude))
         self._norm_of = np.asarray(self._kind_of) * np.int32(PHASES * PHASES)
         self._spans = np.concatenate(templates.spans)
-        self._kinds = _kinds_of(templates)
+        self._kinds, self._pieces = _kinds_of(templates)
         self._side, self._fetch = templates.side, np.zeros(1, FETCH).view(np.recarray)
         self._half = templates.side * max(templates.half) + templates.side // 2
         self._to_middle = PHASES / 2 * (templates.side % 2)
@@ -185,7 +158,7 @@ class CentroidKernel:
         self.amplitude = np.full(self.n, np.nan)
         self.fit = np.full(self.n, np.nan)
         plane_max = int(np.max(templates.plane))
-        self._pixels = np.zeros(2 * (plane_max + 2 * HALF_MAX + LANES), np.uint8)
+        self._pixels = np.zeros(2 * (plane_max + 2 * HALF_MAX + loops.LANES), np.uint8)
         self._window = np.zeros(plane_max, np.int16)
         self._sums = np.zeros(NORM.index("inv_d"))
         self._is_in_view = np.zeros(plane_max, np.uint8)
@@ -229,21 +202,16 @@ class CentroidKernel:
     @cython.cfunc
     def _make_steps(self) -> cython.void:
         """Make the steps of 8-bit images of this shape, and say where the largest window is within them: its
-        last copy must not end beyond the image.
+        last piece must not end beyond the image.
         """
         rows, columns, stride = self._rows, self._columns, self._stride
-        column, row, length = np.asarray(self._spans, np.intp).T
+        column, row, to = np.asarray(self._pieces, np.intp).T
         side, half = self._side, self._half
         begin = side * column - (side - 1) // 2 + (side * row - (side - 1) // 2) * stride
-        kinds = np.asarray(self._kinds)
-        last = int((begin[kinds["end_span"] - 1] + kinds["row_bytes"]).max()) + (side - 1) * (stride + LANES)
+        last = begin.max() + side * _piece_of(side) + (side - 1) * stride
         low = ((rows - 1) * stride + half + 1 - last) // stride
         self._inner = PHASES * np.array([half, half, columns - half, min(rows - half, low + 1)], np.float64)
-        self._steps = np.zeros((kinds["end_step"].max() + LANES, 2), np.intp)
-        steps = np.asarray(self._steps)
-        for k in kinds:
-            n, spans = k["end_span"] - k["first_span"], slice(k["first_span"], k["end_span"])
-            steps[k["first_step"] :][:n] = np.stack([np.diff(begin[spans], prepend=0), length[spans]], axis=1)
+        self._steps = np.stack([begin, to], axis=1)
 
     @cython.cfunc
     def _read(self) -> cython.void:
@@ -252,8 +220,8 @@ class CentroidKernel:
         iteration: cython.int = 0
         if n == 0:
             return
-        self._steps_of = steps_of(
-            self._norms, self.predicted, self._inner, self._kind_of, self._norm_of, self._stride,
+        self._steps_of = loops.steps_of(
+            self._norms, self.predicted, self._inner, self._norm_of, self._stride,
             self._reach2, self._noise2, self._gain, self._side, self.xy, self.sigma, self.amplitude, self.fit,
         )  # fmt: skip
         if self._wide:
@@ -261,14 +229,14 @@ class CentroidKernel:
                 self._find(i, 0)
             return
         self._begin_to_fetch()
-        self._windows = windows_of(
+        self._windows = loops.windows_of(
             self._image8, self._fetch, self._kinds, self._steps, self._values, self._uv, self._norms,
             self._pixels, self._sums, self._sign < 0, self._side,
         )  # fmt: skip
         for i in range(n):
             self._who[i] = i
         while n > 0:
-            asked = take_steps(
+            asked = loops.take_steps(
                 self._windows, self._steps_of, self._who, n, self._near2, self._far2_of(iteration),
                 iteration == 0,
             )  # fmt: skip
@@ -296,19 +264,19 @@ class CentroidKernel:
         fit: cython.double[::1] = self.fit
         ratio: cython.double[::1] = self._ratio
         m: cython.Py_ssize_t = 0
-        low = HUGE_VAL
+        low = worst = HUGE_VAL
         high = 0.0
         for i in range(self.n):
+            gain = amplitude[i] / at_rest[i]
+            low, high, worst = min(low, gain), max(high, gain), min(worst, fit[i])
+        if worst > self._share_min and low > self._share_min * high:  # none is too dim, whatever the gain
+            return
+        for i in range(self.n):
             if fit[i] > self._share_min:
-                gain = amplitude[i] / at_rest[i]
-                low = min(low, gain)
-                high = max(high, gain)
-                ratio[m] = gain
+                ratio[m] = amplitude[i] / at_rest[i]
                 m += 1
             else:
                 xy[i, 0] = xy[i, 1] = sigma[i] = NAN
-        if low > self._share_min * high:  # none is too dim, whatever the gain
-            return
         least = self._share_min * select_kth(ratio, m, m // 2)
         for i in range(self.n):
             if amplitude[i] < least * at_rest[i]:
@@ -361,7 +329,7 @@ class CentroidKernel:
         right: cython.double = 0.0
         top: cython.double = self._rows
         bottom: cython.double = 0.0
-        for i in range(self.n):
+        for i in range(0, self.n, 8):  # near enough: what is not fetched is only read later
             x, y = self.predicted[i, 0], self.predicted[i, 1]
             left, right = min(left, x), max(right, x)
             top, bottom = min(top, y), max(bottom, y)
@@ -369,13 +337,13 @@ class CentroidKernel:
         first_row: cython.Py_ssize_t = max(cython.cast(cython.Py_ssize_t, max(top, 0.0)) - half, 0)
         end_row: cython.Py_ssize_t = cython.cast(cython.Py_ssize_t, min(bottom, self._rows)) + half + 1
         end_row = min(end_row, self._rows)
-        f: Fetch = self._fetch[0]
+        f: loops.Fetch = self._fetch[0]
         f.row, f.end, f.stride = first_row * self._stride, end_row * self._stride, self._stride
         f.first = max(cython.cast(cython.Py_ssize_t, max(left, 0.0)) - half, 0)
         f.beyond = cython.cast(cython.Py_ssize_t, min(right, self._columns)) + half + 1
         f.beyond = min(f.beyond, self._columns)
         # More than the mean, to get ahead where pins are few; to a window and a half below the one in hand.
-        f.rows = 1 + 3 * (end_row - first_row) // max(self.n, 1)
+        f.rows = 1 + 8 * (end_row - first_row) // max(self.n, 1)
         f.ahead = 2 * (2 * half + 1) * self._stride
         self._fetch[0] = f
 
@@ -412,23 +380,23 @@ class CentroidKernel:
         cy: cython.Py_ssize_t = y >> 2
         phase: cython.Py_ssize_t = (y & 3) * 4 + (x & 3)
         norm: cython.Py_ssize_t = self._norm_of[i] + phase
-        middle_x = middle_of(px, self._to_middle)
-        middle_y = middle_of(py, self._to_middle)
+        at_x = middle_of(px, self._to_middle)
+        at_y = middle_of(py, self._to_middle)
         if not self._wide and self._inner[0] <= x4 < self._inner[2] and self._inner[1] <= y4 < self._inner[3]:
-            sum_window(self._windows, cy * self._stride + cx, kind, norm)
+            loops.sum_window(self._windows, cy * self._stride + cx, norm)
         else:
             self._take_window(cx, cy, kind)
             if self._in_view < self._kinds[kind].pixels:
-                return self._step_cut(i, kind, phase, middle_x, middle_y)
+                return self._step_cut(i, kind, phase, at_x, at_y)
             self._sum_levels(kind, phase, norm)
-        return take_step(self._steps_of, self._sums, i, norm, middle_x, middle_y, self._near2, far2, first)
+        return loops.take_step(self._steps_of, self._sums, i, norm, at_x, at_y, self._near2, far2, first)
 
     @cython.cfunc
     def _sum_levels(
         self, kind: cython.Py_ssize_t, phase: cython.Py_ssize_t, norm: cython.Py_ssize_t
     ) -> cython.void:
         """`_sums` of the levels in `_window`, whose squares may have 24 bits."""
-        k: Kind = self._kinds[kind]
+        k: loops.Kind = self._kinds[kind]
         t: cython.Py_ssize_t = k.first + 3 * k.plane * phase
         d: cython.int = 0
         tx: cython.int = 0
@@ -456,7 +424,7 @@ class CentroidKernel:
         self, cx: cython.Py_ssize_t, cy: cython.Py_ssize_t, kind: cython.Py_ssize_t
     ) -> cython.void:
         """Pixels of the support less the middle's level, as of bright pins; zero outside of the image."""
-        k: Kind = self._kinds[kind]
+        k: loops.Kind = self._kinds[kind]
         side: cython.Py_ssize_t = self._side
         at: cython.Py_ssize_t = 0
         right: cython.Py_ssize_t = self._columns - side
@@ -487,10 +455,11 @@ class CentroidKernel:
     ) -> cython.bint:  # fmt: skip
         """The same for a pin that the border cuts: the fit of 1, d, tx, ty over the pixels there are."""
         n: cython.Py_ssize_t = self._norm_of[i] + phase
-        step_max: cython.double = self._norms[n, LONGEST]
+        step_max: cython.double = self._norms[n, loops.LONGEST]
         freedom: cython.double = self._in_view - 4
         self._gather_cut(kind, phase, n)
-        if self._normal[1, 1] < self._share_min * self._norms[n, D2] or freedom <= 0 or not self._solve():
+        least = self._share_min * self._norms[n, loops.D2]
+        if self._normal[1, 1] < least or freedom <= 0 or not self._solve():
             return False
         level = self._right[0] * self._right[0] / self._in_view
         energy = self._energy - level
@@ -512,9 +481,9 @@ class CentroidKernel:
         if went2 > self._reach2:
             return False
         self.amplitude[i] = amplitude * self._gain
-        self.sigma[i] = sigma_of(
+        self.sigma[i] = loops.sigma_of(
             variance * 0.5 * (self._inverse[2, 2] + self._inverse[3, 3]) / (amplitude * amplitude),
-            rest, freedom, energy, self._noise2, self._norms[n, RADIUS],
+            rest, freedom, energy, self._noise2, self._norms[n, loops.RADIUS],
         )  # fmt: skip
         self.fit[i] = explained / energy
         return far * far >= self._near2
@@ -524,9 +493,9 @@ class CentroidKernel:
         self, kind: cython.Py_ssize_t, phase: cython.Py_ssize_t, norm: cython.Py_ssize_t
     ) -> cython.void:
         """Normal equations of 1, d, tx, ty over the pixels in view, and their energy."""
-        k: Kind = self._kinds[kind]
+        k: loops.Kind = self._kinds[kind]
         t: cython.Py_ssize_t = k.first + 3 * k.plane * phase
-        unit_t: cython.double = self._norms[norm, UNIT_T]
+        unit_t: cython.double = self._norms[norm, loops.UNIT_T]
         self._normal[:, :] = 0
         self._right[:] = 0
         self._energy = 0
@@ -535,7 +504,7 @@ class CentroidKernel:
                 continue
             level = cython.cast(cython.double, self._window[at])
             self._basis[0] = 1
-            self._basis[1] = self._norms[norm, UNIT_D] * self._values[t + at]
+            self._basis[1] = self._norms[norm, loops.UNIT_D] * self._values[t + at]
             self._basis[2] = unit_t * self._values[t + k.plane + at]
             self._basis[3] = unit_t * self._values[t + 2 * k.plane + at]
             for r in range(4):
@@ -584,20 +553,29 @@ def square(x: cython.double, y: cython.double) -> cython.double:
     return x * x + y * y
 
 
-def _kinds_of(templates: TemplateSet) -> NDArray[np.void]:
-    """`KIND` of each kind of pins, for images of no stride yet."""
-    lengths = np.array([len(spans) for spans in templates.spans])
-    end = np.cumsum(lengths)
+def _kinds_of(templates: TemplateSet) -> tuple[NDArray[np.void], Index]:
+    """`KIND` of each kind of pins, and all their pieces, which are copied UNROLL at a time."""
     kinds = np.zeros(len(templates.half), KIND).view(np.recarray)
-    kinds.half, kinds.plane = templates.half, templates.plane
-    kinds.first, kinds.first_uv = templates.first, templates.first_uv
-    kinds.first_span, kinds.end_span = end - lengths, end
-    space = LANES * np.arange(len(lengths))  # behind each kind's steps
-    kinds.first_step, kinds.end_step = end - lengths + space, end + space
+    kinds.first, kinds.first_uv, kinds.plane = templates.first, templates.first_uv, templates.plane
+    kinds.end_span = np.cumsum([len(spans) for spans in templates.spans])
+    kinds.first_span[1:] = kinds.end_span[:-1]
     kinds.pixels = [spans[:, 2].sum() for spans in templates.spans]
-    longest = templates.side * np.array([spans[:, 2].max() for spans in templates.spans])
-    kinds.row_bytes = -(-longest // LANES) * LANES
-    return kinds
+    pieces, size = [], _piece_of(templates.side)
+    for column, row, length in (spans.T for spans in templates.spans):
+        to = np.cumsum(length) - length
+        some = [np.stack([column + k, row, to + k])[:, length > k] for k in range(0, length.max(), size)]
+        every = np.concatenate(some, axis=1).T
+        every = every[np.argsort(every[:, 2])]
+        lacking = (loops.UNROLL - 1) * len(every) % loops.UNROLL
+        pieces.append(np.concatenate([every, np.repeat(every[-1:], lacking, axis=0)]))
+    kinds.end_step = np.cumsum([len(some) for some in pieces])
+    kinds.first_step[1:] = kinds.end_step[:-1]
+    return kinds, np.concatenate(pieces).astype(np.int32)
+
+
+def _piece_of(side: int) -> int:
+    """Pixels of a window that are copied at once."""
+    return loops.LANES if side == 1 else BLOCK // side
 
 
 def _check(templates: TemplateSet, kind_of: Index, rest_amplitude: Array) -> None:

@@ -20,10 +20,9 @@ from edge.types import Array, Index, Mask
 
 PHASES = 4  # subpixel offsets along each axis
 FAR_PX = 2.0**0.5 / PHASES  # a phase's diagonal: a longer step goes beyond the middles of those next to it
-LANES = 16  # bytes: a window's rows are copied in multiples of it
 BLOCK = 32  # a plane's length is a multiple of it: loops have no remainder
-#: px, half width of a window: two levels times it fit 16 bits, in which columns and rows are summed.
-HALF_MAX = int(np.iinfo(np.int16).max // (np.iinfo(np.uint8).max + np.iinfo(np.uint8).max))
+#: px, half width of a window: two levels times it, or four less their middle, fit 16 bits.
+HALF_MAX = int(np.iinfo(np.int16).max // (2 << np.iinfo(np.uint8).bits))
 STEP_MAX = 4095  # a pixel against the window's middle, levels: 12 bits; brighter images lose their last bits
 SIDE = isqrt(STEP_MAX // np.iinfo(np.uint8).max)  # px, of the blocks that large pins are read by; C knows 4
 

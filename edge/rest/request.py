@@ -50,6 +50,7 @@ class TareState:
 
     outcome  of the last request; replaced as a whole, so that any thread may read it
     frames   collected so far; None: none is being taken
+    job      checks them, or has, and its result was not fetched; None: there is none
 
     At its start a finger takes one without a request.
     """
@@ -61,12 +62,12 @@ class TareState:
         self.in_thread = False  # whether rest frames are checked in another thread, while the loop goes on
         self._frames_n = frames_n
         self._lock = threading.Lock()
-        self._job: Future[Prepared] | None = None
+        self.job: Future[Prepared] | None = None
 
     @property
     def busy(self) -> bool:
         """Whether a rest frame is being taken or checked."""
-        return self.frames is not None or self._job is not None
+        return self.frames is not None or self.job is not None
 
     def ask(
         self,
@@ -87,7 +88,7 @@ class TareState:
 
     def collect(self, frame: Frame, usable: bool) -> list[Frame] | None:
         """Keep a usable image, if a rest frame is wanted; return all once there are enough."""
-        if self._job is not None:
+        if self.job is not None:
             return None
         if self.frames is None and self.request is not None:
             self.frames = []
@@ -101,26 +102,21 @@ class TareState:
 
         afterwards  what that other thread does once the loop may measure with the pipeline
         """
-        self.frames, self._job = None, Future()
+        self.frames, self.job = None, Future()
         if self.in_thread:
-            work = partial(_run, job, self._job, afterwards)
+            work = partial(_run, job, self.job, afterwards)
             threading.Thread(target=work, name="tare", daemon=True).start()
         else:
-            _run(job, self._job)
-
-    @property
-    def checking(self) -> bool:
-        """Whether a job is under way, or done but not collected."""
-        return self._job is not None
+            _run(job, self.job)
 
     @property
     def checked(self) -> bool:
-        return self._job is not None and self._job.done()
+        return self.job is not None and self.job.done()
 
     def result(self) -> Prepared:
         """The job's result. Raises TareRefused, or the job's own error."""
-        assert self._job is not None
-        job, self._job = self._job, None
+        assert self.job is not None
+        job, self.job = self.job, None
         return job.result()
 
     def finish(self, state: RestFrameState, reason: RestFrameReason, message: str) -> None:
@@ -135,7 +131,7 @@ class TareState:
 
     def close(self) -> None:
         """No more images come: refuse requests. A job under way is abandoned."""
-        self._job = None
+        self.job = None
         if self.request is not None:
             self.finish(RestFrameState.REFUSED, RestFrameReason.NO_IMAGES, "the program ends")
 

@@ -32,8 +32,8 @@ from typing import Any, TypeVar
 from edge.calibration import Calibration
 from edge.faults.detector import FaultDetector
 from edge.faults.registry import FaultRegistry
-from edge.link.sample import to_state
 from edge.link.sinks import Sink
+from edge.link.state_packer import to_state
 from edge.params import PARAMS as RUNTIME
 from edge.recording.session import RecordingSession
 from edge.runtime.board_monitor import BoardMonitor
@@ -206,9 +206,8 @@ class Loop:
         ours = frame.clock in _OUR_CLOCKS and frame.capture_ns <= begun_ns
         since_ns = frame.capture_ns if ours else begun_ns
         state = self._send(result, frame.capture_ns, (computed_ns - since_ns) / 1e3)
-        latency_us, compute_us = (self._clock_ns() - since_ns) / 1e3, (computed_ns - begun_ns) / 1e3
         pins_n = nan if result is None else result.tracks.n_seen
-        self._counters.add(compute_us, latency_us, pins_n)
+        self._counters.last.append((since_ns, begun_ns, computed_ns, self._clock_ns(), pins_n))
         self._notifier.frame()
         if self.session.put is not None:
             self.session.take(frame, result, state)
@@ -226,11 +225,11 @@ class Loop:
         counts = self._counters.counts
         state = to_state(
             result,
-            sample=self._sample,
-            status=self._detector.status(result, counts.lost_by_camera_n + self.source.dropped_n),
-            latency_us=latency_us,
-            capture_time_us=capture_ns // 1000,
-            temperature_degc=self._board.temperature_degc if self._board else nan,
+            self._sample,
+            self._detector.status(result, counts.lost_by_camera_n + self.source.dropped_n),
+            capture_ns // 1000,
+            latency_us,
+            self._board.temperature_degc if self._board else nan,
         )
         self._sample += 1
         for sink in self.sinks:

@@ -14,7 +14,8 @@ from edge.calibration import Calibration
 from edge.drift import PARAMS as DRIFT
 from edge.drift import Drift, DriftParams
 from edge.errors import CalibrationError, EdgeError, SourceError
-from edge.faults.detector import NO_CALIBRATION, FaultDetector
+from edge.faults.detector import FaultDetector
+from edge.faults.judge import NO_CALIBRATION
 from edge.faults.registry import FaultRegistry
 from edge.frame import Pipeline
 from edge.params import PARAMS as RUNTIME
@@ -146,7 +147,8 @@ class Measurement:
         if self.pipeline is not None and frame.image.shape != self._shape:
             now, rest = (f"{width}x{height}" for height, width in (frame.image.shape, self._shape))
             raise EdgeError(f"it has {now} px, the rest frame {rest}; set the camera back, or restart")
-        if self.tare.busy or self.tare.request is not None:
+        tare = self.tare
+        if tare.frames is not None or tare.job is not None or tare.request is not None:
             self._tare(frame)
         if self.pipeline is None:
             self._detector.judge_image(frame)
@@ -281,7 +283,7 @@ class Measurement:
 
     def no_images(self) -> None:
         """The camera has given none for long: refuse a requested rest frame."""
-        if self.tare.request is not None and not self.tare.checking:
+        if self.tare.request is not None and self.tare.job is None:
             message = "; ".join(self._faults.active.values())
             self._refuse_tare(TareRefused(RestFrameReason.NO_IMAGES, f"no images: {message}"))
 

@@ -43,24 +43,23 @@ class StatisticsCollector:
     def __init__(self, size: int = PARAMS.latencies_n) -> None:
         self.counts = LoopStatistics()
         self.started_s = time.monotonic()
-        self._last = deque[tuple[float, float, float]](maxlen=size)  # frames' times, us, and pins seen
-
-    def add(self, compute_us: float, latency_us: float, pins_n: float) -> None:
-        """Note a frame in place of the oldest; pins seen, NaN: there is no rest frame."""
-        self._last.append((compute_us, latency_us, pins_n))
+        #: Of each frame: since when its latency counts, when work on it began, when it was computed and sent,
+        #: ns; and the pins seen, NaN: there is no rest frame.
+        self.last = deque[tuple[int, int, int, int, float]](maxlen=size)
 
     def snapshot(self, **measured: Any) -> LoopStatistics:
         """A copy of the present values; measured: fields of `LoopStatistics` that the caller knows."""
-        counts, last = self.counts, np.array(list(self._last)).reshape(-1, 3)
-        seen = np.rint(last[~np.isnan(last[:, 2]), 2])
+        last = np.array(list(self.last), np.float64).reshape(-1, 5)
+        since_ns, begun_ns, computed_ns, sent_ns, seen = last.T
+        counts, seen = self.counts, np.rint(seen[~np.isnan(seen)])
         elapsed_s = time.monotonic() - self.started_s
         return replace(
             counts,
             pins_seen_min_n=int(seen.min()) if seen.size else 0,
             pins_seen_median_n=int(np.median(seen)) if seen.size else 0,
             rate_hz=counts.frames_n / elapsed_s if counts.frames_n else 0.0,
-            compute_us=_quantiles(last[:, 0]),
-            latency_us=_quantiles(last[:, 1]),
+            compute_us=_quantiles((computed_ns - begun_ns) / 1e3),
+            latency_us=_quantiles((sent_ns - since_ns) / 1e3),
             **measured,
         )
 

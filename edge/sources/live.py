@@ -82,7 +82,7 @@ class ThreadedSource(FrameSource, ABC):
 
     def __init__(self, name: str) -> None:
         self.name = name
-        self.received_n = 0
+        self.received_n = self.dropped_n = 0
         self.faults: Counter[str] = Counter()
         self._slot: Frame | None = None
         self._times: list[int] | None = None  # of the frames that arrive while the rate is measured

@@ -183,7 +183,7 @@ class Follower:
             return self.found_xy.take(), self.found_sigma.take(), self.all_seen, n, 0.0, True, True
         self._recall()
         self._find_residuals(self.found)
-        self._keep_apart(self.found)
+        self._keep_apart(self.found, HUGE_VAL)
         self._filter(self.found, True)
         seen_n = self._place(self.found, self.sigma)
         self.share = cython.cast(cython.double, seen_n) / n
@@ -195,6 +195,8 @@ class Follower:
         self.baseline_share += (self.share - self.baseline_share) / self.baseline_frames
         if is_held:
             self._accept()
+        else:
+            self.step_most = HUGE_VAL
         xy, sigma, seen = [copies.take() for copies in self.results]
         return xy, sigma, seen, seen_n, self.autocorrelation, goes_on, is_held
 
@@ -255,12 +257,16 @@ class Follower:
         if not (
             total == total
             and change * change < self.change2 * self.pitch_min * self.pitch_min
-            and self.residual_most + change < self.pitch_min
             and step + damping * self.step_most < sqrt(self.leap2) * self.pitch_min
         ):
             return False
         self.seen[:] = True
-        self._keep_apart(found)
+        most = self.residual_most + change
+        if not most < self.pitch_min:  # of many steps since the residuals were computed
+            most = self._find_all_residuals(found, self.residual)
+        if not most < self.pitch_min:
+            return False
+        self._keep_apart(found, step)
         self._filter(found, False)
         if _any_missing(self.seen):
             return False
@@ -269,7 +275,7 @@ class Follower:
                 at = found[i, d]
                 expected[i, d] = at + damping * (at - last[i, d])
                 last[i, d] = at
-        self.is_recalled, self.residual_most, self.step_most = False, self.residual_most + change, step
+        self.is_recalled, self.residual_most, self.step_most = False, most, step
         self.baseline_share += (1.0 - self.baseline_share) / self.baseline_frames
         self.doubted_n = 0
         return True
@@ -281,9 +287,21 @@ class Follower:
             return
         self.is_recalled = True
         self.seen[:] = True
-        self._predict_from_neighbours(self.last, True)
+        self._find_all_residuals(self.last, self.last_residual)
+
+    @cython.cfunc
+    def _find_all_residuals(
+        self, xy: cython.const[cython.double][:, ::1], residual: cython.float[::1]
+    ) -> cython.double:
+        """Residuals in a frame all of whose pins are marked as seen; the longest, px."""
+        longest2: cython.double = 0.0
+        self._predict_from_neighbours(xy, True)
         for i in range(self.n):
-            self._set_residual(self.last, self.last_residual, i)
+            self._set_residual(xy, residual, i)
+            x = cython.cast(cython.double, residual[2 * i])
+            y = cython.cast(cython.double, residual[2 * i + 1])
+            longest2 = max(longest2, x * x + y * y)
+        return sqrt(longest2)
 
     @cython.cfunc
     def _find_residuals(self, found: cython.const[cython.double][:, ::1]) -> cython.void:
@@ -362,9 +380,12 @@ class Follower:
         return changed != 0
 
     @cython.cfunc
-    def _keep_apart(self, found: cython.const[cython.double][:, ::1]) -> cython.void:
-        """Lose the one with the larger innovation of two pins that came too near to each other."""
-        if self.separation.holds(found):
+    def _keep_apart(self, found: cython.const[cython.double][:, ::1], step: cython.double) -> cython.void:
+        """Lose the one with the larger innovation of two pins that came too near to each other.
+
+        step  px, the longest of a pin since the last frame, if both have all
+        """
+        if self.separation.holds(found, step):
             return
         least: cython.double = HUGE_VAL
         for p in range(self.pairs.shape[0]):

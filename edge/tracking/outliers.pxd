@@ -26,7 +26,7 @@ cdef class PhotometricFilter:
     cdef bint find_doubts(
         self, const double[::1] brightness, const double[::1] sigma, const unsigned char[::1] seen, bint searched
     ) noexcept nogil
-    cdef bint _are_alike(self, const double[::1] sigma, Py_ssize_t m, double sigma_ratio_max) noexcept nogil
+    cdef Py_ssize_t _below(self, const double[::1] values, double limit) noexcept nogil
     cdef void filter(
         self, const double[::1] brightness, const double[::1] sigma, const float[::1] residual,
         const double[:, ::1] motion, unsigned char[::1] seen

@@ -254,12 +254,34 @@ class PhotometricFilter:
         sigma_ratio_max: cython.double = HUGE_VAL if searched else self.sigma_ratio_max
         m: cython.Py_ssize_t = 0
         within: cython.Py_ssize_t = 0
+        low: cython.double = HUGE_VAL
+        high: cython.double = 0.0
+        narrowest: cython.double = HUGE_VAL
+        widest: cython.double = 0.0
         for i in range(self.n):
-            off[i] = brightness[i] / at_rest[i]
+            off[i] = HUGE_VAL
+            if seen[i]:
+                bright = brightness[i] / at_rest[i]
+                wide = sigma[i] / sigma_ratio[i]
+                off[i] = bright
+                low = low if low < bright else bright
+                high = high if high > bright else bright
+                narrowest = narrowest if narrowest < sigma[i] else sigma[i]
+                widest = widest if widest > wide else wide
+                m += 1
+        # No median is needed where half of the pins or more are so near to the dimmest one, as many to the
+        # brightest and to the one with the largest sigma, that these are near enough to it.
+        least = high / (1.0 + self.brightness_change_min)
+        most = low / (1.0 - self.brightness_change_min)
+        widest /= sigma_ratio_max
+        are_narrow: cython.bint = narrowest >= widest or self._below(sigma, widest) <= m // 2
+        are_alike: cython.bint = low >= least or self._below(off, least) <= m // 2
+        if are_narrow and are_alike and (high <= most or self._below(off, most) > m // 2):
+            return False
+        m = 0
+        for i in range(self.n):
             values[m] = off[i]
             m += seen[i]
-        if self._are_alike(sigma, m, sigma_ratio_max):
-            return False
         gain = select_kth(values, m, m // 2)
         change_max = self.brightness_change_min * gain
         for i in range(m):
@@ -267,11 +289,13 @@ class PhotometricFilter:
             within += sigmas * values[i] <= change_max
         if within <= m // 2:  # else the median is
             change_max = sigmas * select_kth(values, m, m // 2)
-        m = 0
-        for i in range(self.n):
-            values[m] = sigma[i]
-            m += seen[i]
-        sigma_max = sigma_ratio_max * select_kth(values, m, m // 2)
+        sigma_max = HUGE_VAL
+        if not are_narrow:
+            m = 0
+            for i in range(self.n):
+                values[m] = sigma[i]
+                m += seen[i]
+            sigma_max = sigma_ratio_max * select_kth(values, m, m // 2)
         for i in range(self.n):
             trusted[i] = (
                 seen[i] & (not fabs(off[i] - gain) > change_max) & (not sigma[i] > sigma_max * sigma_ratio[i])
@@ -280,37 +304,12 @@ class PhotometricFilter:
         self.gain = gain
         return some != 0
 
-    def _are_alike(
-        self, sigma: cython.const[cython.double][::1], m: cython.Py_ssize_t, sigma_ratio_max: cython.double
-    ) -> cython.bint:
-        """Whether the m seen pins, of whose brightness are `values`, are to be trusted by the least limits.
-
-        No median is needed for it: half of the pins or more are so near to the brightest one, as many to the
-        dimmest and to the one with the largest sigma, that these are near enough to the median.
-        """
-        values: cython.double[::1] = self.values
-        sigma_ratio: cython.double[::1] = self.rest_sigma_ratio
-        low: cython.double = HUGE_VAL
-        high: cython.double = 0.0
-        widest: cython.double = 0.0
-        above: cython.Py_ssize_t = 0
+    def _below(self, values: cython.const[cython.double][::1], limit: cython.double) -> cython.Py_ssize_t:
+        """How many of the pins have less."""
         below: cython.Py_ssize_t = 0
-        narrow: cython.Py_ssize_t = 0
-        for i in range(m):
-            low = values[i] if values[i] < low else low
-            high = values[i] if values[i] > high else high
-        low, high = low / (1.0 - self.brightness_change_min), high / (1.0 + self.brightness_change_min)
-        for i in range(m):
-            above += values[i] > low
-            below += values[i] < high
-        if above >= m - m // 2 or below > m // 2:
-            return False
-        for i in range(self.n):  # NaN is neither wide nor narrow
-            share = sigma[i] / sigma_ratio[i]
-            widest = share if share > widest else widest
         for i in range(self.n):
-            narrow += sigma_ratio_max * sigma[i] < widest
-        return narrow <= m // 2
+            below = below + 1 if values[i] < limit else below  # in vectors
+        return below
 
     def filter(
         self,
@@ -346,20 +345,25 @@ class PhotometricFilter:
         own: cython.double = self._off_trusted(motion, i)
         ratio2: cython.double = self.ratio * self.ratio
         m: cython.Py_ssize_t = 0
-        above: cython.Py_ssize_t = 0
+        closer: cython.Py_ssize_t = 0  # neighbours, or not so much farther off
+        left: cython.Py_ssize_t = self.affine.k
         if own < self.most2[i]:
             return True
         own = min(own, ratio2 * light2)
         for c in range(self.affine.k):
+            left -= 1
             at = self.affine.near[i, c]
-            if not self.trusted[at] or not self.affine.weight[i, c] > 0:
-                continue
-            if self.off[at] == UNKNOWN:
-                self.off[at] = self._off_trusted(motion, at)
-            if self.off[at] >= 0:
-                above += own < ratio2 * self.off[at]
-                m += 1
-        return m == 0 or m - above <= 2 * m // 3
+            if self.trusted[at] and self.affine.weight[i, c] > 0:
+                if self.off[at] == UNKNOWN:
+                    self.off[at] = self._off_trusted(motion, at)
+                if self.off[at] >= 0:
+                    closer += not own < ratio2 * self.off[at]
+                    m += 1
+            if closer + left <= 2 * (m + left) // 3:  # whatever those left are
+                return True
+            if closer > 2 * (m + left) // 3:
+                return False
+        return True
 
     def _off_trusted(
         self, motion: cython.const[cython.double][:, ::1], i: cython.Py_ssize_t

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from binascii import crc_hqx
 from math import nan
+from struct import Struct
 from typing import Any, Final, TypeVar
 from zlib import crc32
 
@@ -17,7 +18,7 @@ from hostlink.wire.errors import CorruptFrame
 from hostlink.wire.fields import CHECK_SIZE, DATA_ID, HEADER_SIZE, OLDER, STATE_SIZE, VERSION, Field
 from hostlink.wire.status import status_of
 
-__all__ = ["Decoded", "FromFrame", "body_in", "frame_of", "received"]
+__all__ = ["NUMBER", "Decoded", "FromFrame", "body_in", "frame_of", "received"]
 
 T = TypeVar("T", bound="FromFrame")
 _AT: Final = HEADER_SIZE - 1
@@ -46,26 +47,35 @@ def body_in(frame: bytes) -> bytes:
     if not is_ours and older is None:
         raise CorruptFrame("state frame whose version does not fit its CRC")
     body = at[_AT:_END]
-    check = crc32(body)
-    if check & 0xFFFF != at[_END] | at[_END + 1] << 8:
+    if _check_of(body) != at[_END] | at[_END + 1] << 8:
         raise CorruptFrame("state frame whose content does not fit its check")
     return body
 
 
 def frame_of(body: bytes, counter: int) -> bytes:
     """The frame around version and fields: E2E header, check."""
-    check = crc32(body) & 0xFFFF
     if not _COMPILED or len(body) != _END - _AT:
-        return protected_p5(body + check.to_bytes(CHECK_SIZE, "little"), counter, _ID)
-    frame = bytearray(_SIZE)
-    to, at = frame, body
+        return protected_p5(body + (crc32(body) & 0xFFFF).to_bytes(CHECK_SIZE, "little"), counter, _ID)
+    check = _check_of(body)
+    to, at = _FRAME, body
     to[_AT - 1] = counter & 0xFF
     for i in range(_END - _AT):
         to[_AT + i] = at[i]
     to[_END], to[_END + 1] = check & 0xFF, check >> 8
     register = _register_of(to, _ID)
     to[0], to[1] = register & 0xFF, register >> 8
-    return bytes(frame)
+    return to[:_SIZE]  # type: ignore[return-value]  # a copy of a C array is bytes
+
+
+def _check_of(body: bytes) -> int:
+    """The check of version and fields."""
+    if not _COMPILED:
+        return crc32(body) & 0xFFFF
+    at = body
+    register = 0xFFFF_FFFF
+    for i in range(_END - _AT):
+        register = register >> 8 ^ _CHECK_STEPS[(register ^ at[i]) & 0xFF]
+    return ~register & 0xFFFF
 
 
 def _crc_of(frame: bytes, data_id: int) -> int:
@@ -83,29 +93,38 @@ def _register_of(frame: bytes | bytearray, data_id: int) -> int:
     return (register << 8 & 0xFFFF) ^ _STEPS[register >> 8 ^ data_id >> 8]
 
 
+NUMBER: Final = Struct("d")
 _STEPS = [crc_hqx(bytes([byte]), 0) for byte in range(256)]  # by what a byte changes the register
+_CHECK_STEPS = [crc32(bytes([byte ^ 0xFF])) ^ 0xFF00_0000 for byte in range(256)]
+_FRAME = bytearray(_SIZE)  # it is written in one go, without a change of threads
 
 
 class FromFrame:
     """The part of its frame that a received sample keeps.
 
-    body  version and fields; None: the sample was made of values
+    body   version and fields; None: the sample was made of values
+    exact  where the body was made of values, these: of each field in turn a double; None: they are its own
     """
 
     body: bytes | None
+    exact: bytes | None
 
 
 if not _COMPILED:
     setattr(FromFrame, "body", None)  # noqa: B010
+    setattr(FromFrame, "exact", None)  # noqa: B010
 
 
-def received(kind: type[T], body: bytes) -> T:
+_new = FromFrame.__new__
+
+
+def received(kind: type[T], body: bytes, exact: bytes | None = None) -> T:
     """A sample of this class, derived from `FromFrame`, that keeps the body."""
-    state = FromFrame.__new__(kind)
+    state = _new(kind)
     if _COMPILED:
-        state.body = body
+        state.body, state.exact = body, exact
     else:  # it is frozen
-        state.__dict__["body"] = body
+        state.__dict__.update(body=body, exact=exact)
     return state
 
 
@@ -115,8 +134,8 @@ class Decoded:
     An instance's own values come before this; a sample that was made of values has the default here.
     """
 
-    def __init__(self, field: Field, at: int, default: object) -> None:
-        self._default, self._at, self._size = default, at, field.size
+    def __init__(self, field: Field, place: int, at: int, default: object) -> None:
+        self._default, self._place, self._at, self._size = default, place, at, field.size
         self._span = 1 << 8 * field.size
         self._top = (self._span >> 1 if field.signed else self._span) - 1
         self._scale = field.scale
@@ -130,6 +149,9 @@ class Decoded:
     def _of(self, state: FromFrame | None) -> Any:
         if state is None or state.body is None:
             return self._default  # of the class, too: what `dataclasses.fields` and a reader of the class see
+        if state.exact is not None:
+            (number,) = NUMBER.unpack_from(state.exact, self._place * NUMBER.size)
+            return status_of(int(number)) if self._status else int(number) if self._plain else number
         return self.value(state.body)
 
     def value(self, body: bytes) -> Any:

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from itertools import accumulate, repeat
+from itertools import accumulate, islice, repeat, starmap
 from math import nan
+from struct import iter_unpack
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeVar, cast, dataclass_transform
 from zlib import crc32
 
-from hostlink.wire.body import Decoded, FromFrame, body_in, frame_of, received
+from hostlink.wire.body import NUMBER, Decoded, FromFrame, body_in, frame_of, received
 from hostlink.wire.fields import (
     CONTACTS_MAX,
     LAYOUT,
@@ -55,16 +56,7 @@ class _DecodedContacts:
     def __get__(self, state: State | None, owner: type) -> tuple[Contact, ...]:
         if state is None or state.body is None:
             return ()
-        raws = _raws_of(state.body)[_FIRST:_BEHIND]
-        values = [
-            raw * scale if raw != raw_nan else nan
-            for raw, scale, raw_nan in zip(raws, _SCALES[_FIRST:_BEHIND], _NANS[_FIRST:_BEHIND], strict=True)
-        ]
-        found = tuple(
-            Contact(*values[i : i + _CONTACT_SIZE])
-            for i in range(0, len(values), _CONTACT_SIZE)
-            if raws[i] != _NANS[_FIRST]
-        )
+        found = _exact_contacts(state.exact, state.contact_n) if state.exact else _contacts_of(state.body)
         state.__dict__["contacts"] = found
         return found
 
@@ -78,9 +70,29 @@ def _sample(cls: type[T]) -> type[T]:
     places = dict(zip(_NAMES, accumulate((f.size for f in LAYOUT), initial=1), strict=False))
     for row in fields(cast("Any", made)):
         if row.name in places:  # else the table has changed: generate
-            setattr(made, row.name, Decoded(SCHEMA.field_named(row.name), places[row.name], row.default))
+            field, at = SCHEMA.field_named(row.name), places[row.name]
+            setattr(made, row.name, Decoded(field, _NAMES.index(row.name), at, row.default))
     setattr(made, "contacts", _DecodedContacts())  # noqa: B010
     return made
+
+
+def _exact_contacts(exact: bytes, n: int) -> tuple[Contact, ...]:
+    first = _FIRST * NUMBER.size
+    numbers = iter_unpack(f"{_CONTACT_SIZE}d", exact[first : _BEHIND * NUMBER.size])
+    return tuple(islice(starmap(Contact, numbers), n))
+
+
+def _contacts_of(body: bytes) -> tuple[Contact, ...]:
+    raws = _raws_of(body)[_FIRST:_BEHIND]
+    values = [
+        raw * scale if raw != raw_nan else nan
+        for raw, scale, raw_nan in zip(raws, _SCALES[_FIRST:_BEHIND], _NANS[_FIRST:_BEHIND], strict=True)
+    ]
+    return tuple(
+        Contact(*values[i : i + _CONTACT_SIZE])
+        for i in range(0, len(values), _CONTACT_SIZE)
+        if raws[i] != _NANS[_FIRST]
+    )
 
 
 def _raws_of(body: bytes) -> Sequence[int]:
@@ -127,7 +139,7 @@ class State(StateFields, FromFrame):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Serves copies and other processes."""
-        return (State.of, (vars(self),)) if self.body is None else (restore, (self.body,))
+        return (State.of, (vars(self),)) if self.body is None else (restore, (self.body, self.exact))
 
     @classmethod
     def of(cls, fields: dict[str, Any]) -> State:
@@ -177,15 +189,17 @@ def quantise(state: State) -> Sequence[int]:
     return made
 
 
-def restore(body: bytes) -> State:
+def restore(body: bytes, exact: bytes | None = None) -> State:
     """The sample with this version and these fields. It keeps them, and decodes a field when it is read.
 
     An older version's values are decoded at once.
+
+    exact  as of `FromFrame`
     """
     if body[0] != VERSION:
         schema = OLDER[body[0]]
         return _restore_older(schema.body.unpack(body)[1:], schema)
-    return received(State, body)
+    return received(State, body, exact)
 
 
 def _restore_older(raws: Sequence[int], schema: Schema) -> State:

@@ -21,7 +21,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import msgspec
@@ -133,12 +133,12 @@ def play() -> None:
     from calib.sim.script import REST_FRAMES
     from edge.calibration import Calibration
     from edge.calibration.evaluation import ModelKernel
-    from edge.faults import frame_counts
+    from edge.faults import detector, frame_counts
+    from edge.faults.registry import FaultRegistry
     from edge.frame import Pipeline
     from edge.link.state_packer import StatePacker
     from edge.pins import take_rest
     from edge.rest.tip_match import in_order_of
-    from hostlink.wire import Contact, State
     from tests.bench.frames import calibration_of, scene
     from tests.edge.calibration.test_evaluation import INPUTS, MODELS
 
@@ -153,13 +153,14 @@ def play() -> None:
     assert features.contacts
     frame_inputs(features, rest.pattern)
     contact_inputs(features.contacts[0], features, rest.pattern)
-    image = frames[-1].image
-    frame_counts.level_of(image, 8)
-    frame_counts.which_reach((0.1, 0.9, True), [0.2, 0.5], 1)
-    corners = np.rint(rest.xy_img[20:24]).astype(np.int32)
-    frame_counts.FocusWindows(corners, 7, 20).measure(image, np.empty((4, 2)))
-    StatePacker().pack(vars(State(displacement_mm=1.0, contacts=(Contact(1.0, -1.0),))))
-    StatePacker().pack(vars(State(sample=1, contact_n=1, contacts=(Contact(1.0, -1.0, 0.5),))))
+    frame_counts.level_of(frames[-1].image, 8)
+    detector.common_step_px(features.displacement_px)
+    source: Any = SimpleNamespace(live=True, name="", rate_hz=0.0)
+    judge = detector.FaultDetector(source, FaultRegistry(), time.monotonic_ns)
+    judge.begin(frames[-1], 10**9)
+    judge.learn(rest, frames[-1], True)
+    judge.judge(frames[-1], result, 0.0)
+    StatePacker().to_state(result, 1, 0, 1)
     ModelKernel(INPUTS, MODELS)
 
 

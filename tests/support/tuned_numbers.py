@@ -46,7 +46,7 @@ NOT_TUNED: dict[str, dict[str, str]] = {
     },
     "rounding and the width of a number": {
         "cells/mesh": "EPSILON SLIVER AREA_TOLERANCE ERROR_BOUND ORIENT_BOUND INCIRCLE_BOUND EXTENT_MIN "
-            "EXTENT_MAX SNAP", "limits": "POINTS_MAX NUMBER_MAX", "pins/templates": "STEP_MAX",
+            "EXTENT_MAX SNAP", "limits": "POINTS_MAX NUMBER_MAX", "pins/templates": "STEP_MAX HALF_MAX",
         "calibration/evaluation": "LOST_MAX VOLUME_MIN", "cells/boundary": "ARC_MIN NEGLIGIBLE",
         "features/modes": "INDEPENDENT_REL", "features/pin_motion": "_RIDGE _FLAT",
         "features/contact_field": "_WEIGHT_MAX _VALUE_MAX _ROW_MAX _ROUND BLOCK",
@@ -57,7 +57,7 @@ NOT_TUNED: dict[str, dict[str, str]] = {
         "view/panels": "_SHIFT _ONE",
     },
     "a processor's lanes and cache lines": {
-        "calibration/evaluation": "ROWS", "pins/templates": "LANES BLOCK", "sources/shared_memory": "ALIGN",
+        "calibration/evaluation": "ROWS", "pins/templates": "BLOCK", "sources/shared_memory": "ALIGN",
     },
     "names of glibc's settings": {"runtime/process": "_MMAP_THRESHOLD _TRIM_THRESHOLD _ARENA_MAX"},
     "figures of a maker": {"runtime/board_monitor": "HOT_DEGC", "sources/oak": "RATE_HZ"},

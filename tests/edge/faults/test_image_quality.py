@@ -3,14 +3,12 @@
 import numpy as np
 import pytest
 
-from edge.faults.detector import common_step_px, fault_checks
-from edge.faults.frame_counts import FocusWindows
-from edge.faults.image_quality import ImageQuality
-from edge.faults.judge import Facts, Judge
+from edge.faults.detector import Facts, common_step_px
+from edge.faults.frame_counts import FocusWindows, level_of
+from edge.faults.judge import Judge, fault_checks
 from edge.faults.registry import FaultRegistry
 from edge.types import Frame, Image
 from hostlink.wire import FaultCode
-from tests.support.layouts import rest_of
 
 pytestmark = pytest.mark.kernels
 
@@ -24,28 +22,27 @@ def test_windows_are_numpy_s(kind: type, top: int, side: int) -> None:
     corners = rng.integers(0, 120 - side, (32, 2)).astype(np.int32)
     corners[0] = (160 - side, 120 - side)
     corners[1] = (45, 45)
-    out = np.empty((32, 2))
-    level = FocusWindows(corners, side, 20).measure(image, out)
+    each = np.array([FocusWindows(one, side, 20).measure(image, 2.0) for one in corners[:, None]])
     cut = np.array([image[y : y + side, x : x + side] for x, y in corners]).astype(np.float64)
     cut = cut[:, :: max(1, round(side / 20)), :: max(1, round(side / 20))]
     energy = (np.diff(cut, axis=1) ** 2).mean(axis=(1, 2)) + (np.diff(cut, axis=2) ** 2).mean(axis=(1, 2))
     ordered = np.sort(cut.reshape(32, -1), axis=1)
     k = ordered.shape[1] // 20
-    np.testing.assert_allclose(out[:, 0], energy, rtol=1e-12)
-    np.testing.assert_array_equal(out[:, 1], ordered[:, -1 - k] - ordered[:, k])
-    assert level == pytest.approx(cut.mean(), rel=1e-12)
+    span = np.maximum(ordered[:, -1 - k] - ordered[:, k], 1.0)
+    known = np.stack([(energy - 2.0) / span**2, span, cut.mean(axis=(1, 2))])
+    np.testing.assert_allclose(each.T, known, rtol=1e-12)
+    medians = (*np.median(known[:2], axis=1), cut.mean())
+    assert FocusWindows(corners, side, 20).measure(image, 2.0) == pytest.approx(medians, rel=1e-12)
     corners[3, 0] = 160 - side + 1
     with pytest.raises(ValueError, match="within"):
-        FocusWindows(corners, side, 20).measure(image, out)
+        FocusWindows(corners, side, 20).measure(image)
 
 
 def test_a_step_that_all_pins_make_is_common() -> None:
     random = np.random.default_rng(3)
     step_px = random.normal((2.0, -1.0), 0.1, (100, 2))
     step_px[::10] = np.nan
-    common_px = common_step_px(step_px)
-    assert common_px is not None
-    assert common_px == pytest.approx([2.0, -1.0], abs=0.05)
+    assert common_step_px(step_px) == pytest.approx([2.0, -1.0], abs=0.05)
     step_px[1::5] = 0.0  # a fifth of the skin stays where it is
     assert common_step_px(step_px) is None
 
@@ -57,12 +54,11 @@ def test_overexposure_counts_only_pixels_not_saturated_at_rest(at_rest: float, b
         image[: round(480 * share)] = 255
         return Frame(image, 0, 0)
 
-    quality, registry, facts = ImageQuality(), FaultRegistry(), Facts()
+    registry, facts = FaultRegistry(), Facts()
+    facts.rest_level, facts.rest_saturated = level_of(frame(at_rest).image, 8)
     judge = Judge(fault_checks(), registry)
-    quality.learn(rest_of(np.array([[320.0, 200.0], [340.0, 200.0], [330.0, 220.0]])), frame(at_rest))
-    quality.brightness(frame(at_rest), facts)
-    judge.judge(facts)
-    assert not registry.holds(FaultCode.IMAGE_BRIGHT)
-    quality.brightness(frame(bright), facts)
-    judge.judge(facts)
+    for share in (at_rest, bright):
+        assert not registry.holds(FaultCode.IMAGE_BRIGHT)
+        facts.see(frame(share))
+        judge.report(facts.reached(judge.limits()), facts)
     assert "full scale" in registry.active[FaultCode.IMAGE_BRIGHT]
