@@ -133,7 +133,7 @@ def fit_noise(
 
     share   what each counts
     before  another tip's, which this one departs from no further than the errors show; None: a constant
-    constant  they show no more than one: all frames' noise, or a multiple of the other tip's, not below it
+    constant  they show no more than one, or a multiple of the other tip's: nowhere below its, or its mean
     """
     terms = before.terms if before else [[], *(() if constant else NOISE_TERMS)]
     psi = evaluate_terms(inputs, term_columns(terms, names)).real
@@ -147,9 +147,10 @@ def fit_noise(
     shift = float((psi @ change).mean())
     logs = psi @ (weights + change)
     low, high = float(logs.min()), float(logs.max())
-    if before:
-        low, high = min(low, before.low + shift), max(high, before.high + shift)
-    return NoiseModel(terms, weights + change, low, high, math.exp(float(logs.mean())))
+    if before:  # so few cannot show that a frame is read better than most
+        low = float(logs.mean()) if constant else min(low, before.low + shift)
+        high = max(high, before.high + shift)
+    return NoiseModel(terms, weights + change, low, high, math.exp(float(np.clip(logs, low, high).mean())))
 
 
 def _fit_log_variance(design: Array, squares: Array, known: Array, times: Array, share: Array) -> Array:

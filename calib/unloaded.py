@@ -126,21 +126,19 @@ def _xy(motion: Complex) -> Array:
 def _at_no_load(motion: Complex, load: Array, values: Mapping[str, Array]) -> Complex:
     """(modes,) of the motion (frames, modes), whichever way each vector's axes lie in the image."""
     vectors: list[Complex] = []
-    others: Complex = np.zeros((len(load), len(load)), np.complex128)  # products of two frames' truth
+    scalars: list[Complex] = []
     for group in GROUPS:
         parts = [values[name] for name in group.outputs if name in values and name not in LOADS]
         if len(parts) == len(group.outputs) and np.isfinite(parts).all() and np.ptp(parts) > 0:
             column = np.asarray(np.array((1.0, 1j)[: len(parts)]) @ parts, np.complex128)
             column /= np.sqrt((np.abs(column) ** 2).mean())
-            if len(parts) == 2:
-                vectors.append(column)
-            else:
-                others += np.outer(column, column)
-    load = load / np.sqrt((load**2).mean())
-    found = []
+            (vectors if len(parts) == 2 else scalars).append(column)
+    load = np.maximum(load / np.sqrt((load**2).mean()), 1e-3)  # pressed less is as good as untouched
+    nothing, found = np.zeros((len(load), len(load)), np.complex128), []
+    others = sum((np.outer(v, v) for v in scalars), nothing)
     for ways in itertools.product((False, True), repeat=len(vectors)):
         turning = [v.conj() if mirrored else v for v, mirrored in zip(vectors, ways, strict=True)]
-        vector = sum((np.outer(v, v.conj()) for v in turning), np.zeros_like(others))
+        vector = sum((np.outer(v, v.conj()) for v in turning), nothing)
         # The part of 1 + k + k^2 with each spin, where k = others + Re(vector turned).
         alike = {1: (0.5 + others) * vector, 2: vector**2 / 4.0}
         alike |= {-spin: one.conj() for spin, one in alike.items()}
@@ -162,10 +160,10 @@ def _likely(
     for spin in np.unique(SPINS):
         covariance = alike.get(spin, 0.0) * (1.0 / np.outer(load, load) + bend) + noise * np.eye(len(load))
         root, these = cholesky(covariance, lower=True), np.flatnonzero(spin == SPINS)
-        one, *left = solve_triangular(root, both[:, [0, *(these + 1)]], lower=True).T
+        one, *rows = solve_triangular(root, both[:, [0, *(these + 1)]], lower=True).T
         size = np.vdot(one, one).real
-        for mode, row in zip(these, left, strict=True):
+        for mode, row in zip(these, rows, strict=True):
             found[mode] = np.vdot(one, row) / size
-            rest = np.linalg.norm(row - found[mode] * one)
-            cost += np.log(np.diag(root).real).sum() + 0.5 * np.log(size) + (len(load) - 1) * np.log(rest)
+            left = np.linalg.norm(row - found[mode] * one) + np.finfo(float).tiny
+            cost += np.log(np.diag(root).real).sum() + 0.5 * np.log(size) + (len(load) - 1) * np.log(left)
     return float(cost), found
