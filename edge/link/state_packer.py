@@ -203,6 +203,3 @@ def _bytes_of(memory: cython.uchar[::1]) -> bytes:
     if not cython.compiled:
         return bytes(memory)
     return PyBytes_FromStringAndSize(cython.cast(cython.p_char, cython.address(memory[0])), memory.shape[0])
-
-
-to_state = StatePacker().to_state  # a sample is made without a change of threads

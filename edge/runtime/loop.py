@@ -33,7 +33,7 @@ from edge.calibration import Calibration
 from edge.faults.detector import FaultDetector
 from edge.faults.registry import FaultRegistry
 from edge.link.sinks import Sink
-from edge.link.state_packer import to_state
+from edge.link.state_packer import StatePacker
 from edge.params import PARAMS as RUNTIME
 from edge.recording.session import RecordingSession
 from edge.runtime.board_monitor import BoardMonitor
@@ -90,6 +90,7 @@ class Loop:
         self._stop = Event()
         self._garbage_due_ns = clock_ns() + round(RUNTIME.rarely_s * 1e9)
         self._sample = self._keepalive_due_ns = self._searches_n = 0
+        self._to_state = StatePacker().to_state
         self._frame_begun_ns: int | None = None  # when work on the current frame began
 
     # ---- from other threads ------------------------------------------------------------------------
@@ -223,7 +224,7 @@ class Loop:
 
     def _send(self, result: Result | None, capture_ns: int, latency_us: float) -> State:
         counts = self._counters.counts
-        state = to_state(
+        state = self._to_state(
             result,
             self._sample,
             self._detector.status(result, counts.lost_by_camera_n + self.source.dropped_n),

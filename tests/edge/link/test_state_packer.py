@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from edge.link.state_packer import SIGMAS, to_state
+from edge.link.state_packer import SIGMAS, StatePacker
 from edge.types import Reading, Tracks
 from hostlink.wire import FIELDS, Contact, State, Status, pack_state
 from hostlink.wire.fields import Field
@@ -18,6 +18,7 @@ from tests.support.states import MEASURED, any_state, as_seen, same
 
 pytestmark = pytest.mark.kernels
 
+to_state = StatePacker().to_state
 #: Fields that the calibration fills in.
 VALUES = frozenset(f.name for f in FIELDS if not (f.plain or f.contact)) - {
     "latency_us",
