@@ -224,14 +224,11 @@ class Loop:
 
     def _send(self, result: Result | None, capture_ns: int, latency_us: float) -> State:
         counts = self._counters.counts
+        skipped_n = counts.lost_by_camera_n + self.source.dropped_n
         state = self._to_state(
-            result,
-            self._sample,
-            self._detector.status(result, counts.lost_by_camera_n + self.source.dropped_n),
-            capture_ns // 1000,
-            latency_us,
+            result, self._sample, self._detector.status(result, skipped_n), capture_ns // 1000, latency_us,
             self._board.temperature_degc if self._board else nan,
-        )
+        )  # fmt: skip
         self._sample += 1
         for sink in self.sinks:
             if not self.source.live:  # a recording is sent as fast as the link takes it, without loss
