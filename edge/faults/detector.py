@@ -160,7 +160,7 @@ class FaultDetector:
         self._least_px = (1.0 - RUNTIME.hysteresis_rel) * RUNTIME.still_pitches * pitch_px
         self._limit_px, self._enough_n = RUNTIME.still_pitches * pitch_px, (1.0 - ASTRAY_REL) * len(rest)
         self._motion_px, self._offset_px = np.zeros_like(rest.xy_img), 0.0
-        self._n, self._usual_n, self._baseline_px = len(rest), 0, self._pins.baseline_px
+        self._n, self._calm_n, self._baseline_px = len(rest), 0, self._pins.baseline_px
         self._near_px = RUNTIME.load_pitches * pitch_px  # drift moves no pin by as much
         self._image.learn(rest, frame)
         self._due_ns = -1  # at once
@@ -220,16 +220,16 @@ class FaultDetector:
     def judge(self, frame: Frame, result: Result, drifted_share: cython.double) -> Result:
         """Judge a computed frame; returns what may be sent of it: all, the tracks, or not even identities."""
         facts, pins, tracks, features = self._facts, self._pins, result.tracks, result.features
-        is_usual: cython.bint = features is not None and self._are_usual(tracks, features)
-        if is_usual:
-            self._usual_n, self._xy_img, facts.why_missing = self._usual_n + 1, tracks.xy_img, ""
+        is_calm: cython.bint = features is not None and self._are_calm(tracks, features)
+        if is_calm:
+            self._calm_n, self._xy_img, facts.why_missing = self._calm_n + 1, tracks.xy_img, ""
         else:
-            if self._usual_n > 0:
-                pins.note_usual(self._xy_img, self._usual_n)
-            self._usual_n, pins.baseline_px = 0, self._baseline_px
+            if self._calm_n > 0:
+                pins.note_calm(self._xy_img, self._calm_n)
+            self._calm_n, pins.baseline_px = 0, self._baseline_px
             facts.why_missing = pins.problem(tracks, features)
         facts.pins_missing = facts.why_missing != ""
-        if not is_usual and features is not None and pins.impossible:
+        if not is_calm and features is not None and pins.impossible:
             result = replace(result, tracks=replace(tracks, confidence=0.0), cells=None, features=None)
             features = None
         facts.unidentified, facts.far_share = features is None, 0.0
@@ -245,7 +245,7 @@ class FaultDetector:
             result = replace(result, cells=None, features=None, reading=nothing)
         return result
 
-    def _are_usual(self, tracks: Tracks, features: Features) -> bool:
+    def _are_calm(self, tracks: Tracks, features: Features) -> bool:
         """Whether no pin is lost or as noisy, nor has moved as far, as `PinVisibility` looks for."""
         n_seen: cython.Py_ssize_t = tracks.n_seen
         sigma_max_px: cython.double = features.sigma_max_px

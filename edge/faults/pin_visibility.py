@@ -58,7 +58,7 @@ class PinVisibility:
         self.impossible = False
         self.explained = ""
 
-    def note_usual(self, xy_img: Array, frames_n: int) -> None:
+    def note_calm(self, xy_img: Array, frames_n: int) -> None:
         """Note frames that gave no cause to look at their pins, all of them seen; in the last one here."""
         self._bad, self._before = self._none_bad, xy_img
         self._baseline_share = 1.0 - (1.0 - self._baseline_share) * (1.0 - 1.0 / BASELINE_N) ** frames_n
