@@ -17,10 +17,11 @@ from edge.faults.image_quality import HALF_REL, ImageQuality
 from edge.faults.judge import BELOW, MEASURES, NO_CALIBRATION, Judge, fault_checks
 from edge.faults.pin_visibility import BASELINE_N, PinVisibility
 from edge.faults.registry import FaultRegistry
+from edge.features.params import PARAMS as FEATURES
 from edge.params import ASTRAY_REL
 from edge.params import PARAMS as RUNTIME
 from edge.sources.live import ThreadedSource, stalled_after_s
-from edge.types import NOWHERE, Array, Clock, Features, Frame, FrameSource, Reading, Rest, Result
+from edge.types import NOWHERE, Array, Clock, Features, Frame, FrameSource, Reading, Rest, Result, Tracks
 from hostlink.order_and_time import DRIFT_MAX
 from hostlink.wire import FaultCode as F
 from hostlink.wire import Status
@@ -35,6 +36,7 @@ NAN = cython.declare(cython.double, nan)
 STEP_S = cython.declare(cython.double, 0.5)
 _DRIFT_MAX = cython.declare(cython.double, DRIFT_MAX)
 _ROOT_HALF = cython.declare(cython.double, sqrt(HALF_REL))
+_NOISE_RATIO_MAX = cython.declare(cython.double, FEATURES.noise_ratio_max)
 _BASELINE_N = cython.declare(cython.double, BASELINE_N)
 _BELOW_N, _MEASURES_N = cython.declare(cython.int, len(BELOW)), cython.declare(cython.int, len(MEASURES))
 #: Conditions of a camera that sends no images, or one again and again.
@@ -158,6 +160,8 @@ class FaultDetector:
         self._least_px = (1.0 - RUNTIME.hysteresis_rel) * RUNTIME.still_pitches * pitch_px
         self._limit_px, self._enough_n = RUNTIME.still_pitches * pitch_px, (1.0 - ASTRAY_REL) * len(rest)
         self._motion_px, self._offset_px = np.zeros_like(rest.xy_img), 0.0
+        self._n, self._calm_n, self._baseline_px = len(rest), 0, self._pins.baseline_px
+        self._near_px = RUNTIME.load_pitches * pitch_px  # drift moves no pin by as much
         self._image.learn(rest, frame)
         self._due_ns = -1  # at once
         facts.rest_level, facts.rest_saturated = level_of(frame.image, frame.bits)
@@ -216,9 +220,16 @@ class FaultDetector:
     def judge(self, frame: Frame, result: Result, drifted_share: cython.double) -> Result:
         """Judge a computed frame; returns what may be sent of it: all, the tracks, or not even identities."""
         facts, pins, tracks, features = self._facts, self._pins, result.tracks, result.features
-        facts.why_missing = pins.problem(tracks, features)
+        is_calm: cython.bint = features is not None and self._are_calm(tracks, features)
+        if is_calm:
+            self._calm_n, self._xy_img, facts.why_missing = self._calm_n + 1, tracks.xy_img, ""
+        else:
+            if self._calm_n > 0:
+                pins.note_calm(self._xy_img, self._calm_n)
+            self._calm_n, pins.baseline_px = 0, self._baseline_px
+            facts.why_missing = pins.problem(tracks, features)
         facts.pins_missing = facts.why_missing != ""
-        if features is not None and pins.impossible:
+        if not is_calm and features is not None and pins.impossible:
             result = replace(result, tracks=replace(tracks, confidence=0.0), cells=None, features=None)
             features = None
         facts.unidentified, facts.far_share = features is None, 0.0
@@ -234,10 +245,18 @@ class FaultDetector:
             result = replace(result, cells=None, features=None, reading=nothing)
         return result
 
+    def _are_calm(self, tracks: Tracks, features: Features) -> bool:
+        """Whether no pin is lost or as noisy, nor has moved as far, as `PinVisibility` looks for."""
+        n_seen: cython.Py_ssize_t = tracks.n_seen
+        sigma_max_px: cython.double = features.sigma_max_px
+        longest_px: cython.double = features.longest_px
+        is_noisy = sigma_max_px > _NOISE_RATIO_MAX * self._baseline_px
+        return n_seen == self._n and not is_noisy and longest_px <= self._near_px
+
     def _is_noisy(self, sigma_px: float) -> bool:
         """Whether the pins are seen with more noise than usual, which is learnt; sigma_px: the mean."""
-        baseline_px: cython.double = self._pins.baseline_px
-        self._pins.baseline_px = baseline_px + (sigma_px - baseline_px) / _BASELINE_N
+        baseline_px = self._baseline_px
+        self._baseline_px += (sigma_px - baseline_px) / _BASELINE_N
         # A centroid's sigma is as the root of the gradient's energy.
         return sigma_px * _ROOT_HALF > baseline_px
 
@@ -249,7 +268,7 @@ class FaultDetector:
         """Judge brightness; and focus, if due, or if pins are missing and brightness does not explain it."""
         self._facts.see(frame)
         if (look_closer or self._is_due) and not self._now_reached() & self._spoilt:
-            self._facts.sharpness = self._image.sharpness(frame.image)
+            self._facts.sharpness = self._image.sharpness(frame.image, self._facts.level_rel)
             self._due_ns = self._capture_ns + self._period_ns
         self._end()
 

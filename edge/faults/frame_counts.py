@@ -20,6 +20,7 @@ else:
 
     def means_of(image: Image, step: int, top: int) -> tuple[float, float]:
         """Of each step-th pixel of each step-th row: level over `top`, and whether it is as high."""
+        _check_image(image)
         samples = image[::step, ::step]
         return float(samples.mean()) / top, float(np.mean(samples >= top))
 
@@ -34,7 +35,6 @@ def level_of(image: Image, bits: cython.int) -> tuple[float, float]:
     image   (h, w) uint8 or uint16, of which `bits` of each pixel are significant
     Raises  ValueError: no such image, or no such number of bits
     """
-    _check_image(image)
     if not 1 <= bits <= 16:
         raise ValueError(f"1 to 16 bits are wanted, not {bits}")
     size: cython.Py_ssize_t = image.size
@@ -76,9 +76,9 @@ class FocusWindows:
         self.counts = np.empty(256, np.uint16)
         self.energy, self.span = np.zeros((2, len(corners)))
 
-    def measure(self, image: Image, noise_energy: cython.double = 0.0) -> tuple[float, float, float]:
+    def measure(self, image: Image, noise_energy: cython.double = 0.0) -> tuple[float, float]:
         """Medians over the windows: of the energy, less that of noise, over the square of the span, and of
-        the span; and their mean level. All are 0 where there is no window.
+        the span; NaN where there is no window.
 
         image   (h, w) uint8 or uint16
         Raises  ValueError: no such image, a window that is not within it
@@ -91,25 +91,24 @@ class FocusWindows:
             x, y = self.corners[w, 0], self.corners[w, 1]
             if x < 0 or y < 0 or x + self.side > columns or y + self.side > rows:
                 raise ValueError("a window that is not within the image")
-        if n == 0:
-            return 0.0, 0.0, 0.0
-        level = self._measure_bytes(image) if image.itemsize == 1 else self._measure(image)
+        if image.itemsize == 1:
+            self._measure_bytes(image)
+        else:
+            self._measure(image)
         for w in range(n):
             self.levels[w] = max(self.span[w], 1.0)
         span = median(self.levels, n)
         for w in range(n):
             self.levels[w] = (self.energy[w] - noise_energy) / max(self.span[w], 1.0) ** 2
-        return median(self.levels, n), span, level
+        return median(self.levels, n), span
 
     @cython.cfunc
-    def _measure(self, image: cython.const[cython.ushort][:, :]) -> cython.double:
+    def _measure(self, image: cython.const[cython.ushort][:, :]) -> cython.void:
         m: cython.Py_ssize_t = 1 + (self.side - 1) // self.every
         n: cython.Py_ssize_t = m * m
         k: cython.Py_ssize_t
         levels: cython.double[::1] = self.levels
-        total = 0.0
         for w in range(self.corners.shape[0]):
-            sum_ = 0.0
             energy = 0.0
             k = 0
             for y in range(m):
@@ -119,29 +118,24 @@ class FocusWindows:
                     dx = level - levels[k - 1] if x else 0.0
                     dy = level - levels[k - m] if y else 0.0
                     energy += dx * dx + dy * dy
-                    sum_ += level
                     levels[k] = level
                     k += 1
             self.energy[w] = energy / (m * (m - 1))
             low = select_kth(levels, n, n // self.tail)
             self.span[w] = select_kth(levels, n, n - 1 - n // self.tail) - low
-            total += sum_ / n
-        return total / self.corners.shape[0]
 
     @cython.cfunc
-    def _measure_bytes(self, image: cython.const[cython.uchar][:, :]) -> cython.double:
+    def _measure_bytes(self, image: cython.const[cython.uchar][:, :]) -> cython.void:
         """The same in whole numbers, of which a vector holds many."""
         m: cython.Py_ssize_t = 1 + (self.side - 1) // self.every
         n: cython.Py_ssize_t = m * m
         step: cython.short  # 16 bits, of which one vector operation adds up the products
-        sum_: cython.int
         energy: cython.int
         own: cython.uchar[::1] = self.bytes
         every = self.every
         is_dense: cython.bint = every == 1 and image.strides[1] == 1
-        total = 0.0
         for w in range(self.corners.shape[0]):
-            sum_ = energy = 0  # 32 bits hold 16,000 squares
+            energy = 0  # 32 bits hold 16,000 squares
             left, top = self.corners[w, 0], self.corners[w, 1]
             for y in range(m):
                 if cython.compiled and is_dense:
@@ -158,12 +152,8 @@ class FocusWindows:
             for y in range(1, m):  # not along a row: from its end to the next one's
                 step = cython.cast(cython.int, own[m * y]) - cython.cast(cython.int, own[m * y - 1])
                 energy -= step * step
-            for i in range(n):
-                sum_ += cython.cast(cython.int, own[i])
             self.energy[w] = cython.cast(cython.double, energy) / (m * (m - 1))
             self.span[w] = self._span(n)
-            total += cython.cast(cython.double, sum_) / n
-        return total / self.corners.shape[0]
 
     @cython.cfunc
     def _span(self, n: cython.Py_ssize_t) -> cython.double:

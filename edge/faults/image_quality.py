@@ -26,7 +26,7 @@ class ImageQuality:
 
     def __init__(self) -> None:
         self._focus: FocusWindows | None = None
-        self._rest = (0.0, 0.0, 0.0)
+        self._rest = (0.0, 0.0)
         self._noise_energy = 0.0
 
     def learn(self, rest: Rest, frame: Frame) -> None:
@@ -39,13 +39,13 @@ class ImageQuality:
         chosen = xy[inside][:: max(1, np.count_nonzero(inside) // n)]
         self._focus = FocusWindows(chosen - half, 2 * half + 1, n) if len(chosen) else None
         self._noise_energy = 4.0 * rest.pattern.noise**2  # of two differences of two pixels each
-        self._rest = self._focus.measure(frame.image, self._noise_energy) if self._focus else (0.0, 0.0, 0.0)
+        self._rest = self._focus.measure(frame.image, self._noise_energy) if self._focus else (0.0, 0.0)
 
-    def sharpness(self, image: Image) -> float:
-        """Of the rest frame's; NaN: there is none, or it shows no whole pin."""
+    def sharpness(self, image: Image, level_rel: float) -> float:
+        """Of the rest frame's, and so is `level_rel`; NaN: there is none, or it shows no whole pin."""
         if self._focus is None:
             return nan
-        energy, contrast, level = self._focus.measure(image, self._noise_energy)
-        rest_energy, rest_contrast, rest_level = self._rest
-        flat = contrast / max(level, 1.0) < PINS.pin_share_min * rest_contrast / max(rest_level, 1.0)
+        energy, contrast = self._focus.measure(image, self._noise_energy)
+        rest_energy, rest_contrast = self._rest
+        flat = contrast < PINS.pin_share_min * rest_contrast * level_rel
         return 0.0 if flat else energy / rest_energy if rest_energy > 0.0 else 1.0

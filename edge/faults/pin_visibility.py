@@ -23,7 +23,7 @@ from edge.geometry.neighbours import nearest_of
 from edge.geometry.parts import joined, parts_of
 from edge.params import ASTRAY_REL
 from edge.params import PARAMS as RUNTIME
-from edge.types import ContactRegion, Features, Index, Mask, Rest, Tracks
+from edge.types import Array, ContactRegion, Features, Index, Mask, Rest, Tracks
 
 SEEN_REL = 0.8  # smallest share of the rest frame's pins
 HOLE_REL = 0.01  # largest share of them that are lost with all their neighbours
@@ -36,7 +36,7 @@ class PinVisibility:
     """Checks the pins of each frame against the rest frame.
 
     impossible  the pins moved further than skin can: the pattern was matched to itself rotated
-    baseline_px  with what mean sigma pins are usually seen; to be learnt by the caller
+    baseline_px  with what mean sigma pins are usually seen; learnt by the caller
     explained   by what the last frame's problem is, so that it has values all the same; empty: by nothing
     """
 
@@ -57,6 +57,11 @@ class PinVisibility:
         self._seen_n = 0
         self.impossible = False
         self.explained = ""
+
+    def note_calm(self, xy_img: Array, frames_n: int) -> None:
+        """Note frames that gave no cause to look at their pins, all of them seen; in the last one here."""
+        self._bad, self._before = self._none_bad, xy_img
+        self._baseline_share = 1.0 - (1.0 - self._baseline_share) * (1.0 - 1.0 / BASELINE_N) ** frames_n
 
     def problem(self, tracks: Tracks, features: Features | None = None) -> str:
         """Count a frame's pins, which gave these features, if any; what is wrong with them, or empty."""

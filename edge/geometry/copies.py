@@ -46,12 +46,12 @@ class _Copy:
 class Copies:
     """Copies of one C-contiguous array of any type, of which n or n - 1 are held at a time as a rule.
 
-    Raises ValueError: it is none
+    Raises ValueError: it is none, or 256 are held or more
     """
 
     def __init__(self, source: Array, n: int = 2) -> None:
-        if not source.flags.c_contiguous:
-            raise ValueError(f"a C-contiguous array is wanted, not {source.strides} for {source.shape}")
+        if not source.flags.c_contiguous or n >= 256:
+            raise ValueError(f"a C-contiguous array is wanted, not {source.strides} for {source.shape}; {n=}")
         self._array, self._source = source, _bytes_of(source)
         self._copies = [_Copy(source) for _ in range(n)]
 
