@@ -128,8 +128,7 @@ class FaultDetector:
         self._source, self._registry, self._clock_ns = source, registry, clock_ns
         self._live = source if isinstance(source, ThreadedSource) else None
         self._is_live, self._load_pitches = source.live, load_pitches
-        self.without_values = Counter[str]()
-        self._calibrated = False
+        self.without_values, self._calibrated = Counter[str](), False
         self._pins: PinVisibility = None  # type: ignore[assignment]  # before a rest frame
         checks = fault_checks()
         self._verdict, self._limits_n = Judge(checks, registry), -1
@@ -145,8 +144,7 @@ class FaultDetector:
         self.frozen = self._repeated = self.after_gap = self._is_due = False
         self._capture_ns = self._sequence = self._begun_ns = 0
         self._due_ns, self._period_ns = -1, round(RUNTIME.check_s * 1e9)
-        self._gap_ns = stalled_after_s(None) * 1e9  # no camera's is shorter
-        self._least_age_ns = 0.0
+        self._least_age_ns, self._gap_ns = 0.0, stalled_after_s(None) * 1e9  # no camera's is shorter
 
     @property
     def quiet(self) -> bool:

@@ -16,9 +16,7 @@ from edge.pins.params import PARAMS as PINS
 from edge.types import Frame, Image, Rest
 
 HALF_REL = 0.5  # sharpness, or pixels that are not saturated, of the rest frame's, below which it is spoilt
-#: One grey level of 8 bits, of full scale: an image with a lower mean is black.
-ONE_LEVEL = 1 / 255
-_SAMPLE_N = RUNTIME.sample_n
+ONE_LEVEL = 1 / 255  # of full scale: an image with a lower mean is black
 
 
 class ImageQuality:
@@ -33,7 +31,7 @@ class ImageQuality:
         """Take this image of the untouched tip as the reference."""
         height, width = frame.image.shape
         rest = rest_as_seen(rest)
-        half, n = max(3, round(rest.pattern.pitch_px / 2)), _SAMPLE_N
+        half, n = max(3, round(rest.pattern.pitch_px / 2)), RUNTIME.sample_n
         xy = np.rint(rest.xy_img).astype(np.int32)
         inside = np.all((xy >= half) & (xy < [width - half, height - half]), axis=1)
         chosen = xy[inside][:: max(1, np.count_nonzero(inside) // n)]

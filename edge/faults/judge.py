@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from math import nan
-from typing import Protocol
+from typing import Any
 
 from edge.faults.image_quality import HALF_REL, ONE_LEVEL
 from edge.faults.registry import FaultRegistry
@@ -21,12 +21,6 @@ MEASURES = (
     *BELOW, "newly_saturated", "far_share", "off_pitches", "drifted_share", "black", "camera_lost",
     "camera_stalled", "clock_stepped", "unidentified", "failed", "pins_missing",
 )  # fmt: skip
-
-
-class Named(Protocol):
-    """Facts by name, for the reasons."""
-
-    def __getitem__(self, name: str, /) -> object: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,8 +84,8 @@ class Judge:
         places = zip(self._places, self._checks, strict=True)
         return {check.code: check for place, check in reversed([*places]) if reached >> place & 1}
 
-    def report(self, reached: int, facts: Named) -> None:
-        """Report these faults, and that no other holds."""
+    def report(self, reached: int, facts: Any) -> None:
+        """Report these faults, and that no other holds; facts by name, for the reasons."""
         first = self.first(reached)
         for code in self._codes:
             check = first.get(code)

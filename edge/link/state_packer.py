@@ -38,9 +38,6 @@ UNCALIBRATED = cython.declare(cython.int, int(Status.UNCALIBRATED))
 SATURATED = cython.declare(cython.int, int(Status.SATURATED))
 TRACKER_LOST = cython.declare(cython.int, int(Status.TRACKER_LOST))
 LOW_CONFIDENCE = cython.declare(cython.double, Tracks.LOW_CONFIDENCE)
-# Looking up a name of the module takes as long as ten numbers.
-_received = cython.declare(object, received)
-_State = cython.declare(object, State)
 
 
 @cython.final
@@ -121,7 +118,7 @@ class StatePacker:
         values[self.sample], values[self.status], values[self.time] = sample, status, capture_time_us
         values[self.latency], values[self.temperature] = latency_us, temperature_degc
         exact = _bytes_of(self.exact)
-        return _received(_State, self._packed(), exact)
+        return received(State, self._packed(), exact)
 
     @cython.cfunc
     def _take(self, reading: Reading | None) -> cython.void:

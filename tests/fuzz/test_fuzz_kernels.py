@@ -132,7 +132,7 @@ def play() -> None:
     from calib.extract import contact_inputs, frame_inputs
     from calib.sim.script import REST_FRAMES
     from edge.calibration import Calibration
-    from edge.calibration.evaluation import ModelKernel
+    from edge.calibration.evaluation import ModelKernel, area_mm2
     from edge.faults import detector, frame_counts
     from edge.faults.registry import FaultRegistry
     from edge.frame import Pipeline
@@ -162,6 +162,7 @@ def play() -> None:
     judge.judge(frames[-1], result, 0.0)
     StatePacker().to_state(result, 1, 0, 1)
     ModelKernel(INPUTS, MODELS)
+    area_mm2(features.contacts, {}, 0.1)
 
 
 def wrong_array(rng: random.Random, array: NDArray[Any]) -> Any:
