@@ -283,13 +283,14 @@ VT_SUM_WINDOWS(vt_sum_windows_plain, VT_SUMS, )
 VT_SUM_WINDOWS(vt_sum_blocks, 0, )
 #ifdef VT_AVX2
 VT_SUM_WINDOWS(vt_sum_windows_avx2, vt_sums_avx2, __attribute__((target("avx2"))))
+VT_SUM_WINDOWS(vt_sum_blocks_avx2, 0, __attribute__((target("avx2"))))
 #endif
 
 static void vt_sum_windows(const vt_windows *w, const vt_start *from, Py_ssize_t n, double *sums)
 {
 #ifdef VT_AVX2
-    if (w->side == 1 && __builtin_cpu_supports("avx2")) {
-        vt_sum_windows_avx2(w, from, n, sums);
+    if (__builtin_cpu_supports("avx2")) {
+        (w->side > 1 ? vt_sum_blocks_avx2 : vt_sum_windows_avx2)(w, from, n, sums);
         return;
     }
 #endif
