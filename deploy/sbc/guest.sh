@@ -223,6 +223,9 @@ compare() { timeout 600 "$python" /shared/deploy/sbc/uvc_values.py "$@"; }
 of_port() { echo "/dev/v4l/by-path/platform-vhci_hcd.0-usb-0:$(($1 + 1)):1.0-video-index0"; }
 "$python" -m edge replay $recording/press.mcap --speed max --sink memory: --samples -q \
     --calibration $recording/rings331_ball.json >/run/replayed
+check "the replayed values are those of the processor that runs QEMU, to 1e-9" \
+    compare equal /run/replayed /shared/deploy/sbc/.cache/replayed
+show "largest difference, of its size" cat /run/check.out
 camera plug 0
 check "a UVC camera is plugged in: uvcvideo and udev have it" udevadm wait --timeout=100 "$(of_port 0)"
 for format in YUYV:0 MJPG:1; do

@@ -1,8 +1,9 @@
-"""Compares what a finger with one of `uvc_camera.py` sees with its recording; runs on the emulated board.
+"""Compares, on the emulated board, what a finger sees with its recording and with another processor's values.
 
     uvc_values.py images RECORDING SOURCE LEVELS  the camera's images are the recording's, within so many
     uvc_values.py untouched SAMPLES MM            a sample on vcan0 says so
     uvc_values.py pressed SAMPLES MM              those of the press are the replayed ones, within so much
+    uvc_values.py equal SAMPLES OTHERS            whole numbers are alike, others to 1e-9
 
 SAMPLES are lines of JSON from `edge replay --samples`. Prints the largest differences; exit status 0: within.
 """
@@ -54,6 +55,38 @@ def values(what: str, replayed: str, limit_mm: float) -> bool:
     return bool((worst <= limit_mm).all())
 
 
+def numbers(lines: str) -> tuple[list[object], list[float]]:
+    """Of each sample but its latency: what has to be alike, and numbers in turn."""
+    alike: list[object] = []
+    near: list[float] = []
+
+    def take(value: object) -> None:
+        if isinstance(value, (dict, list)):
+            for one in value.values() if isinstance(value, dict) else value:
+                take(one)
+        elif isinstance(value, float):
+            near.append(value)
+        else:
+            alike.append(value)
+
+    for line in lines.splitlines():
+        take({name: value for name, value in json.loads(line).items() if name != "latency_us"})
+    return alike, near
+
+
+def equal(samples: str, others: str) -> bool:
+    """Whether two processors read the same."""
+    (alike, near), (wanted, around) = (numbers(Path(path).read_text()) for path in (samples, others))
+    if not near or alike != wanted or len(near) != len(around):
+        print("the whole numbers differ")
+        return False
+    worst = max(abs(a - b) / max(1.0, abs(b)) for a, b in zip(near, around, strict=True))
+    print(f"{worst:.1e} of {len(near)} numbers")
+    return worst <= 1e-9
+
+
 if __name__ == "__main__":
     what, given, other, *levels = sys.argv[1:]
+    if what == "equal":
+        sys.exit(not equal(given, other))
     sys.exit(not (images(given, other, float(levels[0])) if levels else values(what, given, float(other))))

@@ -140,9 +140,8 @@ class FaultDetector:
         self._motion_px: Array = np.empty((0, 2))  # of the last frame that gave it
         self._offset_px: Array | float = 0.0  # (2,), by which the camera moved, as last known; 0: it did not
         self.last: tuple[Frame, int] | None = None
-        self.gaps_n = self._skipped_n = 0
         self.frozen = self._repeated = self.after_gap = self._is_due = False
-        self._capture_ns = self._sequence = self._begun_ns = 0
+        self.gaps_n = self._skipped_n = self._capture_ns = self._sequence = self._begun_ns = 0
         self._due_ns, self._period_ns = -1, round(RUNTIME.check_s * 1e9)
         self._least_age_ns, self._gap_ns = 0.0, stalled_after_s(None) * 1e9  # no camera's is shorter
 

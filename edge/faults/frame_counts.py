@@ -67,9 +67,7 @@ class FocusWindows:
     def __init__(self, corners: Index, side: int, sample_n: int) -> None:
         are_pairs = corners.ndim == 2 and corners.shape[1] == 2
         if not (are_pairs and 1 < side <= IMAGE_SIDE_PX and 2 <= sample_n <= 64):
-            raise ValueError(
-                f"corners (m, 2), a side of 2 to {IMAGE_SIDE_PX}, sample_n of 2 to 64 are wanted"
-            )
+            raise ValueError(f"corners (m, 2), a side of 2 to {IMAGE_SIDE_PX}, sample_n of 2 to 64 wanted")
         self.corners = np.array(corners, np.int32, order="C")
         self.side, self.every, self.tail = side, max(1, round(side / sample_n)), sample_n
         self.levels, self.bytes = np.empty(max(side * side, len(corners))), np.empty(side * side, np.uint8)

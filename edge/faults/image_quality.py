@@ -24,8 +24,7 @@ class ImageQuality:
 
     def __init__(self) -> None:
         self._focus: FocusWindows | None = None
-        self._rest = (0.0, 0.0)
-        self._noise_energy = 0.0
+        self._rest, self._noise_energy = (0.0, 0.0), 0.0
 
     def learn(self, rest: Rest, frame: Frame) -> None:
         """Take this image of the untouched tip as the reference."""

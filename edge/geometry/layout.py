@@ -42,8 +42,12 @@ def affine_terms(xy: Array, centre: Array, scale: float) -> Array:
 
 def circle_of(xy: Array, radius: float) -> tuple[Array, float]:
     """Middle (2,) and radius of the smallest circle round discs of one radius at places (n, 2)."""
-    centre, reach = cv2.minEnclosingCircle(xy.astype(np.float32))
-    return np.array(centre), float(reach) + radius
+    centre, _ = cv2.minEnclosingCircle(xy.astype(np.float32))  # in single precision
+    size = np.hypot(*(xy - centre).T)
+    on_it = size >= (1.0 - 1e-5) * size.max()
+    rows = np.insert((xy - centre)[on_it] / max(size.max(), 1e-9), 2, 1.0, axis=1)
+    x, y, reach = np.linalg.lstsq(rows, size[on_it], rcond=1e-3)[0]
+    return centre + np.array([x, y]), float(reach) + radius
 
 
 def pin_layout(kind: str, n_pins: int) -> Array:
