@@ -515,7 +515,7 @@ def _start_processes(problem: _Problem, search: Search, pool: Executor | None) -
         )
         calls: dict[ModelKind, Callable[[], FittedProcess]] = {}
         # Too few poses to decide a weight for each input are better told by another tip's model.
-        # Of poses that repeat, a weight for all modes is decided by fewer.
+        # Fewer poses decide a weight for all modes, if they repeat.
         enough = PARAMS.process_rows_min if poses == len(y) else PARAMS.rows_min
         if poses >= (ENOUGH if group.outputs in search.known else enough):
             calls[ModelKind.PROCESS] = partial(call, problem.inputs, terms_max=search.terms_max)

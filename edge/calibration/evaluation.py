@@ -234,7 +234,7 @@ class ModelKernel:
         for part in parts:
             _check_sizes(part)
         self._models, self._inputs = parts, InputRow(inputs)
-        # As constants of the program are: they are looked up by what they are, not by what they say.
+        # Interned names are looked up by what they are, not by what they say.
         self.names = tuple(intern(name) for part in parts for name in part.outputs)
         self._unknown = dict.fromkeys(self.names, NAN)
         self.sigmas = tuple(sigma for part in parts for sigma in part.sigma)

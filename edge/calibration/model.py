@@ -57,7 +57,7 @@ OF_FRICTION = frozenset({"force_x_n", "force_y_n", "torque_z_nmm"})
 OF_PROCESS = frozenset({Feature.DISPLACEMENT, Feature.CONTACTS})
 #: Features that include contacts: only for these are they passed on.
 OF_CONTACTS = frozenset({Feature.CONTACTS, Feature.PRESSURE, Feature.CONTACT_AREA, Feature.ORIENTATION})
-#: Those of which a touched frame derives values.
+#: Features of which a touched frame derives values.
 OF_DERIVED = OF_CONTACTS | {Feature.FORCE, Feature.SLIP} | {row for row in Feature if row.scaled}
 
 

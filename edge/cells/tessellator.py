@@ -27,7 +27,7 @@ class Tessellator:
         boundary, rim = make_boundary(xy, pitch_px)
         fence = make_fence(boundary)
         rest_img = np.concatenate([xy, boundary, fence])
-        # The last frame's. The points are the pins, which stay at rest, the boundary and the fence.
+        # The points are the pins, which stay at rest, the boundary and the fence; areas are the last frame's.
         self._points, self._area = rest_img.copy(), np.empty(len(xy))
         self._around = self._points[len(xy) : len(xy) + len(boundary)]
         self._last_img: Array = xy  # of the last frame, with predictions for lost pins

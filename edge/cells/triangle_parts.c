@@ -23,7 +23,7 @@ __attribute__((always_inline)) static inline Py_ssize_t vt_measure_by(
         const vt_two ay = VT_CORNER(y, 0), by = VT_CORNER(y, 1), cy = VT_CORNER(y, 2);
         const vt_two abx = bx - ax, aby = by - ay, bcx = cx - bx, bcy = cy - by, acx = cx - ax, acy = cy - ay;
         const vt_two cross = abx * acy - aby * acx;
-        /* Of the edges at each corner; a squared edge is the sum of those at its ends. */
+        /* Products of the edges at each corner; a squared edge is the sum of those at its ends. */
         const vt_two dot_a = abx * acx + aby * acy, dot_b = -(abx * bcx + aby * bcy), dot_c = acx * bcx + acy * bcy;
         const vt_two ab2 = dot_a + dot_b, bc2 = dot_b + dot_c, ca2 = dot_c + dot_a, half2 = ab2 + dot_c;
         const vt_mask is_plain = cross > sliver * half2;

@@ -32,7 +32,7 @@ else:
     from edge.faults.frame_counts import level_of
 
 NAN = cython.declare(cython.double, nan)
-#: By which an image comes too early where its clock was set, and not late before.
+#: An image comes so much too early where its clock was set, and not late before.
 STEP_S = cython.declare(cython.double, 0.5)
 _DRIFT_MAX = cython.declare(cython.double, DRIFT_MAX)
 _ROOT_HALF = cython.declare(cython.double, sqrt(HALF_REL))
@@ -129,7 +129,7 @@ class FaultDetector:
         self._live = source if isinstance(source, ThreadedSource) else None
         self._is_live, self._load_pitches = source.live, load_pitches
         self.without_values, self._calibrated = Counter[str](), False
-        self._pins: PinVisibility = None  # type: ignore[assignment]  # before a rest frame
+        self._pins: PinVisibility = None  # type: ignore[assignment]  # `learn` comes before `judge`
         checks = fault_checks()
         self._verdict, self._limits_n = Judge(checks, registry), -1
         self._limits: list[float] = []

@@ -49,7 +49,7 @@ _FLAT = cython.declare(cython.double, 1e-12)
 #: Squared semi-axes of the contact's ellipse in variances: two standard deviations, a uniform disc's own
 #: edge.
 _ELLIPSE = cython.declare(cython.double, 4.0)
-#: Modes.
+#: The number of modes.
 ROW = 21
 
 

@@ -147,7 +147,7 @@ class Measurement:
         if self.pipeline is not None and frame.image.shape != self._shape:
             now, rest = (f"{width}x{height}" for height, width in (frame.image.shape, self._shape))
             raise EdgeError(f"it has {now} px, the rest frame {rest}; set the camera back, or restart")
-        if self.tare.frames is not None or self.tare.job is not None or self.tare.request is not None:
+        if self.tare.busy or self.tare.request is not None:
             self._tare(frame)
         if self.pipeline is None:
             self._detector.judge_image(frame)

@@ -64,7 +64,7 @@ def frame_of(body: bytes, counter: int) -> bytes:
     to[_END], to[_END + 1] = check & 0xFF, check >> 8
     register = _register_of(to, _ID)
     to[0], to[1] = register & 0xFF, register >> 8
-    return to[:_SIZE]  # type: ignore[return-value]  # a copy of a C array is bytes
+    return to[:_SIZE]  # type: ignore[return-value]  # compiled, it is a C array, whose slice is bytes
 
 
 def _check_of(body: bytes) -> int:

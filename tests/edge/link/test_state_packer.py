@@ -20,12 +20,8 @@ pytestmark = pytest.mark.kernels
 
 to_state = StatePacker().to_state
 #: Fields that the calibration fills in.
-VALUES = frozenset(f.name for f in FIELDS if not (f.plain or f.contact)) - {
-    "latency_us",
-    "pins_tracked",
-    "temperature_degc",
-    *(row[0] for row in SIGMAS),
-}
+OTHERS = {"latency_us", "pins_tracked", "temperature_degc", *(row[0] for row in SIGMAS)}
+VALUES = frozenset(f.name for f in FIELDS if not (f.plain or f.contact)) - OTHERS
 
 
 def sent(tracks: Tracks, reading: Reading, **stated: Any) -> State:
