@@ -1,4 +1,4 @@
-/* Sums over pins' windows of an 8-bit image, which are a tenth of a whole step, and the steps of `centroids` from them;
+/* Sums over pins' windows of an 8-bit image, a fifth to a quarter of a whole step, and `centroids`' steps from them;
  * `centroid_steps.py` describes both, and is the same for uncompiled runs to the last bit.
  *
  * All sums are exact integers. The support's pixels are copied together, row after row, which takes a fifth of the
