@@ -34,8 +34,6 @@ from edge.frame import Pipeline
 from edge.pins import take_rest
 from edge.types import Complex, Frame, Image
 
-__all__ = ["PARAMS", "AdaptiveParams", "AdaptivePlan", "expected_inputs", "letters_of"]
-
 #: Coordinates of a pose, with their spins.
 LETTERS = (("place", 1), ("depth", 0), ("tilt", 1), ("shear", 1), ("twist", 0))
 STEPS_A_POSE = len(sheared(*SURFACE_LOW))

@@ -19,8 +19,6 @@ import numpy as np
 from calib.terms import evaluate_terms, term_columns
 from edge.types import Complex
 
-__all__ = ["Axes", "Handedness", "recognise_axes", "recognise_handedness"]
-
 #: Inputs that shear, tilt and place follow most closely.
 TERMS: tuple[list[str], ...] = (["c00"], ["p"], ["c11"], ["c21"], ["volume", "p"], ["volume", "c00"], [])
 RIDGE = 1e-3  # share of the rows: keeps a few rows from being explained by chance

@@ -38,8 +38,6 @@ from edge.calibration.file import CalibrationFile, Lost, Polynomial, Process
 from edge.calibration.inputs import MODES
 from edge.types import Array, Complex
 
-__all__ = ["CarryParams", "KnownModel", "changed", "known_models"]
-
 
 @dataclass(frozen=True, slots=True)
 class CarryParams:

@@ -11,8 +11,6 @@ from calib.ridge import Candidate, folds_of, rounded
 from edge.calibration.file import Curve
 from edge.types import Array, Complex, Index
 
-__all__ = ["CURVE", "cross_validated_curve", "fit_curve", "paper_curve"]
-
 CURVE = "curve of the volume"
 #: Knots of the volume that are closer, as a share of the tip's area, are not distinguishable.
 KNOT_STEP_MIN = 1e-5

@@ -34,8 +34,6 @@ from edge.sources.region import region_named
 from edge.types import Frame, Image, Lens, Region, Rest
 from hostlink.cli_types import counted
 
-__all__ = ["Dataset", "RestGroup", "open_dataset"]
-
 RECORDING = ".mcap"
 RESTS_MAX = 10  # images of the untouched tip that are averaged
 CANDIDATES_MAX = 256  # frames of which the least deformed is chosen: 80 MB at 640x480, a minute of one core

@@ -41,8 +41,6 @@ from edge.types import Feature, Result
 from hostlink.output_file import OutputError, check_output, writing
 from hostlink.wire import State, pack_state, unpack_state
 
-__all__ = ["RECORDINGS", "Received", "demo", "play"]
-
 #: Recording, and the calibration of the tip and tool that it was made with.
 RECORDINGS: dict[str, str] = {
     "press": "rings331_ball.json",

@@ -20,18 +20,6 @@ from calib.targets import Targets
 from edge.calibration.inputs import MODES
 from edge.types import Array, Mask
 
-__all__ = [
-    "GROUPS",
-    "MEAN_MOTION",
-    "Group",
-    "Letters",
-    "designs",
-    "is_round",
-    "letters",
-    "terms_of_spin",
-    "went_all_round",
-]
-
 Letters = Sequence[tuple[str, int]]
 
 

@@ -13,8 +13,6 @@ from edge.calibration.file import UNTOUCHED
 from edge.calibration.inputs import FRAME_INPUTS
 from edge.types import Array, Complex, Mask
 
-__all__ = ["counts_line", "error_rows", "evaluate", "predict", "pressed"]
-
 _SIZE = FRAME_INPUTS.index("size")
 #: The direction of a smaller shear is meaningless; the published network is evaluated on the same frames.
 DIRECTION_MIN_MM = 1.5

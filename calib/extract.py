@@ -50,20 +50,6 @@ from edge.types import (
 )
 from hostlink.interrupt import ENDING
 
-__all__ = [
-    "DEMAND",
-    "Extract",
-    "Measured",
-    "contact_inputs",
-    "executor",
-    "extract",
-    "frame_inputs",
-    "gather",
-    "join_extracts",
-    "measure",
-    "read_like",
-]
-
 #: Features that models use; not slip, which needs a sequence.
 DEMAND = frozenset({Feature.DISPLACEMENT, Feature.SHEAR, Feature.TILT, Feature.TORSION, Feature.CONTACTS})
 REPEATS = 4  # of each image: a lost group is recovered from its edge inwards, one ring of pins each time

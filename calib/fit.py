@@ -76,21 +76,6 @@ from edge.features.modes import mode_basis
 from edge.geometry.parts import parts_of
 from edge.types import Array, Complex, Index, Mask, Rest
 
-__all__ = [
-    "EVERYTHING",
-    "Choice",
-    "ModelKind",
-    "Prefer",
-    "Processes",
-    "Search",
-    "fit",
-    "fit_processes",
-    "groups_of",
-    "of_views",
-    "sensor_of",
-    "tip_of",
-]
-
 
 class ModelKind(StrEnum):
     """Kind of a candidate."""

@@ -12,8 +12,6 @@ from calib.ridge import error_of_mean
 from calib.targets import Targets
 from calib.unloaded import LOADS
 
-__all__ = ["fit_warnings"]
-
 
 def fit_warnings(targets: Targets, extract: Extract, choices: Iterable[Choice]) -> Iterator[str]:
     """A sentence for each thing that the frames do not show."""

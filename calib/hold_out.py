@@ -21,8 +21,6 @@ from calib.ridge import pose_numbers
 from calib.targets import Targets
 from edge.types import Mask, Rest
 
-__all__ = ["evaluate_held_out", "held_out_rows"]
-
 
 def held_out_rows(targets: Targets, share: float, seed: int) -> Mask:
     """(n,) bool: which frames are held out; equal poses all or none, the same for the same seed.

@@ -22,8 +22,6 @@ from calib.ridge import Terms, cross_validate, ridge_weights
 from calib.terms import evaluate_terms, term_columns
 from edge.types import Array, Complex, Index
 
-__all__ = ["choose", "covariances", "expected_error", "predict_inputs"]
-
 FACTORS = 3  # of the products of pose coordinates that predict inputs
 
 

@@ -25,8 +25,6 @@ from calib.targets import LEAST_DEPTH_MM, MOST, Targets
 from edge.calibration.inputs import FRAME_INPUTS
 from edge.types import Array, Mask
 
-__all__ = ["PressAxis", "along_press", "check_press", "recognise_press"]
-
 #: Each value that grows with the press, and the table's column of it.
 COLUMNS = {"displacement_mm": "pose_z", "contact_depth_mm": "contact_depth", "force_n": "force_z"}
 TOUCH_MM = 0.5  # a depth's zero is known to this: a touch is seen from 0.1 to 0.3 mm on

@@ -48,8 +48,6 @@ from edge.calibration.file import TERMS_MAX, Lost
 from edge.calibration.inputs import MODES
 from edge.types import Array, Complex, Index, Mask
 
-__all__ = ["INPUTS", "FittedProcess", "Input", "ProcessParams", "fit_process"]
-
 
 @dataclass(frozen=True, slots=True)
 class Input:

@@ -33,8 +33,6 @@ from scipy.optimize import minimize
 
 from edge.types import Array, Complex, Index
 
-__all__ = ["Likelihood", "LikelihoodParams", "Repeats", "Settings", "Symmetry", "fit_settings"]
-
 
 class Symmetry(Enum):
     """How outputs behave when tip and touch are turned or mirrored together."""

@@ -17,15 +17,6 @@ from calib.terms import evaluate_terms, term_columns
 from edge.calibration.file import Lost
 from edge.types import Array, Complex
 
-__all__ = [
-    "NoiseModel",
-    "NoiseParams",
-    "fit_lost",
-    "fit_noise",
-    "likeliest_scales",
-    "scales_of",
-]
-
 #: The effect of lost pins may depend on these: how much of them is not known, the load, and how far on the
 #: contact's side, or ahead of the shear, they are.
 LOST_TERMS: list[list[str]] = [

@@ -19,23 +19,6 @@ from calib.terms import evaluate_terms
 from edge.calibration.inputs import FRAME_INPUTS
 from edge.types import Array, Complex, Index
 
-__all__ = [
-    "Candidate",
-    "InputNoise",
-    "Terms",
-    "as_candidate",
-    "blocks",
-    "cross_validate",
-    "cross_validated_terms",
-    "error_of_mean",
-    "folds_of",
-    "pose_numbers",
-    "ridge_weights",
-    "rounded",
-    "share_of_pose",
-    "spread_factor",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class Candidate:

@@ -17,8 +17,6 @@ from edge.calibration import Calibration
 from edge.frame import Pipeline
 from edge.pins import take_rest
 
-__all__ = ["Range", "calibrate_simulated", "random_contact"]
-
 TARE_FRAMES = 8
 
 

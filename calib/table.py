@@ -20,8 +20,6 @@ from pathlib import Path
 from calib.errors import TableError
 from edge.limits import quote, read_bounded
 
-__all__ = ["StrictTable", "TableRow", "number", "read_table", "shown"]
-
 BYTES_MAX = 1 << 28  # a million rows of a capture; more would fill the memory
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _NOT_FINITE = re.compile(r"[+-]?(nan|inf|infinity)", re.IGNORECASE)

@@ -28,8 +28,6 @@ from calib.errors import TableError
 from calib.table import number, read_table, shown
 from edge.types import Array
 
-__all__ = ["COLUMNS", "LEAST_DEPTH_MM", "MOST", "Targets", "join", "read_targets", "targets_of_capture"]
-
 #: Column of the table -> calibrated value, and the column's unit.
 COLUMNS: dict[str, tuple[str, str]] = {
     "pose_z": ("displacement_mm", "mm"),

@@ -32,8 +32,6 @@ from edge.pins import detect
 from edge.tracking import Tracker
 from edge.types import Array, Complex, Image, Rest, Tracks
 
-__all__ = ["LOADS", "UnloadedParams", "load_of", "unloaded"]
-
 #: Values that say how hard the tip is pressed; the first that a table has is taken.
 LOADS = ("displacement_mm", "force_n")
 

@@ -12,8 +12,6 @@ from edge.errors import EdgeError
 from hostlink.cli_exit import program_name, run_command
 from hostlink.command_group import CommandGroup, CommandRow
 
-__all__ = ["COMMANDS", "cli", "main"]
-
 COMMANDS = {
     "capture": CommandRow(
         "calib.commands.capture:capture_command",

@@ -18,8 +18,6 @@ from edge.types import Array, Lens
 from hostlink.cli_exit import print_error
 from hostlink.output_file import check_output, writing
 
-__all__ = ["lens_command", "text_of"]
-
 #: A camera is determined by this number of views of a plane (Zhang 2000).
 VIEWS_MIN = 3
 

@@ -26,8 +26,6 @@ from calib.targets import COLUMNS, Targets
 from edge.sources.lens_file import load_lens
 from hostlink.cli_types import WholeNumber
 
-__all__ = ["PATH", "Frames", "frames_options", "overwrite_option", "progress_bar", "worker_options"]
-
 PATH = click.Path(path_type=Path)
 
 overwrite_option = click.option("--overwrite", is_flag=True, help="Replace the output if it exists.")

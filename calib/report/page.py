@@ -13,8 +13,6 @@ from calib.fit import Choice
 from edge.calibration.file import Curve
 from hostlink.output_file import writing
 
-__all__ = ["ReportPage", "Section", "model_table", "write_page"]
-
 _STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #20242c; max-width: 64rem;
   margin: 2rem auto; padding: 0 1rem }

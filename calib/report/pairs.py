@@ -11,8 +11,6 @@ from calib.rig.base import CLEAR, Pose
 from calib.sim import Tool
 from edge.types import Array, Index
 
-__all__ = ["RESOLVED", "pairs", "resolvable_mm", "shares"]
-
 DISTANCES_MM = (2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 6.0, 8.0)
 PER_DISTANCE = 24
 DEPTH_MM, RADIUS_MM, PLACE_MM = 2.0, 1.0, 5.0

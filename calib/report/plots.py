@@ -17,8 +17,6 @@ from hostlink.output_file import writing
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt
 
-__all__ = ["apart", "curves", "directions", "place_map", "real_scatter", "trade"]
-
 DPI = 110
 INK, TRUE, LINE, MARK = "#20242c", "#9aa3b2", "#1f6feb", "#d1495b"
 plt.rcParams.update(

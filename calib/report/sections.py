@@ -21,8 +21,6 @@ from calib.report.page import ReportPage, Section, model_table
 from calib.report.pairs import RESOLVED, resolvable_mm, shares
 from edge.calibration import Calibration
 
-__all__ = ["Requirement", "Seen", "contacts", "paper", "real", "slips", "tilted"]
-
 Rows = NDArray[np.intp]
 HELD_OUT = 0.2  # share of random poses that is held out
 NETWORK = (

@@ -21,8 +21,6 @@ from edge.frame import Pipeline
 from edge.pins import take_rest
 from edge.types import Array, Feature, Mask
 
-__all__ = ["DRAGS", "Drag", "Outcome", "Slipped", "drag", "join", "outcome"]
-
 DOWN_N, STILL_N, DRAG_N = 6, 6, 60
 DEPTH_MM, WAY_MM = 2.0, 3.0
 #: Below the first share of its area that slides a contact sticks; above the second it glides as a whole.

@@ -33,8 +33,6 @@ from edge.features.surface import Surface
 from edge.pins import CentroidRefiner, detect
 from edge.types import Array, Cells, Frame, Rest, Result
 
-__all__ = ["Row", "detectors", "places", "shear_models", "surfaces", "tessellations"]
-
 RUNS = 5
 CT_GRID = 64
 HALVES_PX = (5, 7, 9, 12)

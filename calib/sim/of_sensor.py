@@ -21,8 +21,6 @@ from calib.sim.tip import Tip
 from edge.geometry.layout import pin_layout
 from edge.sensors import KnownSensor
 
-__all__ = ["appearance_of", "camera_of", "depth_factor"]
-
 PIN_RADIUS_PITCHES = 0.29  # 0.33 and 0.27 in the two sets of published images of the 331-pin tip
 FLAT_RADIUS_MM = 60.0  # of the sphere: the corners of a view of 20 x 15 mm are 1.3 mm lower than its middle
 FLAT_VIEW_MM = 20.0  # width of the view where no scale is known
