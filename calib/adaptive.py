@@ -10,8 +10,6 @@ Rules
 - Where nothing can be fitted yet, the poses stay evenly spread.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import astuple, dataclass

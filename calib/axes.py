@@ -8,8 +8,6 @@ taken. All vectors of one rig are mirrored or none is; if they disagree, a colum
 reported.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

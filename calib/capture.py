@@ -13,8 +13,6 @@ Rules
   shear_Rz deg.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import os

@@ -1,7 +1,5 @@
 """The paper's displacement curve: depth, monotone in the volume of deformation."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.optimize import isotonic_regression
 

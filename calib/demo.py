@@ -4,8 +4,6 @@ Each recording goes through the running loop onto a virtual CAN FD bus and onto 
 pseudo-terminals), is decoded on the host, and is compared with the simulator's truth.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import pty

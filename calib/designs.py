@@ -6,8 +6,6 @@ instead of 210 for a quadratic shear.
 That is why fifty frames make a usable calibration, and why a sweep along one axis calibrates the others.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

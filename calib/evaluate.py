@@ -1,7 +1,5 @@
 """Errors of a calibration on frames with known truth; frames without values are counted."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

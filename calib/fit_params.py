@@ -1,7 +1,5 @@
 """The parameters of the fit. Evidence: docs/tuning.md, "Fit of a calibration"."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

@@ -1,7 +1,5 @@
 """Warnings of a fit, found from the truth: presses that were not felt, and drags that slid."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 
 import numpy as np

@@ -5,8 +5,6 @@ the whole would be, and its errors on the held-out frames are reported. The file
 frames: its errors are about those reported, or a little smaller.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import Executor
 from typing import Any

@@ -10,8 +10,6 @@ them, in units of the noise, added over the outputs. Poses of one batch are chos
 with the variance that those before it leave.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -10,8 +10,6 @@ the square of the depth. The bounds are a millimetre or two apart: they tell a p
 no depth of it.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

@@ -20,8 +20,6 @@ Rules
       lift = true                      # clear of the tip before each pose (false)
 """
 
-from __future__ import annotations
-
 import hashlib
 import itertools
 import math

@@ -1,7 +1,5 @@
 """A calibration of a simulated tip: random poses on the simulator, the same fit as for a real one."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

@@ -7,8 +7,6 @@ errors of a calibrated place are twice those of a fit of the dots' motion. With 
 Only a square grid is asked: that is how dots are printed, and a table is measured twice for the answer.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from calib.dataset import Dataset

@@ -7,8 +7,6 @@ Some forms that spreadsheets and pandas write are taken: a byte order mark, any 
 cells, spaces round headings and numbers, empty cells behind the last heading, columns without one.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import math

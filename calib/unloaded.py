@@ -14,8 +14,6 @@ The estimate is better than the least deformed frame, whose own shear and tilt w
 Here they cancel; what remains is nearly the same all round.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace

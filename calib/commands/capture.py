@@ -1,7 +1,5 @@
 """`python -m calib capture`: options in, a recording and a table out."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`python -m calib`: the commands, rows of COMMANDS. How a command ends: `hostlink.cli_exit`."""
 
-from __future__ import annotations
-
 import os
 import sys
 from typing import NoReturn

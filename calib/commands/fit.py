@@ -1,7 +1,5 @@
 """`python -m calib fit`: a table of frames with truth in, a calibration out."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`calib lens`: a lens measured with pictures of a checkerboard, by OpenCV's calibration."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from pathlib import Path

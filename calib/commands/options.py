@@ -1,7 +1,5 @@
 """Common to the commands: options for frames with known truth, the rule for output files, a progress bar."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass

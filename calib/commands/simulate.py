@@ -1,7 +1,5 @@
 """`python -m calib simulate`: a calibration of a known sensor's simulated tip, in one command."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

@@ -2,8 +2,6 @@
 hand, every design choice against its alternatives; one page, PNGs and CSVs.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from concurrent.futures import Executor

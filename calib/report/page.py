@@ -1,7 +1,5 @@
 """The report as one HTML page beside its pictures; no script, nothing from elsewhere."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Resolution of two probes: the share found as one, two, more, over their distance."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

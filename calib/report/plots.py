@@ -1,7 +1,5 @@
 """The report's pictures: PNG, as large as the page shows them, units on every axis."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The report's sections: captured data are fitted and evaluated; each section returns its checks."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ that is, slides in part, from its rim inwards; it glides as a whole. `python -m 
 drags, and the time before a contact glides.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace

@@ -7,8 +7,6 @@ Rules
 - A flat skin is the cap of a large sphere. Its grid is larger than the image, whose border cuts it.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import asin, ceil, cos, degrees, radians, sin
 

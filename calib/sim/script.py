@@ -9,8 +9,6 @@ Rules
 - No move carries a pin further in one frame than a third of the pitch (tests/calib/test_simulator.py).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 

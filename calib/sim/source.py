@@ -13,8 +13,6 @@ Rules
 - Unpaced frames are rendered when they are read.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import msgspec
