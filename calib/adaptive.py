@@ -22,10 +22,9 @@ from calib.errors import FitError
 from calib.extract import DEMAND, Measured, gather, measure
 from calib.fit import fit_processes
 from calib.next_poses import choose, covariances, expected_error, predict_inputs
-from calib.protocols import SURFACE_HIGH, SURFACE_LOW, Step, digest_of, rest_steps, sheared
+from calib.protocols import FLAT, SURFACE_HIGH, SURFACE_LOW, Step, digest_of, rest_steps, sheared
 from calib.ridge import folds_of
 from calib.rig.base import CLEAR, Pose
-from calib.sim.mechanics import Tool
 from calib.targets import targets_of_capture
 from edge.calibration.inputs import FRAME_INPUTS
 from edge.frame import Pipeline
@@ -36,7 +35,7 @@ from edge.types import Complex, Frame, Image
 LETTERS = (("place", 1), ("depth", 0), ("tilt", 1), ("shear", 1), ("twist", 0))
 STEPS_A_POSE = len(sheared(*SURFACE_LOW))
 #: Before each fit, which takes seconds to minutes: the skin creeps under load.
-LIFT = Step(CLEAR, Tool("flat"), 0)
+LIFT = Step(CLEAR, FLAT, 0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +69,7 @@ class AdaptivePlan:
         pool: Executor | None = None,
         on_fitted: Callable[[int, dict[str, float]], None] = lambda n, errors: None,
     ) -> None:
-        self.steps: list[Step] = rest_steps(Tool("flat"))
+        self.steps: list[Step] = rest_steps(FLAT)
         self.n_frames = self.steps[0].frames + poses
         self._poses_max, self._goals, self._pool, self._on_fitted = poses, dict(goals or {}), pool, on_fitted
         self._rests: list[Image] = []
