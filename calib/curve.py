@@ -14,21 +14,15 @@ CURVE = "curve of the volume"
 KNOT_STEP_MIN = 1e-5
 
 
-def paper_curve(volume: Array, depth: Array) -> Curve:
-    """The paper's displacement curve of these frames; both (n,)."""
-    return _fitted(volume, depth)[0]
+def paper_curve(volume: Array, depth: Array) -> tuple[Curve, Array]:
+    """The paper's curve of these frames, and the prediction of each row without its depth; all (n,).
 
-
-def cross_validated_curve(volume: Array, depth: Array) -> Array:
-    """Prediction of each row by the paper's curve, fitted without its depth; both (n,)."""
-    return _fitted(volume, depth)[2].real
-
-
-def _fitted(volume: Array, depth: Array) -> tuple[Curve, Candidate, Complex]:
+    Raises  FitError: the volume does not vary
+    """
     found = fit_curve(volume, depth, folds_of(depth[:, None]))
     if found is None:
         raise FitError("the volume of deformation is the same in all frames: no curve can be fitted")
-    return found
+    return found[0], found[2].real
 
 
 def fit_curve(volume: Array, depth: Array, fold: Index) -> tuple[Curve, Candidate, Complex] | None:

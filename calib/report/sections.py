@@ -17,6 +17,7 @@ from calib.fit import Choice, fit
 from calib.report import plots, slip
 from calib.report.page import ReportPage, Section, model_table
 from calib.report.pairs import RESOLVED, resolvable_mm, shares
+from calib.targets import Targets
 from edge.calibration import Calibration
 
 Rows = NDArray[np.intp]
@@ -49,16 +50,15 @@ class Seen:
     extract: Extract
 
     def fit(self, rows: Any = None) -> tuple[Calibration, list[Choice]]:
-        targets, extract = self.data.targets, self.extract
-        if rows is not None:
-            targets, extract = targets.rows(rows), extract.rows(rows)
-        return fit(self.data.rest, targets, extract, mm_per_px=None)
+        return fit(self.data.rest, *self._some(rows), mm_per_px=None)
 
     def evaluate(self, calibration: Calibration, rows: Any = None) -> dict[str, Any]:
+        return evaluate(calibration, *self._some(rows))
+
+    def _some(self, rows: Any) -> tuple[Targets, Extract]:
+        """rows: None: all of them."""
         targets, extract = self.data.targets, self.extract
-        if rows is not None:
-            targets, extract = targets.rows(rows), extract.rows(rows)
-        return evaluate(calibration, targets, extract)
+        return (targets, extract) if rows is None else (targets.rows(rows), extract.rows(rows))
 
     def shear(self) -> Any:
         values = self.data.targets.values
@@ -83,7 +83,7 @@ def paper(page: ReportPage, out: Path, seen: dict[str, Seen]) -> list[Requiremen
     on_round = round_.evaluate(calibration)
     depth = press.data.targets.values["displacement_mm"]
     volume = press.extract.inputs[:, 0].real
-    curve = paper_curve(volume, depth)
+    curve, _ = paper_curve(volume, depth)
     moved = np.abs(shear.extract.inputs[:, 1]) * shear.data.rest.pattern.tip_radius_px
     line = plots.curves(
         out / "curves.png", volume, depth, np.array(curve.knots), moved, np.abs(shear.shear())

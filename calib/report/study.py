@@ -18,7 +18,7 @@ import numpy as np
 from scipy.interpolate import griddata
 from scipy.spatial import ConvexHull, Voronoi, cKDTree
 
-from calib.curve import cross_validated_curve
+from calib.curve import paper_curve
 from calib.designs import letters, terms_of_spin
 from calib.extract import Extract
 from calib.ridge import cross_validated_terms
@@ -171,7 +171,8 @@ def surfaces(rest: Rest, results: Sequence[Result], depths: Array) -> list[Row]:
     change = [_of(result).area_change for result in results]
 
     def add(name: str, volumes: list[float], us: list[float], why: str = "") -> None:
-        error = np.abs(cross_validated_curve(np.array(volumes) / (np.pi * r * r), depths) - depths).mean()
+        _, predicted = paper_curve(np.array(volumes) / (np.pi * r * r), depths)
+        error = np.abs(predicted - depths).mean()
         rows.append(Row("surface", name, float(np.median(us)), float(error), "mm depth", why))
 
     volumes, us = [], []
