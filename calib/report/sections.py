@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from calib.curve import paper_curve
 from calib.dataset import Dataset
 from calib.evaluate import evaluate, predict
-from calib.extract import Extract, join_extracts
+from calib.extract import Extract
 from calib.fit import Choice, fit
 from calib.report import plots, slip
 from calib.report.page import ReportPage, Section, model_table
 from calib.report.pairs import RESOLVED, resolvable_mm, shares
 from calib.targets import Targets
 from edge.calibration import Calibration
+from edge.geometry.parts import stack
 
 Rows = NDArray[np.intp]
 HELD_OUT = 0.2  # share of random poses that is held out
@@ -75,7 +76,7 @@ def paper(page: ReportPage, out: Path, seen: dict[str, Seen]) -> list[Requiremen
     press, shear, round_ = seen["displacement"], seen["shear"], seen["direction"]
     both = Seen(
         Dataset((*press.data.parts, *shear.data.parts)),
-        join_extracts([press.extract, shear.extract]),
+        stack([press.extract, shear.extract]),
     )
     calibration, choices = both.fit(_every(len(both.data), 0))
     on_press = press.evaluate(calibration, _every(len(press.data), 1))
@@ -258,7 +259,7 @@ def _pitch_mm(calibration: Calibration, seen: Seen) -> float:
 
 def slips(page: ReportPage, slipped: list[slip.Slipped]) -> list[Requirement]:
     section = page.section("Slip")
-    every = slip.outcome(slip.join(slipped))
+    every = slip.outcome(stack(slipped))
     section.text(
         f"A tool pressed {slip.DEPTH_MM:g} mm deep is dragged {slip.WAY_MM:g} mm in a second at "
         "several frictions, until it creeps (more than a quarter of it slides, from the rim inwards) and "

@@ -7,8 +7,8 @@ drags, and the time before a contact glides.
 """
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -139,8 +139,3 @@ def outcome(seen: Slipped) -> Outcome:
 
 def _mean(values: Array | Mask) -> float:
     return float(values.mean()) if len(values) else math.nan
-
-
-def join(drags: Sequence[Slipped]) -> Slipped:
-    """Several drags as one."""
-    return Slipped(*(np.concatenate([getattr(d, f.name) for d in drags]) for f in fields(Slipped)))

@@ -16,17 +16,17 @@ Rules
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from typing import Any, TypeVar
+from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from edge.geometry.parts import rows_of
 from edge.limits import PINS_MAX
 from edge.pins.params import PARAMS
-from edge.types import Array, Image, Mask, Pins
+from edge.types import Array, Image, Mask
 
 #: There is one for each pixel round the smallest pin in the reduced image.
 RAYS = round(math.tau * PARAMS.reduced_radius_px)
@@ -63,20 +63,6 @@ class Spots:
 
     def __getitem__(self, which: Mask | Places) -> Spots:
         return rows_of(self, which)
-
-
-Table = TypeVar("Table", Spots, Pins)
-
-
-def rows_of(table: Table, which: Mask | Places) -> Table:
-    """The chosen rows of all columns."""
-    return type(table)(*(getattr(table, column.name)[which] for column in fields(table)))
-
-
-def join(parts: Sequence[Table]) -> Table:
-    """Spots of several scales in one, or pins; one after the other."""
-    columns = [column.name for column in fields(parts[0])]
-    return type(parts[0])(*(np.concatenate([getattr(p, name) for p in parts]) for name in columns))
 
 
 def find_spots(image: Image, radius_px: float, depth_min: float) -> Spots:

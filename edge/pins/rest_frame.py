@@ -13,8 +13,7 @@ from edge.errors import NoPins
 from edge.geometry.lattice import pitch_of
 from edge.geometry.layout import circle_of
 from edge.geometry.neighbours import nearest_of
-from edge.geometry.parts import of_parts
-from edge.pins.blobs import join, rows_of
+from edge.geometry.parts import of_parts, rows_of, stack
 from edge.pins.detect import as_bright, detect, in_view, learn, noise_of, spots_of, to_grey
 from edge.pins.lens import corrected_rest, pattern_as_seen
 from edge.pins.params import PARAMS
@@ -155,7 +154,7 @@ def with_voted(greys: Sequence[Image], pattern: PinPattern, pins: Pins) -> tuple
         with_more_n += bool(np.any(nearest_of(pins.xy_img, shown[-1].xy_img)[0][:, 0] > near_px))
         if 2 * (with_more_n + len(greys) - len(shown)) < len(greys):  # no other pin can be in half of them
             return pattern, pins
-    together = join(shown)
+    together = stack(shown)
     xy = together.xy_img
     which = np.repeat(np.arange(len(shown)), [len(one) for one in shown])
     free = nearest_of(pins.xy_img, xy)[0][:, 0] > near_px
@@ -169,7 +168,7 @@ def with_voted(greys: Sequence[Image], pattern: PinPattern, pins: Pins) -> tuple
             added.append(Pins(*(np.median(column, axis=0, keepdims=True) for column in columns)))
     if len(added) == 1:
         return pattern, pins
-    pins = join(added)
+    pins = stack(added)
     centre_img, tip_radius_px = circle_of(pins.xy_img, pattern.pin_radius_px)
     return replace(pattern, count=len(pins), centre_img=centre_img, tip_radius_px=tip_radius_px), pins
 
