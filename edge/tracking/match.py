@@ -40,7 +40,8 @@ class NearestBlob:
     """
 
     n_blobs: cython.Py_ssize_t
-    xy: cython.double[:, ::1]
+    all_xy = cython.declare(object, visibility="readonly")  # (m, 2) px
+    xy: cython.double[:, ::1]  # the same
     table: cython.int[:, ::1]
     left: cython.double
     top: cython.double
@@ -56,7 +57,7 @@ class NearestBlob:
         if not (np.isfinite(origin_px).all() and np.isfinite(cells_per_px)):
             raise ValueError(f"finite origin and cells per px are wanted, not {origin_px}, {cells_per_px}")
         self.n_blobs = m
-        self.xy = np.array(xy, np.float64, order="C")
+        self.xy = self.all_xy = np.array(xy, np.float64, order="C")
         self.table = np.array(table, np.int32, order="C")
         self.left, self.top = origin_px
         self.cells_per_px = cells_per_px
