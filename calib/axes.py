@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.terms import evaluate_terms, term_columns
+from calib.terms import frame_terms
 from edge.types import Complex
 
 #: Inputs that shear, tilt and place follow most closely.
@@ -65,17 +65,16 @@ class Axes:
 def recognise_handedness(
     outputs: tuple[str, ...],
     inputs: Complex,
-    names: Sequence[str],
     y: Complex,
     expected: Complex | None = None,
 ) -> Handedness:
     """Which of y and its mirror image the inputs explain better.
 
-    inputs    (n, k) complex128, finite, columns `names`
+    inputs    (n, k) complex128, finite, columns `FRAME_INPUTS`
     y         (n,) complex128, the truth x + i y in the rig's axes
     expected  (n,) complex128, not mirrored, by another tip's model: it explains alone; None: there is none
     """
-    psi = evaluate_terms(inputs, term_columns(TERMS, names))
+    psi = frame_terms(inputs, TERMS)
     size = np.sqrt((np.abs(psi) ** 2).mean(axis=0))
     psi = psi[:, size > 0] / size[size > 0]
     by = psi if expected is None else expected[:, None] / np.sqrt((np.abs(expected) ** 2).mean())

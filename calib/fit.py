@@ -467,9 +467,9 @@ def _axes(problems: Sequence[_Problem], models: Mapping[tuple[str, ...], KnownMo
             if len(group.outputs) == 2 and is_round(np.stack([y.real, y.imag])[:, known]):
                 inputs, expected = problem.seen.inputs[known], None
                 if group.outputs in models:
-                    model = models[group.outputs].in_the_image(inputs, FRAME_INPUTS)
-                    expected = model.values(inputs, FRAME_INPUTS)
-                found.append(recognise_handedness(group.outputs, inputs, FRAME_INPUTS, y[known], expected))
+                    model = models[group.outputs].in_the_image(inputs)
+                    expected = model.values(inputs)
+                found.append(recognise_handedness(group.outputs, inputs, y[known], expected))
     return recognise_axes(found)
 
 
@@ -489,7 +489,6 @@ def _start_processes(problem: _Problem, search: Search, pool: Executor | None) -
         call = partial(
             _fit_process,
             possible=problem.seen.possible,
-            names=problem.names,
             y=y,
             symmetry=group.symmetry,
             fold=problem.fold,
@@ -505,7 +504,7 @@ def _start_processes(problem: _Problem, search: Search, pool: Executor | None) -
         if poses >= (ENOUGH if group.outputs in search.known else enough):
             calls[ModelKind.PROCESS] = partial(call, problem.inputs, terms_max=search.terms_max)
         if len(y) >= PARAMS.known_rows_min and group.outputs in search.known:
-            known = search.known[group.outputs].in_the_image(problem.inputs, problem.names)
+            known = search.known[group.outputs].in_the_image(problem.inputs)
             calls[ModelKind.CARRIED] = partial(call, problem.inputs, known=known)
         wanted = {kind: run for kind, run in calls.items() if kind in search.kinds}
         jobs.append(wanted if pool is None else {k: pool.submit(run).result for k, run in wanted.items()})
