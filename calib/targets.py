@@ -17,7 +17,7 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -98,13 +98,7 @@ class Targets:
     def rows(self, chosen: NDArray[np.integer[Any]] | Sequence[int]) -> Targets:
         """Some of the rows, by index."""
         frames = tuple(self.frames[i] for i in chosen)
-        return Targets(
-            self.where,
-            frames,
-            {k: v[np.asarray(chosen)] for k, v in self.values.items()},
-            self.sha256,
-            self.unread,
-        )
+        return replace(self, frames=frames, values={k: v[np.asarray(chosen)] for k, v in self.values.items()})
 
 
 def read_targets(table: str | Path, folder: str | Path) -> Targets:
