@@ -108,7 +108,7 @@ def capture(
     path: Path,
     *,
     resume: bool = False,
-    on_frame: Callable[[Step, int], None] | None = None,
+    on_frame: Callable[[Step, int], None] = lambda step, done: None,
 ) -> int:
     """Run a protocol, or what is left of it.
 
@@ -151,8 +151,7 @@ def capture(
                         )
                     plan.take(frame, _cells(_row(recorder.path.name, frame.sequence, frame.truth or {})))
                     taken += 1
-                    if on_frame is not None:
-                        on_frame(step, done.frames + taken)
+                    on_frame(step, done.frames + taken)
                 number += 1
     finally:
         rig.close()

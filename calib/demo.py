@@ -14,6 +14,7 @@ import tty
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -119,7 +120,7 @@ def play(recording: Path, calibration: Calibration) -> Received:
         received: dict[str, dict[int, State]] = {name: {} for name in addresses}
         for name, address in addresses.items():
             connection = stack.enter_context(hostlink.connect(address))
-            connection.on_sample(_collect(received[name]))
+            connection.on_sample(partial(_collect, received[name]))
         source = open_source(str(recording))
         stack.callback(source.close)
         loop = Loop(source, [], calibration, LoopConfig(demand=frozenset(Feature)))
@@ -156,23 +157,15 @@ def play(recording: Path, calibration: Calibration) -> Received:
         )
 
 
-def _collect(into: dict[int, State]) -> Callable[[hostlink.Sample], None]:
-    def take(sample: hostlink.Sample) -> None:
-        into[sample.state.sample] = sample.state
-
-    return take
+def _collect(into: dict[int, State], sample: hostlink.Sample) -> None:
+    into[sample.state.sample] = sample.state
 
 
-def _await(done: Callable[[], bool], timeout_s: float = 5.0) -> None:
+def _await(done: Callable[[], bool]) -> None:
     """Wait for bytes that are on their way through the kernel."""
-    tick, deadline = threading.Event(), time.monotonic() + timeout_s
+    tick, deadline = threading.Event(), time.monotonic() + 5.0
     while not done() and time.monotonic() < deadline:
         tick.wait(0.01)
-
-
-def on_wire(state: State) -> State:
-    """A state after its way over the wire: rounded to the fields' resolution."""
-    return unpack_state(pack_state(state, 0))
 
 
 def _same(a: State, b: State) -> bool:
@@ -272,8 +265,10 @@ def _row(data: Path, out: Path, name: str) -> list[str]:
     received = play(data / f"{name}.mcap", Calibration.load(data / RECORDINGS[name]))
     found = errors(received)
     last = received.can[max(received.can)]
+    # What is sent is rounded to the fields' resolution.
     same = received.can.keys() == received.serial.keys() and all(
-        _same(received.can[k], received.serial[k]) and _same(received.can[k], on_wire(state))
+        _same(received.can[k], received.serial[k])
+        and _same(received.can[k], unpack_state(pack_state(state, 0)))
         for k, state in received.sent.items()
     )
     _pictures(received, out)

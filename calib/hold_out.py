@@ -5,7 +5,6 @@ the whole would be, and its errors on the held-out frames are reported. The file
 frames: its errors are about those reported, or a little smaller.
 """
 
-from collections.abc import Callable
 from concurrent.futures import Executor
 from typing import Any
 
@@ -40,7 +39,6 @@ def evaluate_held_out(
     extract: Extract,
     share: float,
     seed: int,
-    on_refused: Callable[[str], None] = lambda text: None,
     search: Search = EVERYTHING,
     pool: Executor | None = None,
 ) -> dict[str, Any]:
@@ -55,7 +53,6 @@ def evaluate_held_out(
         targets.rows(kept),
         extract.rows(kept),
         mm_per_px=None,
-        on_refused=on_refused,
         search=search,
         pool=pool,
     )
