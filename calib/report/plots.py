@@ -32,11 +32,10 @@ plt.rcParams.update(
 )
 
 
-def _save(figure: Any, path: Path) -> Path:
+def _save(figure: Any, path: Path) -> None:
     with writing(path, overwrite=True) as unfinished:
         figure.savefig(unfinished, dpi=DPI, bbox_inches="tight")
     plt.close(figure)
-    return path
 
 
 def curves(
@@ -203,5 +202,4 @@ def _front(x: Array, y: Array) -> Mask:
     better = (
         (x[None] <= x[:, None]) & (y[None] <= y[:, None]) & ((x[None] < x[:, None]) | (y[None] < y[:, None]))
     )
-    front = np.asarray(~better.any(axis=1))
-    return front
+    return np.asarray(~better.any(axis=1))

@@ -101,8 +101,7 @@ def paper(page: ReportPage, out: Path, seen: dict[str, Seen]) -> list[Requiremen
     mean = plots.directions(out / "directions.png", round_.shear(), read)
     section.text(
         "Direction (paper, Fig. 11): 36 directions, 10 frames each, read by a calibration that saw shear "
-        "along x "
-        "alone. A round tip does not care which way it is sheared, so its models cannot either."
+        "along x alone. A round tip does not care which way it is sheared, so its models cannot either."
     )
     section.picture(out / "directions.png", "true and read directions")
     model_table(section, choices)
@@ -126,11 +125,9 @@ def tilted(page: ReportPage, surface: Seen) -> list[Requirement]:
     calibration, choices = surface.fit(train)
     result = surface.evaluate(calibration, test)
     section.text(
-        f"{len(train)} random flat poses are fitted, {len(test)} held out: depth 1..5 mm, tilt up "
-        f"to "
+        f"{len(train)} random flat poses are fitted, {len(test)} held out: depth 1..5 mm, tilt up to "
         "15 deg about both axes (the contact wanders up to 7 mm off the tip's axis), shear up to 2 mm per "
-        "axis, twist up "
-        "to 5 deg."
+        "axis, twist up to 5 deg."
     )
     names = (
         "displacement_mae_mm",
@@ -265,9 +262,8 @@ def slips(page: ReportPage, slipped: list[slip.Slipped]) -> list[Requirement]:
         "several frictions, until it creeps (more than a quarter of it slides, from the rim inwards) and "
         "then glides. Slip counts as detected at a probability over one half (that more than half of the "
         f"contact slides): {every.detected_percent:.0f} % of the frames that creep; the speed read there is "
-        "the skin's own motion "
-        f"against itself, {every.read_mm_s:.2f} mm/s where the tool runs at {every.true_mm_s:.2f} mm/s over "
-        "the contact in the mean."
+        f"the skin's own motion against itself, {every.read_mm_s:.2f} mm/s where the tool runs at "
+        f"{every.true_mm_s:.2f} mm/s over the contact in the mean."
     )
     rows = []
     for one, seen in zip(slip.DRAGS, slipped, strict=True):
@@ -295,8 +291,7 @@ def real(page: ReportPage, out: Path, published: Seen) -> None:
     plots.real_scatter(out / "real.png", true, values, sigmas)
     section.text(
         f"One random split, {len(train)} frames fitted, {len(test)} held out (five: python -m tests.bench "
-        f"real). The "
-        f"network published with the set: {NETWORK}. Direction here: "
+        f"real). The network published with the set: {NETWORK}. Direction here: "
         f"{result['shear_direction_mean_deg']:.1f} deg mean, "
         f"{result['shear_direction_median_deg']:.1f} median. One-sigma intervals hold "
         f"{100 * result['sigma_coverage_68']:.0f} % of the values. {result['n_refused']} frames refused."

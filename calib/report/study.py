@@ -74,7 +74,7 @@ def detectors(rest: Rest, frames: Sequence[Frame]) -> list[Row]:
         assert frame.truth is not None
         true = np.array(frame.truth["pins_img"])
         # The last frame predicts a place that is off by about a pixel.
-        predicted = _in_order(true, rest) + rng.normal(0.0, 0.7, rest.xy_img.shape)
+        predicted = true[: len(rest)] + rng.normal(0.0, 0.7, rest.xy_img.shape)
         ways: dict[str, Callable[[], Array]] = {
             "SimpleBlobDetector, whole image": lambda: np.array(
                 [k.pt for k in blob.detect(frame.image)]  # noqa: B023  (run at once)
@@ -105,10 +105,6 @@ def detectors(rest: Rest, frames: Sequence[Frame]) -> list[Row]:
         )
         for name, runs in found.items()
     ]
-
-
-def _in_order(true: Array, rest: Rest) -> Array:
-    return true if len(true) == len(rest) else true[: len(rest)]
 
 
 def _blob_detector(radius_px: float) -> Any:
