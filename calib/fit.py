@@ -143,6 +143,19 @@ class Choice:
             kinds.setdefault(_kind_of(candidate.name), candidate)
         return kinds
 
+    def cells(self, between: str) -> tuple[str, ...]:
+        """For a table: outputs, model, terms, its error, the largest allowed, the best of kinds, sigmas."""
+        sigma = self.model.sigma if isinstance(self.model.sigma, list) else [self.model.sigma]
+        return (
+            between.join(self.outputs),
+            self.chosen.name,
+            str(self.chosen.n_terms),
+            f"{self.chosen.rms:.3g}",
+            f"{self.allowed:.3g}",
+            between.join(f"{kind.split()[0]} {best.rms:.3g}" for kind, best in self.best_of_kinds.items()),
+            between.join(f"{s:.3g}" for s in sigma),
+        )
+
 
 def _kind_of(name: str) -> ModelKind:
     if name in (CURVE, MEAN_MOTION):

@@ -255,15 +255,5 @@ def print_choices(choices: list[Choice], of: str) -> None:
     for name in ("value", "model chosen", "terms", "error", "limit", "best of each kind", "sigma"):
         table.add_column(name, no_wrap=name != "model chosen")
     for choice in choices:
-        row = _row(choice)
-        sigma = row["sigma"] if isinstance(row["sigma"], list) else [row["sigma"]]
-        table.add_row(
-            "\n".join(choice.outputs),
-            row["model"],
-            str(row["terms"]),
-            f"{choice.chosen.rms:.3g}",
-            f"{choice.allowed:.3g}",
-            "\n".join(f"{kind.split()[0]} {c.rms:.3g}" for kind, c in choice.best_of_kinds.items()),
-            "\n".join(f"{s:.3g}" for s in sigma),
-        )
+        table.add_row(*choice.cells("\n"))
     Console().print(table)
