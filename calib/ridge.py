@@ -132,9 +132,9 @@ class _Sums:
         return np.maximum(e, 0.0), v
 
 
-def blocks(n: int) -> Iterator[slice]:
+def blocks(n: int, most: int = ROWS) -> Iterator[slice]:
     """Some rows of n at a time."""
-    return (slice(start, start + ROWS) for start in range(0, n, ROWS))
+    return (slice(start, min(n, start + most)) for start in range(0, n, most))
 
 
 def cross_validate(name: str, terms: Terms, y: Complex, fold: Index) -> list[tuple[Candidate, Complex]]:

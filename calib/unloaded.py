@@ -58,9 +58,7 @@ def load_of(values: Mapping[str, Array]) -> Array | None:
     return next((values[name] for name in LOADS if name in values), None)
 
 
-def unloaded(
-    rest: Rest, images: Iterable[Image], values: Mapping[str, Array], params: UnloadedParams = PARAMS
-) -> Rest | None:
+def unloaded(rest: Rest, images: Iterable[Image], values: Mapping[str, Array]) -> Rest | None:
     """The rest frame with its pins where they would be without load.
 
     rest    of one of the images, to identify the pins
@@ -77,9 +75,9 @@ def unloaded(
         if tracks.confidence >= Tracks.LOW_CONFIDENCE:
             places[k] = tracks.xy_img
     known = np.isfinite(places).any(axis=(1, 2)) & (load > 0)
-    if known.sum() < params.frames_min or load[known].min() > params.reach * np.ptp(load[known]):
+    if known.sum() < PARAMS.frames_min or load[known].min() > PARAMS.reach * np.ptp(load[known]):
         return None
-    modes, used = _modes(rest), np.flatnonzero(known)[np.argsort(load[known])[: params.frames_max]]
+    modes, used = _modes(rest), np.flatnonzero(known)[np.argsort(load[known])[: PARAMS.frames_max]]
     motion = np.array([_in_modes(modes, xy - rest.xy_img) for xy in places[used]])
     xy = rest.xy_img + _xy(modes @ _at_no_load(motion, load[used], {k: v[used] for k, v in values.items()}))
     mean = _mean(places[known], load[known])

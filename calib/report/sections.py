@@ -66,10 +66,6 @@ class Seen:
         return values["shear_x_mm"] + 1j * values["shear_y_mm"]
 
 
-def _every(n: int, first: int) -> Rows:
-    return np.arange(first, n, 2)
-
-
 def paper(page: ReportPage, out: Path, seen: dict[str, Seen]) -> list[Requirement]:
     """Displacement, shear and direction as the paper does them: every second frame is fitted."""
     section = page.section("The paper's protocols")
@@ -78,9 +74,9 @@ def paper(page: ReportPage, out: Path, seen: dict[str, Seen]) -> list[Requiremen
         Dataset((*press.data.parts, *shear.data.parts)),
         stack([press.extract, shear.extract]),
     )
-    calibration, choices = both.fit(_every(len(both.data), 0))
-    on_press = press.evaluate(calibration, _every(len(press.data), 1))
-    on_shear = shear.evaluate(calibration, _every(len(shear.data), 1))
+    calibration, choices = both.fit(np.arange(0, len(both.data), 2))
+    on_press = press.evaluate(calibration, np.arange(1, len(press.data), 2))
+    on_shear = shear.evaluate(calibration, np.arange(1, len(shear.data), 2))
     on_round = round_.evaluate(calibration)
     depth = press.data.targets.values["displacement_mm"]
     volume = press.extract.inputs[:, 0].real
@@ -193,10 +189,11 @@ def _pairs_of_probes(
     counts = pairs.extract.counts
     found = shares(apart_mm, counts)
     plots.apart(out / "pairs.png", found)
+    pitch_mm = (calibration.mm_per_px or math.nan) * pairs.data.rest.pattern.pitch_px
     section.text(
         "Two probes of 1 mm radius, 2 mm deep, anywhere within 5 mm of the axis and any way round: resolved "
         f"(found as two in {RESOLVED:g} % of the frames and more) from {resolvable_mm(found):g} mm on. The "
-        f"pins are {_pitch_mm(calibration, pairs):.1f} mm apart."
+        f"pins are {pitch_mm:.1f} mm apart."
     )
     section.picture(out / "pairs.png", "share of pairs found as one, two, more, over their distance")
     section.table(
@@ -248,10 +245,6 @@ def _column(seen: Seen, name: str) -> NDArray[np.str_]:
 
 def _percent(which: NDArray[np.bool_]) -> float:
     return float(which.mean()) * 100.0
-
-
-def _pitch_mm(calibration: Calibration, seen: Seen) -> float:
-    return (calibration.mm_per_px or math.nan) * seen.data.rest.pattern.pitch_px
 
 
 def slips(page: ReportPage, slipped: list[slip.Slipped]) -> list[Requirement]:
