@@ -105,7 +105,7 @@ def recognise_axes(vectors: Sequence[Handedness]) -> Axes:
     warnings = []
     if len(sides) == 2:
         parts = [
-            f"{_joined_names(v.outputs)} {'is' if v.mirrored else 'is not'} mirrored against the image"
+            f"{' and '.join(v.outputs)} {'is' if v.mirrored else 'is not'} mirrored against the image"
             for v in known
         ]
         warnings.append(
@@ -114,15 +114,11 @@ def recognise_axes(vectors: Sequence[Handedness]) -> Axes:
     for v in vectors:
         if not v.known and not known:
             warnings.append(
-                f"{_joined_names(v.outputs)}: the frames do not show whether the rig's axes are mirrored "
+                f"{' and '.join(v.outputs)}: the frames do not show whether the rig's axes are mirrored "
                 "against the image; taken as not mirrored (move in more than one direction)"
             )
     lines = tuple(_relation(v, mirrored[v.outputs]) for v in known)
     return Axes(mirrored, lines, tuple(warnings))
-
-
-def _joined_names(outputs: tuple[str, ...]) -> str:
-    return " and ".join(outputs)
 
 
 def _relation(v: Handedness, mirrored: bool) -> str:
