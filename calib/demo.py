@@ -278,12 +278,11 @@ def _row(data: Path, out: Path, name: str) -> list[str]:
         str(received.last.tracks.n_seen),
         "yes" if same else f"{len(received.sent)}/{len(received.can)}/{len(received.serial)}",
         f"{last.contact_n}" + (f" ({found['wrong_n']:.0f} wrong)" if found["wrong_n"] else ""),
-        *(_cell(found[key]) for key in ("place_mm", "depth_mm", "shear_mm", "direction_deg")),
+        *(
+            f"{found[key]:.2f}" if math.isfinite(found[key]) else "-"
+            for key in ("place_mm", "depth_mm", "shear_mm", "direction_deg")
+        ),
     ]
-
-
-def _cell(value: float) -> str:
-    return f"{value:.2f}" if math.isfinite(value) else "-"
 
 
 def _pictures(received: Received, out: Path) -> None:

@@ -96,7 +96,7 @@ def fit_command(
     """
     given = Frames(**frames)
     check_output(output, (".json",), [*given.inputs, *([prior] if prior else [])], overwrite)
-    known = [{}] if prior is None else _known_models(prior)
+    known = [_known_of_view(prior, view.content) for view in Calibration.load(prior).views] if prior else [{}]
     skin = None if sensor_name is None else load_sensor(sensor_name).tip.skin
     views = given.open().read_as(on_surface=skin == "surface").views()
     if len(known) not in (1, len(views)):
@@ -200,12 +200,8 @@ def scale_of(name: str | None, rest: Rest) -> float | None:
     return scale
 
 
-def _known_models(prior: Path) -> list[dict[tuple[str, ...], KnownModel]]:
-    """The models of each view of another tip. Raises CalibrationError: unreadable, nothing carries over."""
-    return [_known_of_view(prior, view.content) for view in Calibration.load(prior).views]
-
-
 def _known_of_view(prior: Path, content: CalibrationFile) -> dict[tuple[str, ...], KnownModel]:
+    """The models of a view of another tip. Raises CalibrationError: nothing carries over."""
     known = known_models(content)
     if not known:
         raise CalibrationError(
