@@ -5,7 +5,7 @@ from scipy.optimize import isotonic_regression
 
 from calib.errors import FitError
 from calib.fit_params import PARAMS
-from calib.ridge import Candidate, folds_of, rounded
+from calib.ridge import Candidate, as_candidate, folds_of, rounded
 from edge.calibration.file import Curve
 from edge.types import Array, Complex, Index
 
@@ -41,13 +41,11 @@ def fit_curve(volume: Array, depth: Array, fold: Index) -> tuple[Curve, Candidat
     x, y = _knots(volume, depth)
     if len(x) < 2:
         return None
-    squares = (predicted - depth) ** 2
-    rms = float(np.sqrt(squares.mean()))
-    error = float(squares.std() / np.sqrt(len(depth)) / (2 * rms)) if rms else 0.0
+    candidate = as_candidate(CURVE, len(x), (predicted - depth) ** 2, np.ones(len(depth)), noise=0.0)
     sigma = max(1e-6, rounded(float(np.quantile(np.abs(predicted - depth), 0.6827))))
     knots = [(rounded(float(a)), rounded(float(b))) for a, b in zip(x, y, strict=True)]
     curve = Curve(output="displacement_mm", input="volume", knots=knots, sigma=sigma)
-    return curve, Candidate(CURVE, len(x), rms, error, 0.0), predicted.astype(np.complex128)
+    return curve, candidate, predicted.astype(np.complex128)
 
 
 def _knots(volume: Array, depth: Array) -> tuple[Array, Array]:

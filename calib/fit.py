@@ -667,7 +667,7 @@ def _best(
     good = _sufficient(tried, y, problem.share, search.prefer)
     allowed = max(t[0].rms for t in good)
     chosen, _, predicted = min(good, key=_terms_then_error)
-    mirror = _mirrored if whole.groups[i] in whole.mirrored else _unchanged
+    mirror = _mirrored if whole.groups[i] in whole.mirrored else lambda model: model
 
     def of_all_frames(name: str) -> Model:
         candidate, terms, held_out = next(t for t in of_all if t[0].name == name)
@@ -739,10 +739,6 @@ def _sufficient(tried: list[_Tried], y: Complex, share: Array, prefer: Prefer) -
 
 def _terms_then_error(tried: _Tried) -> tuple[int, float]:
     return tried[0].n_terms, tried[0].rms
-
-
-def _unchanged(model: Polynomial | Process) -> Polynomial | Process:
-    return model
 
 
 def _as_good(
