@@ -143,10 +143,8 @@ def capture(
                     rig.mount(step.tool)
                     tool = step.tool
                 rig.move(step.pose)
-                asked = {"step": number, "role": step.role, "pose": asdict(step.pose), "tool": asdict(tool)}
                 for _ in range(step.frames):
-                    frame = rig.frame()
-                    frame = replace(frame, truth={**(frame.truth or {}), **asked})
+                    frame = _with_truth(rig.frame(), number, step)
                     if not recorder.frame(frame):
                         raise CaptureError(
                             f"{recorder.path}: {recorder.fault or 'the disk is too slow'}; resume"
@@ -163,6 +161,11 @@ def capture(
         )
     write_table(path, plan)
     return taken
+
+
+def _with_truth(frame: Frame, number: int, step: Step) -> Frame:
+    asked = {"step": number, "role": step.role, "pose": asdict(step.pose), "tool": asdict(step.tool)}
+    return replace(frame, truth={**(frame.truth or {}), **asked})
 
 
 def _truths(part: Path) -> Iterator[tuple[int, dict[str, Any]]]:

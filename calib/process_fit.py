@@ -169,11 +169,9 @@ def fit_process(
     of_own = partial(_prior, all_round=all_round, terms_max=terms_max, few=few, motion=motion)
     find = partial(partial(_changed, known) if known else of_own, symmetry=symmetry)
     data = _with_own(find, _Data(inputs, moved, target, fold, pose))
-    rows = data.some_each(PARAMS.repeats)
-    prior = data.prior(find, rows)
+    prior = data.prior(find, data.some_each(PARAMS.repeats))
     features, posterior = prior.features, _Posterior(prior, data)
-    # As many as are worth their time: settings from few frames depend on each of them.
-    group = fold % min(int(fold.max()) + 1, max(PARAMS.groups_min, PARAMS.rows_groups // len(rows)))
+    group = fold % _n_groups(fold, len(data.some_each(PARAMS.repeats)))
     unseen, learnt = _held_out(partial(find, start=prior.start), data, group)
     factor = posterior.factor()
     learnt *= posterior.share_held(inputs, factor)
@@ -226,6 +224,12 @@ def _standardised(y: Complex, symmetry: Symmetry, volume: Array) -> tuple[float,
         mean = 0.0
     unit = float(np.sqrt((np.abs(y - mean) ** 2).mean()))
     return mean, unit, (y - mean) / unit
+
+
+def _n_groups(fold: Index, rows: int) -> int:
+    """Take as many as are worth their time: settings from few frames depend on each of them."""
+    folds = int(fold.max()) + 1
+    return min(folds, max(PARAMS.groups_min, PARAMS.rows_groups // rows))
 
 
 @dataclass(frozen=True, slots=True)
