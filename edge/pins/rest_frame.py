@@ -1,9 +1,9 @@
 """The rest frame: the untouched tip, from several images; row i defines pin i from then on."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from typing import cast
+from typing import TypeVar, cast
 
 import cv2
 import numpy as np
@@ -20,6 +20,8 @@ from edge.pins.params import PARAMS
 from edge.pins.pattern import FLAT, one_of_each_marker, trend_of
 from edge.pins.refine import CentroidRefiner
 from edge.types import Image, Lens, PinPattern, Pins, Polarity, Region, Rest
+
+T = TypeVar("T")
 
 
 def take_rest(
@@ -118,10 +120,10 @@ def _at_rest(
 
 def _at_rest_in_some(greys: Sequence[Image], polarity: Polarity) -> tuple[bool, list[Image], Rest]:
     """The same of the largest set of images in which nothing moves. Raises NoPins."""
-    start, first = _first_with_pins(greys, polarity)
-    dark = first.pattern.dark
+    start, (pattern, pins) = first_with_pins(greys, lambda grey: learn(grey, polarity))
+    dark = pattern.dark
     greys = [as_bright(grey, dark) for grey in greys]
-    greys = [greys[i] for i in _steady(greys, start, Rest(first.pins, replace(first.pattern, dark=False)))]
+    greys = [greys[i] for i in _steady(greys, start, Rest(pins, replace(pattern, dark=False)))]
     pattern, pins = learn(_mean(greys), Polarity.BRIGHT)
     return dark, greys, Rest(pins, pattern)
 
@@ -201,14 +203,12 @@ def _steady(greys: Sequence[Image], start: int, rest: Rest) -> list[int]:
     return np.flatnonzero(near[middle]).tolist()
 
 
-def _first_with_pins(greys: Sequence[Image], polarity: Polarity) -> tuple[int, Rest]:
-    """The first image that shows pins, and these; raises NoPins with the reason for the last one."""
-    complaint = NoPins("")
-    for k, grey in enumerate(greys):
+def first_with_pins(images: Sequence[Image], read: Callable[[Image], T]) -> tuple[int, T]:
+    """The first image that shows pins, and what is read of it; raises NoPins with the reason for the last."""
+    complaint = NoPins("no images; give a recording with images of the tip")
+    for k, image in enumerate(images):
         try:
-            pattern, pins = learn(grey, polarity)
+            return k, read(image)
         except NoPins as error:
             complaint = error
-        else:
-            return k, Rest(pins, pattern)
     raise complaint
