@@ -83,12 +83,9 @@ def tracks_of(tracks: Tracks, rows: Index) -> Tracks:
 
 def tracks_joined(rows: Sequence[Index], of_parts: Sequence[Tracks]) -> Tracks:
     """The tracks of all parts, as certain as the least certain one."""
-    xy_img, sigma_px = (
-        joined(rows, [t.xy_img for t in of_parts]),
-        joined(rows, [t.sigma_px for t in of_parts]),
-    )
-    confidence = min(t.confidence for t in of_parts)
-    return Tracks.of(xy_img, sigma_px, joined(rows, [t.seen for t in of_parts]), confidence)
+    columns = zip(*((t.xy_img, t.sigma_px, t.seen) for t in of_parts), strict=True)
+    xy_img, sigma_px, seen = (joined(rows, column) for column in columns)
+    return Tracks.of(xy_img, sigma_px, seen, min(t.confidence for t in of_parts))
 
 
 def pins_joined(rows: Sequence[Index], of_parts: Sequence[Pins]) -> Pins:
