@@ -11,18 +11,16 @@ assign       costs of pins and blobs -> the cheapest assignment
 
 import cython
 import numpy as np
+from cython.cimports.libc.math import sqrt
 
 from edge.types import Array, Index, Mask
 
 if cython.compiled:
     from cython.cimports.edge.tracking.outliers import LocalAffine
-    from cython.cimports.libc.math import HUGE_VAL, sqrt
 else:
-    from math import inf as HUGE_VAL  # noqa: N812
-    from math import sqrt
-
     from edge.tracking.outliers import LocalAffine
 
+HUGE_VAL = cython.declare(cython.double, float("inf"))
 UNMATCHED = cython.declare(cython.int, -1)
 SEED = cython.declare(cython.int, -2)
 

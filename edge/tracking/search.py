@@ -131,8 +131,8 @@ class Identifier:
         """
         if not best.known_n:
             return 0.0
-        found = float(np.dot(self._tip.params.found_weights, found_evidence(best)))
-        return best_of_two(ahead) * _logistic(found)
+        odds = float(np.dot(self._tip.params.found_weights, found_evidence(best)))  # their logarithm
+        return best_of_two(ahead) * float(0.5 + 0.5 * np.tanh(0.5 * odds))
 
     def _starts(self, blobs: NearestBlob, guesses: list[Array]) -> Iterator[tuple[Array, Mask]]:
         """Motion (n, 2) and the pins (n,) to grow from: guesses unchanged, then coarse fits, best first."""
@@ -206,11 +206,6 @@ def best_of_two(ahead: float) -> float:
     Likelihood ratio tests for model selection, Econometrica 57, 1989): a half if they tie.
     """
     return 0.5 + 0.5 * erf(ahead / sqrt(2))
-
-
-def _logistic(odds: float) -> float:
-    """Probability by the logarithm of the odds."""
-    return float(0.5 + 0.5 * np.tanh(0.5 * odds))
 
 
 def _ahead(best: Hypothesis, others: list[Hypothesis]) -> float:
