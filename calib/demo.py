@@ -181,24 +181,22 @@ def errors(received: Received) -> dict[str, float]:
         if not truth:
             continue
         places = np.array(truth["places_mm"]).reshape(-1, 2)
-        settled = bool(truth["contacts"]) and min(c["depth_mm"] for c in truth["contacts"]) >= 0.8
         if not truth["contacts"]:
             wrong_n += state.contact_n != 0
             continue
-        if not settled:
+        if min(c["depth_mm"] for c in truth["contacts"]) < 0.8:
             continue
         wrong_n += state.contact_n != len(places)
         found = np.array([[c.x_mm, c.y_mm] for c in state.contacts]).reshape(-1, 2)
         if len(found):
             gap = np.hypot(*(places[:, None] - found[None]).transpose(2, 0, 1))
             place.extend(gap.min(axis=1))
-        if len(places) == 1:
-            depth.append(abs(state.displacement_mm - truth["depth_mm"]))
         true = complex(*truth["shear_mm"])
         read = complex(state.shear_x_mm, state.shear_y_mm)
         if abs(true) > 0.3:
             direction.append(abs(math.degrees(np.angle(read * true.conjugate()))))
         if len(places) == 1:
+            depth.append(abs(state.displacement_mm - truth["depth_mm"]))
             shear.append(abs(read - true))
 
     def mean(values: list[float]) -> float:

@@ -97,12 +97,11 @@ class Targets:
         return replace(self, frames=frames, values={k: v[np.asarray(chosen)] for k, v in self.values.items()})
 
 
-def read_targets(table: str | Path, folder: str | Path) -> Targets:
+def read_targets(table: Path, folder: Path) -> Targets:
     """Read a table; every frame must be in `folder`.
 
     Raises  TableError: one message with file, line and column
     """
-    table, folder = Path(table), Path(folder)
     content = read_table(table, [_IMAGE], once=COLUMNS)
     if not os.path.isdir(folder):
         raise TableError(f"{folder}: no such folder of frames")

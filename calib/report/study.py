@@ -57,7 +57,6 @@ def timed(work: Callable[[], Any], runs: int = RUNS) -> tuple[Any, float]:
     """Result, and median time in us."""
     work()
     times = []
-    result = None
     for _ in range(runs):
         began = time.perf_counter()
         result = work()
