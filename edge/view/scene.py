@@ -101,7 +101,7 @@ def touch(result: Result, rest: Rest, wants: frozenset[str]) -> tuple[dict[str, 
             polygons = cell_polygons(cells)
             arrays["corners_n"] = ("u2", np.array([len(p) for p in polygons], "<u2").tobytes())
             arrays["corners"] = _f4(np.concatenate(polygons))
-            arrays["rgba"] = _f4(np.array(cell_rgba(features.area_change)))
+            arrays["rgba"] = _f4(cell_rgba(features.area_change))
     return header, arrays
 
 
