@@ -23,7 +23,6 @@ class LoopDevice:
         self._started_s = time.monotonic()
         # Features that no node can switch, such as the surface for a viewer.
         self._extra = loop.measurement.demand - set(_NAMED)
-        self.reboot_wanted = False
 
     def describe(self) -> Mapping[str, int | float | str | bytes]:
         statistics, calibration = self._loop.statistics(), self._loop.measurement.calibration
@@ -84,7 +83,6 @@ class LoopDevice:
         self._loop.post(lambda: self._loop.measurement.set_demand(demand))
 
     def reboot(self) -> None:
-        self.reboot_wanted = True
         self._loop.post(self._loop.stop)
 
     def report(self, code: FaultCode, active: bool, message: str = "") -> None:
