@@ -63,6 +63,7 @@ PAPER = Palette(
 SAFE = replace(  # Okabe and Ito: orange, blue, bluish green, black
     PAPER, compressed=(0, 140, 230), expanded=(178, 114, 0), contact=(90, 110, 0), local=(60, 60, 60)
 )
+PALETTES = {"paper": PAPER, "safe": SAFE}
 
 
 def _share(area_change: Array) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 
 from edge.cells import cell_polygons
 from edge.types import Array, Frame, Image, Rest, Result
-from edge.view.palette import COLOUR_STEPS, PAPER, PARAMS, SAFE, Palette, cell_colours, cell_rgba
+from edge.view.palette import COLOUR_STEPS, PALETTES, PARAMS, Palette, cell_colours, cell_rgba
 from hostlink.wire import FIELDS
 from hostlink.wire.shown import live_charts, live_fields, page_numbers
 
@@ -29,7 +29,7 @@ def hello(source: str, serial: str) -> dict[str, Any]:
         "chart": CHART,
         "charts": live_charts(FIELDS),
         "numbers": page_numbers(FIELDS),
-        "palettes": {"paper": _colours(PAPER), "safe": _colours(SAFE)},
+        "palettes": {name: _colours(palette) for name, palette in PALETTES.items()},
         "full_change": PARAMS.full_change,
         "local_gain": PARAMS.local_gain,
         "global_gain": PARAMS.global_gain,
