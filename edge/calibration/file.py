@@ -249,12 +249,10 @@ def decode(raw: bytes, where: str) -> CalibrationFile:
 
 
 def encode(content: CalibrationFile) -> bytes:
-    """The file's bytes."""
     return msgspec.json.encode(content) + b"\n"
 
 
 def rest_of(sensor: Sensor) -> Rest:
-    """The rest frame that a file describes."""
     xy = np.array(sensor.rest_xy_px, dtype=np.float64).reshape(-1, 2)
     pattern = PinPattern(
         pin_radius_px=sensor.pin_radius_px,

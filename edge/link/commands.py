@@ -73,7 +73,6 @@ class SerialCommands:
         return self._line.frame(message, data, self._sent_n[message])
 
     def receive(self, kind: Message, counter: int, body: bytes) -> None:
-        """Handle a message from the line."""
         if kind is Message.NMT and len(body) == 1:
             self._upload_to = None
             self._node.command(body[0])

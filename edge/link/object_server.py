@@ -108,7 +108,6 @@ class ObjectServer:
         self.transmission = dict.fromkeys(range(1, 5), 254)
 
     def record(self, fault: Fault) -> None:
-        """Add a fault to the error history."""
         self._errors.appendleft(fault.emcy | int(fault.code) << 16)
 
     def read(self, index: int, sub: int) -> bytes:

@@ -90,7 +90,6 @@ def cells_cloud(cells: Cells, log_ns: int) -> bytes:
 
 
 def pins_overlay(tracks: Tracks, log_ns: int) -> bytes:
-    """The seen pins as dots on the image."""
     dots = _style("POINTS", (1.0, 0.8, 0.0, 1.0), 3.0, log_ns)
     visible = tracks.xy_img[np.isfinite(tracks.xy_img).all(axis=1)]
     return _annotations([dots + _points(visible).tobytes()])

@@ -107,11 +107,9 @@ class Loop:
 
     @property
     def frames_n(self) -> int:
-        """Frames since the start."""
         return self._counters.counts.frames_n
 
     def statistics(self) -> LoopStatistics:
-        """A copy of the present counters and times."""
         m = self.measurement
         return self._counters.snapshot(
             dropped_n=self.source.dropped_n,
@@ -190,7 +188,6 @@ class Loop:
             self._detector.slow(self._frame_begun_ns)
 
     def step(self, frame: Frame) -> State:
-        """Process one frame completely."""
         begun_ns = self._frame_begun_ns = self._clock_ns()
         self._detector.begin(frame, begun_ns)
         counts = self._counters.counts

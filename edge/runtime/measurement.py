@@ -165,7 +165,6 @@ class Measurement:
         self._accept_tare(RestFrame(rest), self._stages(rest, self.calibration), frame)
 
     def _stages(self, rest: Rest, calibration: Calibration | None) -> Pipeline:
-        """The stages, as they are configured."""
         config = self._config
         if config.on_surface:
             rest = replace(rest, pattern=replace(rest.pattern, on_surface=True))

@@ -84,7 +84,6 @@ class KnownSensor(_Closed, frozen=True, kw_only=True):
 
 
 def sensor_names() -> list[str]:
-    """Names of the sensors that come with this package."""
     return sorted(path.stem for path in _FOLDER.glob("*.toml"))
 
 

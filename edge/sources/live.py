@@ -154,7 +154,6 @@ class ThreadedSource(FrameSource, ABC):
 
     @property
     def ended(self) -> bool:
-        """No further frame will come."""
         return self._ended and self._slot is None
 
     def read(self, timeout_s: float | None = None) -> Frame | None:

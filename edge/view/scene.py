@@ -22,7 +22,6 @@ CHART = ("time_s", *CHARTED, "latency_ms", "volume_px2", "shear_x_px", "shear_y_
 
 
 def hello(source: str, serial: str) -> dict[str, Any]:
-    """The data that the page needs once."""
     return {
         "source": source,
         "serial": serial,
