@@ -202,11 +202,6 @@ class CalibrationFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, o
     views: "Annotated[list[CalibrationFile], msgspec.Meta(max_length=VIEWS_MAX)]" = []
 
 
-def views_of(content: CalibrationFile) -> list[CalibrationFile]:
-    """A file for each view, the first one first."""
-    return [msgspec.structs.replace(content, views=[]), *content.views]
-
-
 class _Header(msgspec.Struct, frozen=True):
     """The fields that decide whether the rest can be read."""
 

@@ -110,11 +110,11 @@ class Loop:
         return self._counters.counts.frames_n
 
     def statistics(self) -> LoopStatistics:
-        m = self.measurement
+        pipeline = self.measurement.pipeline
         return self._counters.snapshot(
             dropped_n=self.source.dropped_n,
-            pins_n=len(m.pipeline.rest) if m.pipeline else 0,
-            drift_px=m.drift.offset_px if m.drift else 0.0,
+            pins_n=len(pipeline.rest) if pipeline else 0,
+            drift_px=pipeline.drift.offset_px if pipeline and pipeline.drift else 0.0,
             faults={code.name: n for code, n in self.faults.appeared.items()},
             without_values=dict(self._detector.without_values),
         )

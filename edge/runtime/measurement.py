@@ -81,11 +81,6 @@ class Measurement:
             faults.report(FaultCode.CALIBRATION_MISSING, True, NO_CALIBRATION)
 
     @property
-    def drift(self) -> Drift | None:
-        """Learnt since the rest frame was taken; None: there is none."""
-        return None if self.pipeline is None else self.pipeline.drift
-
-    @property
     def in_contact(self) -> bool:
         """Whether the last frame showed a touch."""
         return self.last is not None and self.last.features is not None and self.last.features.in_contact

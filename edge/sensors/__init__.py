@@ -11,7 +11,6 @@ import msgspec
 
 from edge import limits
 from edge.errors import ConfigError
-from edge.types import Polarity
 
 _FOLDER = Path(__file__).resolve().parent
 Length = Annotated[float, msgspec.Meta(gt=0, le=1000)]
@@ -67,10 +66,6 @@ class KnownSensor(_Closed, frozen=True, kw_only=True):
     #: The source of each figure by the figure's key, such as "pins.pitch_mm".
     sources: dict[limits.Name, Annotated[str, msgspec.Meta(min_length=1, max_length=400)]] = {}
     name: str = ""  # of the file, without its suffix
-
-    @property
-    def polarity(self) -> Polarity:
-        return Polarity(self.pins.polarity or "")
 
     @property
     def on_surface(self) -> bool:
