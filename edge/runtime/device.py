@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from functools import cache
 
 from edge.calibration import Calibration
-from edge.errors import CalibrationError, RequestRefused
+from edge.errors import CalibrationError
 from edge.runtime.calibration_store import CalibrationStore
 from edge.runtime.loop import Loop
 from edge.types import Clock, Feature
@@ -48,9 +48,7 @@ class LoopDevice:
         return time.monotonic_ns() // 1000
 
     def tare(self, force: bool) -> None:
-        if self._loop.measurement.in_contact and not force:
-            raise RequestRefused("something touches the tip; let go, or force the tare")
-        self._loop.measurement.tare.ask(force)
+        self._loop.measurement.ask_tare(force)
 
     def rest_frame(self) -> Mapping[str, int | float | str | bytes]:
         outcome = self._loop.measurement.tare.outcome
