@@ -29,7 +29,7 @@ from edge.runtime.loop import Loop
 from edge.runtime.measurement import LoopConfig
 from edge.sources import open_source
 from edge.sources.files import FileSource
-from edge.types import Feature, Frame, Rest, Result, Tracks
+from edge.types import Frame, Rest, Result, Tracks
 from edge.view.palette import PALETTES
 from edge.view.panels import View, picture
 from edge.view.video import CODECS, write_video
@@ -38,9 +38,6 @@ from hostlink.output_file import check_output, writing
 from hostlink.wire import RestFrameReason
 
 log = logging.getLogger(__name__)
-
-#: Features in a picture; the surface is not drawn.
-DRAWN = frozenset(Feature) - {Feature.SURFACE}
 
 
 @click.command()
@@ -108,7 +105,7 @@ def render_recording(
     with closing(open_source(recording)) as source:
         known = expect_sensor(source, Config(sensor=SensorTable(model=sensor_name or "")))
         on_surface = known is not None and known.on_surface
-        loop = Loop(source, [], calibration, LoopConfig(DRAWN, on_surface=on_surface))
+        loop = Loop(source, [], calibration, LoopConfig(on_surface=on_surface))
         loop.measurement.watch("video")
         rest_frame, seen_in, taken_n = _rest_frame(loop, rest, calibration)
         mm_per_px = (calibration.mm_per_px if calibration else None) or 0.0

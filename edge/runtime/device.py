@@ -21,8 +21,7 @@ class LoopDevice:
     def __init__(self, loop: Loop, serial_number: str, store: CalibrationStore | None = None) -> None:
         self._loop, self._serial_number, self._store = loop, serial_number, store
         self._started_s = time.monotonic()
-        # Features that no node can switch, such as the surface for a viewer.
-        self._extra = loop.measurement.demand - set(_NAMED)
+        self._extra = loop.measurement.demand & {Feature.SURFACE}  # which no node can switch
 
     def describe(self) -> Mapping[str, int | float | str | bytes]:
         statistics, calibration = self._loop.statistics(), self._loop.measurement.calibration
@@ -85,9 +84,6 @@ class LoopDevice:
 
     def report(self, code: FaultCode, active: bool, message: str = "") -> None:
         self._loop.faults.report(code, active, message)
-
-
-_NAMED = frozenset(Feature) - {Feature.SURFACE}
 
 
 @cache
