@@ -97,7 +97,7 @@ class _View:
         plan = self.plan
         tracks, searched = self._locate(frame.image)
         if searched:
-            self._extractor.forget_contacts()
+            self._extractor.forget_contacts(tracks.confidence < Tracks.LOW_CONFIDENCE)
             if tracks.confidence < Tracks.LOW_CONFIDENCE and not (even_untrusted and tracks.n_seen >= 3):
                 return Result(frame, tracks, None, None, uncalibrated(), searched)
         moved = tracks
@@ -145,7 +145,7 @@ class _View:
     def forget(self) -> None:
         self._tracker.forget()
         self.tessellator.forget()
-        self._extractor.forget_contacts()
+        self._extractor.forget_contacts(slip=True)
 
 
 class Pipeline:

@@ -97,7 +97,7 @@ def open_sim(where: str, options: Options) -> FrameSource:
     source = SceneSource(simulator, scene, keep=keys.paced, depth_factor=factor)
     if not keys.paced:
         return source
-    return Paced(source, simulator.rate_hz, loop=True)
+    return Paced(source, loop=True)
 
 
 def _camera(sensor: KnownSensor | None, keys: SimKeys, options: Options) -> Camera:

@@ -179,8 +179,10 @@ class FeatureExtractor:
                     self._finder = ContactFinder(surface, np.asarray(self._motion.xy))
         return self._finder
 
-    def forget_contacts(self) -> None:
-        """The next frame's contacts do not follow from the last one's."""
+    def forget_contacts(self, slip: cython.bint = False) -> None:
+        """The next frame's contacts do not follow from the last one's; slip: nor does its slip."""
+        if slip:
+            self._slip.forget()
         if self._finder is not None:
             self._finder.forget()
 
@@ -229,8 +231,8 @@ class FeatureExtractor:
         Raises      ValueError: sizes that do not fit
         """
         if plan is not self._plan:
+            self.forget_contacts(slip=not self._plan.slip)
             self._plan = plan
-            self.forget_contacts()
         self._take(tracks.xy_img, tracks.sigma_px, None)
         self._xy_img = None  # once a frame
         n_seen, now_px, sigma_px = self._n_seen, self._motion.sigma_px, self._sigma_px

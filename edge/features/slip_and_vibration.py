@@ -33,8 +33,8 @@ translation, rotation and linear strain): the expected one, its noise subtracted
 
 Rules of slip
 - While all of a contact's cells increase, or all decrease, by more than by noise and than it turns, it is
-  pressed or released, which moves its pins too: no slip is reported, and after two such frames the path
-  begins anew. A single one may be noise, of a contact of three pins.
+  pressed or released, which moves its pins too: after two such frames no slip is reported, and the path
+  begins anew. A single one may be noise, of a contact of three pins: the probability stays.
 - A contact that slides as a whole at constant load moves no pin: the last share stays. The steady gliding of
   a large smooth plane has no speed for a camera behind the skin.
 
@@ -148,7 +148,6 @@ class Slip:
             if self._presses:
                 self._forget_path()
             self._presses = True
-            self.probability = self.of_twist = 0.0
             return
         self._presses = False
         if self._begun:

@@ -40,14 +40,18 @@ def calibration(data_dir: Path) -> Calibration:
     return Calibration.load(data_dir / "hex127_flat.json")
 
 
-def test_values_follow_the_truth(frames: list[Frame], rest: Rest, calibration: Calibration) -> None:
+def test_values_follow_the_truth_and_no_slip_outlasts_a_gap(
+    frames: list[Frame], rest: Rest, calibration: Calibration
+) -> None:
     pipeline = Pipeline(in_order_of(calibration, rest), calibration)
-    last = [pipeline.process(frame) for frame in frames][-1]
-    truth: Any = frames[-1].truth
-    assert last.reading.values["displacement_mm"] == pytest.approx(truth["depth_mm"], abs=0.15)
-    read = (last.reading.values["shear_x_mm"], last.reading.values["shear_y_mm"])
-    assert read == pytest.approx(tuple(truth["shear_mm"]), abs=0.1)
-    assert not last.searched
+    last: Any = [pipeline.process(frame) for frame in frames][-1]
+    values, truth = last.reading.values, last.frame.truth
+    assert values["displacement_mm"] == pytest.approx(truth["depth_mm"], abs=0.15)
+    assert [values["shear_x_mm"], values["shear_y_mm"]] == pytest.approx(truth["shear_mm"], abs=0.1)
+    pipeline.forget()
+    after_gap: Any = pipeline.process(frames[-1])
+    assert (last.searched, after_gap.searched) == (False, True)
+    assert after_gap.features.slip_probability == 0.0 < last.features.slip_probability
 
 
 def test_moments_of_contacts_are_computed_for_models_that_depend_on_them(
@@ -62,8 +66,7 @@ def test_moments_of_contacts_are_computed_for_models_that_depend_on_them(
     for given, wanted in ((None, True), (calibration, False), (of_moments, True)):
         pipeline = Pipeline(rest if given is None else in_order_of(given, rest), given)
         last: Any = [pipeline.process(frame) for frame in frames][-1]
-        moments = [np.isfinite(c.curl_moment_px).all() for c in last.features.contacts]
-        assert moments == [wanted]
+        assert [np.isfinite(c.curl_moment_px).all() for c in last.features.contacts] == [wanted]
     assert np.isfinite(last.reading.contacts[0, :2]).all()
 
 
@@ -71,8 +74,7 @@ def test_moments_of_contacts_are_computed_for_models_that_depend_on_them(
 def test_motion_alone_gives_the_same_values_without_cells(
     frames: list[Frame], rest: Rest, calibration: Calibration, dark: int
 ) -> None:
-    few = frozenset({Feature.DISPLACEMENT, Feature.SHEAR})
-    tip = in_order_of(calibration, rest)
+    few, tip = frozenset({Feature.DISPLACEMENT, Feature.SHEAR}), in_order_of(calibration, rest)
     every, alone = Pipeline(tip, calibration), Pipeline(tip, calibration, few)
     unwatched = Pipeline(tip, calibration)
     unwatched.watch(False)
@@ -81,8 +83,7 @@ def test_motion_alone_gives_the_same_values_without_cells(
         image = frame.image.copy()
         for x, y in np.rint(tip.xy_img[:dark]).astype(int):
             image[y - 12 : y + 13, x - 12 : x + 13] = 0
-        both = every, alone, unwatched
-        results: Any = [pipeline.process(replace(frame, image=image)) for pipeline in both]
+        results: Any = [one.process(replace(frame, image=image)) for one in (every, alone, unwatched)]
         expected, result, other = results
         np.testing.assert_equal(other.reading.values, expected.reading.values)
         assert other.features.volume_px2 == expected.features.volume_px2
@@ -103,8 +104,7 @@ def test_friction_and_slip_margin_come_with_the_forces(
     gripping = _with_friction(calibration)
     pipeline = Pipeline(in_order_of(gripping, rest), gripping, frozenset({Feature.FORCE}))
     assert "slip_margin" not in pipeline.process(frames[0]).reading.values
-    readings = [pipeline.process(frame).reading.values for frame in frames[1:]]
-    last = readings[-1]
+    last = [pipeline.process(frame).reading.values for frame in frames[1:]][-1]
     load = np.hypot(last["force_x_n"], last["force_y_n"]) / last["force_n"]
     assert last["friction"] == pytest.approx(load, rel=0.3)
     assert last["slip_margin"] == pytest.approx(max(0.0, 1 - load / last["friction"]), abs=0.1)
