@@ -10,7 +10,6 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass, field
-from functools import partial
 
 from edge.calibration import Calibration
 from edge.errors import RequestRefused
@@ -104,8 +103,7 @@ class TareState:
         """
         self.frames, self.job = None, Future()
         if self.in_thread:
-            work = partial(_run, job, self.job, afterwards)
-            threading.Thread(target=work, name="tare", daemon=True).start()
+            threading.Thread(target=_run, args=(job, self.job, afterwards), name="tare", daemon=True).start()
         else:
             _run(job, self.job)
 
