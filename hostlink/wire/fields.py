@@ -23,6 +23,7 @@ Rules
 - A finite value saturates at the field's range. NaN is the type's most negative value, or the largest
   of an unsigned one; it means "not measured, not calibrated, not asked for or not to be trusted".
 - `raw = round(value / scale)`, half to even; `value = raw * scale`. There are no offsets.
+- A standard deviation that is more than 0 is sent as one step at least: who weighs by it divides by it.
 - The range is narrower than the type if classic CAN has fewer bits, so that both carry the same values.
 - The first four bytes (CRC, counter, version) stay where they are in every future version.
 - `check` is the low half of the CRC-32 (zlib) over version and fields: the CRC-16 alone would let one in
@@ -144,6 +145,11 @@ class Field:
     @property
     def raw_low(self) -> int:
         return int(self.low) if self.plain else round(self.low / self.scale)
+
+    @property
+    def raw_least(self) -> int:
+        """The lowest raw value of what is more than `low`."""
+        return self.raw_low + ("_sigma_" in self.name)
 
     @property
     def raw_high(self) -> int:

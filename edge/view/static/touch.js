@@ -81,7 +81,7 @@ function showNumbers(packet) {
     if (Number.isFinite(value)) box.hidden = false;
     box.querySelector("span").textContent = number(value, digits);
     box.querySelector("dd small").textContent =
-      after || (Number.isFinite(sigma) && Number.isFinite(value) ? `±${number(sigma, digits)}` : "");
+      after || (Number.isFinite(sigma) && Number.isFinite(value) ? `±${number(sigma && Math.max(sigma, 10 ** -digits), digits)}` : "");
   });
 }
 
