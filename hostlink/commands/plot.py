@@ -217,8 +217,8 @@ def _panel(axes: Any, panel: Chart, series: dict[int, Series]) -> None:
                 continue
             # One finger: a colour an axis. Several: a colour a finger, dashes distinguish the axes.
             colour = _COLOURS[(k if several else i) % len(_COLOURS)]
-            axis = f" {'xy'[i]}" if len(panel.fields) == 2 else ""
-            label = f"finger {node}{axis}" if several else axis.strip() or None
+            which = panel.names[i] if panel.names else ""
+            label = f"finger {node} {which}".rstrip() if several else which or None
             values = [v * _SCALES.get(name, 1.0) for v in one.values[name]]
             style = "steps-post" if counts else "default"
             axes.plot(
@@ -247,7 +247,9 @@ def _panel(axes: Any, panel: Chart, series: dict[int, Series]) -> None:
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
     if axes.get_legend_handles_labels()[0]:
-        axes.legend(fontsize=7, loc="upper left", ncols=6, frameon=True, framealpha=0.85, edgecolor="none")
+        # It stands above the axes, where it hides nothing.
+        at = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.0}
+        axes.legend(fontsize=7, ncols=6, frameon=False, **at)
 
 
 def _alone(values: Sequence[float]) -> list[int]:

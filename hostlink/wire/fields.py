@@ -196,7 +196,7 @@ LAYOUT: Final = (
     _F("displacement_mm", "h", 0.002, "mm", -16, 16, 14,
        "depth by which the skin is pressed in, along z; positive is into the tip",
        "signed, so that noise about zero stays unbiased; 2 um is 1/20 of the sensor's noise",
-       _S("displacement", "Depth", sigma="displacement_sigma_mm", least=0.5)),
+       _S("depth", "Depth", sigma="displacement_sigma_mm", least=0.5)),
     _F("displacement_sigma_mm", "B", 0.008, "mm", 0, 2.032, 8, "standard deviation of the displacement",
        "lets a filter weigh the value; above 2 mm its weight is nil"),
     _F("force_n", "h", 0.002, "N", -65, 65, 16, "normal force on the tip; positive presses the tip",

@@ -51,7 +51,7 @@ const CHARTS = [
 ];
 // Without a calibration there are no millimetres; then the same is shown in the camera's own px.
 const RAW = {
-  Displacement: { title: "Volume of deformation", unit: "px²", least: 100, of: ["volume_px2"] },
+  Depth: { title: "Volume of deformation", unit: "px²", least: 100, of: ["volume_px2"] },
   Shear: { title: "Mean motion of the pins", unit: "px", least: 1, names: ["x", "y"], of: ["shear_x_px", "shear_y_px"] },
 }; // prettier-ignore
 

@@ -135,8 +135,8 @@ def test_an_edge_recording_gives_the_same(tmp_path: Path) -> None:
 def test_the_picture_has_units_and_only_what_is_known(tmp_path: Path) -> None:
     write_bus(tmp_path / "a.log", (1, 4))
     series = read_series(tmp_path / "a.log")
-    assert draw(series, tmp_path / "a.svg", "a.log") == ("displacement", "shear", "contacts", "latency")
-    assert draw(series, tmp_path / "a.png") == ("displacement", "shear", "contacts", "latency")
+    assert draw(series, tmp_path / "a.svg", "a.log") == ("depth", "shear", "contacts", "latency")
+    assert draw(series, tmp_path / "a.png") == ("depth", "shear", "contacts", "latency")
     assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
     assert (tmp_path / "a.png").stat().st_size > 20_000
     write_bus(tmp_path / "b.log", sent=[State(sample=k, capture_time_us=k * 10_000) for k in range(20)])
