@@ -185,7 +185,7 @@ class Board:
 def test_install_upgrade_rollback_uninstall(tmp_path: Path, wheel_dir: Path) -> None:
     """With any umask of root; a release that does not run is not used."""
     board = Board(tmp_path / "root", wheel_dir)
-    board.install("--finger", "index", "--node", "7", umask=0)
+    board.install("--finger", "index", "--node", "7", "--extras", "view", umask=0)
     board.check_modes()
     (library,) = (board.root / "opt").rglob(LIBRARY.name)  # which runs without debug information
     assert library.stat().st_size < LIBRARY.stat().st_size
@@ -200,7 +200,8 @@ def test_install_upgrade_rollback_uninstall(tmp_path: Path, wheel_dir: Path) -> 
     (board.root / "etc/voronoi-touch/index.toml").write_text("[sensor]\nnode_id = 9\n")
     kept = board.kept()
 
-    board.install("--finger", "index", umask=0o027)  # again: an upgrade that overwrites nothing
+    board.install("--finger", "index", "--extras", "oak", umask=0o027)  # again: nothing is overwritten
+    assert (board.root / board.current[1:] / "extras").read_text() == "edge,view,oak\n"
     board.check_modes()
     second = board.current
     assert second != first
@@ -281,6 +282,7 @@ def test_a_checkout_is_unchanged_and_its_constraints_hold(tmp_path: Path) -> Non
     ("command", "message"),
     [
         ("install.sh --node 128", "1 to 127"),
+        ("install.sh --node 007", "1 to 127"),
         ("install.sh --finger ../x", "a-z"),
         ("install.sh --colour", "unknown option"),
         ("install.sh --node", "needs a value"),
