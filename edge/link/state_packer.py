@@ -71,9 +71,7 @@ class StatePacker:
         self.plain = np.array([f.plain for f in rows], np.uint8)
         self.size = np.array([f.size for f in rows], np.int32)
         self.scale = np.array([(f.scale, f.low, f.high) for f in rows], np.float64)
-        self.raw = np.array(
-            [(f.raw_low, f.raw_high, f.raw_nan(8 * f.size), f.raw_least) for f in rows], np.int64
-        )
+        self.raw = np.array([(f.raw_low, f.raw_high, f.raw_nan(8 * f.size), f.raw_least) for f in rows])
         self.reading, self.known, values = None, np.empty(len(rows)), np.empty(len(rows))
         self.values, self.exact = values, values.view(np.uint8)
         self.body = np.empty(SCHEMA.body.size, np.uint8)
