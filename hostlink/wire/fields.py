@@ -224,7 +224,7 @@ LAYOUT: Final = (
     _F("slip_margin", "B", 0.004, "", 0, 1, 8,
        "1 less the present tangential over normal load in units of `friction`; 0: nothing more has been "
        "held; not known before the first tangential load of a contact",
-       "what a grasp controller regulates: grip harder when it falls",
+       "grip harder where it is small and the load high; all through the first drag of a contact it is 0",
        _S("slip margin left", "Slip margin", least=1)),
     _F("pressure_kpa", "h", 0.05, "kPa", -1600, 1600, 16, "force over contact area",
        "fingertips: 10..1000 kPa",
