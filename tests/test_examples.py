@@ -81,8 +81,7 @@ def test_the_notebook_calibrates_pictures_and_draws_the_errors(tmp_path: Path) -
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
     *rows, said = done.stdout.splitlines()
     errors = {line.split(":")[0]: float(line.split()[4]) for line in rows}
-    assert errors["displacement_mm"] < 0.05
-    assert errors["force_n"] < 0.05
+    assert max(errors.values()) < 0.05
     assert (tmp_path / said.split(":")[0] / "errors.png").stat().st_size > 10_000
 
 

@@ -88,7 +88,6 @@ def test_a_sensor_s_mask_lies_beside_its_file(two_views: Path) -> None:
 @pytest.mark.parametrize(
     ("keys", "expected"),
     [
-        ("roi=1,2,3", "roi=1,2,3: give roi=x,y,w,h in pixels"),
         ("roi=0,0,9,9&roi=1,2,3", "roi=1,2,3: give roi=x,y,w,h in pixels"),
         ("roi=0,0,nan,9", "give roi=x,y,w,h in pixels"),
         ("circle=a,b,c", "give circle=x,y,r in pixels"),

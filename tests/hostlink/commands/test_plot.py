@@ -126,15 +126,10 @@ def test_a_value_between_two_gaps_is_a_dot(tmp_path: Path) -> None:
     assert ink([1.0, nan, nan, 2.0]) > 20  # at both ends
 
 
-def test_an_edge_recording_gives_the_same(tmp_path: Path) -> None:
+def test_an_edge_recording_holds_what_was_sent(tmp_path: Path) -> None:
     sent = [random_state(Random(k), k) for k in range(20)]
-    write_bus(tmp_path / "a.log", sent=sent)
     write_edge(tmp_path / "a.mcap", sent)
-    bus, edge = read_series(tmp_path / "a.log")[1], read_series(tmp_path / "a.mcap")[1]
-    assert edge.time_s == pytest.approx(bus.time_s, abs=1e-6)
-    for name in bus.values:
-        assert edge.values[name] == pytest.approx(bus.values[name], nan_ok=True), name
-    decoded = [pack_state(event.state, 0) for event in read_mcap(tmp_path / "a.mcap")]
+    decoded = [pack_state(sample.state, 0) for sample in read_mcap(tmp_path / "a.mcap")]
     assert decoded == [pack_state(state, 0) for state in sent]
 
 
