@@ -202,8 +202,8 @@ def test_install_upgrade_rollback_uninstall(tmp_path: Path, wheel_dir: Path) -> 
     board.install("--finger", "index", "--extras", "oak", umask=0o027)  # again: nothing is overwritten
     assert (board.root / board.current[1:] / "extras").read_text() == "edge,view,oak\n"
     board.check_modes()
-    assert (second := board.current) != first
-    assert board.kept() == kept
+    second = board.current
+    assert (second != first, board.kept()) == (True, kept)
     for expected in (first, second):
         board.install("--rollback")
         assert board.current == expected
