@@ -121,7 +121,8 @@ def open_dataset(
     captures = [path for path in tables if path.suffix == RECORDING]
     if captures:
         if len(captures) < len(tables):
-            raise TableError(f"{tables[0]} and {captures[0]}: either one table or captures, not both")
+            table = next(path for path in tables if path not in captures)
+            raise TableError(f"{table} and {captures[0]}: either one table or captures, not both")
         if folder is not None or rest_image is not None:
             raise TableError(f"{captures[0]}: a capture has its own frames; omit --frames and --rest")
         parts = tuple(_capture(path, camera) for path in captures)

@@ -282,7 +282,7 @@ def executor(dask: str | None = None, workers: int | None = None) -> Iterator[Ex
     try:
         from distributed import Client
     except ImportError as error:
-        raise TableError(f"--dask {dask}: {error}; install voronoi-touch[cluster]") from None
+        raise TableError(f"--dask {dask}: {error}; install voronoi-touch[cluster] or -e .[cluster]") from None
     if not re.fullmatch(r"((tcp|tls|ws|wss)://)?[^/:\s]+:[0-9]{1,5}", dask):
         raise TableError(f"--dask {dask}: not an address; give one such as tcp://host:8786")
     try:

@@ -24,7 +24,7 @@ def _figure(width_in: float, height_in: float) -> Any:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
     except ImportError as error:
-        raise InputError(f"figures: {error}; install voronoi-touch[plot]") from error
+        raise InputError(f"figures: {error}; install voronoi-touch[plot] or -e .[plot]") from error
     made = Figure(figsize=(width_in, height_in), layout="constrained")
     FigureCanvasAgg(made)
     return made

@@ -48,12 +48,10 @@ def evaluate_held_out(
     """
     held = held_out_rows(targets, share, seed)
     kept, held_out = np.flatnonzero(~held), np.flatnonzero(held)
-    calibration, _ = fit(
-        rest,
-        targets.rows(kept),
-        extract.rows(kept),
-        mm_per_px=None,
-        search=search,
-        pool=pool,
-    )
+    try:
+        calibration, _ = fit(
+            rest, targets.rows(kept), extract.rows(kept), mm_per_px=None, search=search, pool=pool
+        )
+    except FitError as error:
+        raise FitError(f"{error}; {len(held_out)} of {len(targets)} frames are held out") from None
     return evaluate(calibration, targets.rows(held_out), extract.rows(held_out))

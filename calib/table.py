@@ -11,7 +11,7 @@ import csv
 import io
 import math
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -48,12 +48,15 @@ class StrictTable:
     raw: bytes
 
 
-def read_table(path: Path, needed: Collection[str], once: Collection[str] = ()) -> StrictTable:
+def read_table(
+    path: Path, needed: Collection[str], once: Collection[str] = (), known_as: Mapping[str, str] = {}
+) -> StrictTable:
     """Read a table.
 
-    needed  headings that it must have
-    once    headings that it may have only once, as those needed; another may be there twice, nobody reads it
-    Raises  TableError: one line with file, line and what would be right
+    needed    headings that it must have
+    once      headings that it may have only once, as those needed; another may be there twice
+    known_as  what others call some headings, as of `renamed`
+    Raises    TableError: one line with file, line and what would be right
     """
     raw = _bytes_of(path)
     rows = _rows_of(path, _text_of(path, raw))
@@ -61,7 +64,8 @@ def read_table(path: Path, needed: Collection[str], once: Collection[str] = ()) 
     names = tuple(name.strip() for name in head)
     for name in needed:
         if name not in names:
-            raise TableError(f"{path}: no column {name}{_other_separator(names, name)}")
+            advice = _other_separator(names, name) or renamed(names, known_as)
+            raise TableError(f"{path}: no column {name}{advice}")
     for name in (*needed, *once):
         if names.count(name) > 1:
             raise TableError(f"{path}: line 1: {names.count(name)} columns {name}; leave one of them")
@@ -76,6 +80,12 @@ def read_table(path: Path, needed: Collection[str], once: Collection[str] = ()) 
         named = dict.fromkeys(names, "") | dict(zip(names, cells, strict=False))
         found.append(TableRow(line, named, len(cells) >= len(names)))
     return StrictTable(names, tuple(found), raw)
+
+
+def renamed(names: Collection[str], known_as: Mapping[str, str]) -> str:
+    """The advice to write our names for those that others give, by small letters; "": none is known."""
+    found = [(known_as[name.lower()], shown(name)) for name in names if name.lower() in known_as]
+    return "; write " + ", ".join(f"{ours} for {theirs}" for ours, theirs in found) if found else ""
 
 
 def number(text: str, where: str) -> float:

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.errors import TableError
-from calib.table import number, read_table, shown
+from calib.table import number, read_table, renamed, shown
 from edge.types import Array
 
 #: Column -> calibrated value, and the column's unit: a capture's table has these too.
@@ -63,6 +63,22 @@ _OF_CAPTURE = {column: name for column, (name, _) in _POSES.items()} | {
     "area_mm2": "contact_area_mm2",
     "place_x": "contact_x_mm",
     "place_y": "contact_y_mm",
+}
+#: What a capture's table, gauges and other people's tables call these columns, in small letters -> our name.
+KNOWN_AS: dict[str, str] = {
+    theirs: ours
+    for ours, names in {
+        _IMAGE: "image frame file filename picture",
+        "pose_z": "depth depth_mm displacement_mm",
+        "force_z": "fz force force_n",
+        "force_x": "fx force_x_n",
+        "force_y": "fy force_y_n",
+        "torque_z": "tz mz torque_z_nmm",
+        "area": "area_mm2",
+        "contact_x": "place_x",
+        "contact_y": "place_y",
+    }.items()
+    for theirs in names.split()
 }
 
 
@@ -102,12 +118,15 @@ def read_targets(table: Path, folder: Path) -> Targets:
 
     Raises  TableError: one message with file, line and column
     """
-    content = read_table(table, [_IMAGE], once=COLUMNS)
+    content = read_table(table, [_IMAGE], COLUMNS, KNOWN_AS)
     if not os.path.isdir(folder):
         raise TableError(f"{folder}: no such folder of frames")
     known = [name for name in content.names if name in COLUMNS]
     if not known:
-        raise TableError(f"{table}: none of the columns {', '.join(COLUMNS)}; nothing could be fitted")
+        advice = renamed(content.names, KNOWN_AS)
+        raise TableError(
+            f"{table}: none of the columns {', '.join(COLUMNS)}; nothing could be fitted{advice}"
+        )
     frames: list[Path] = []
     seen: dict[str, int] = {}
     columns: dict[str, list[float]] = {name: [] for name in known}

@@ -28,7 +28,7 @@ command -v ip >/dev/null || fail "ip is missing: apt-get install iproute2"
 
 if ! ip link show dev "$interface" >/dev/null 2>&1; then
     here=$(ip -br link show type can 2>/dev/null | cut -d' ' -f1 | tr '\n' ' ')
-    fail "no interface $interface; CAN interfaces here: ${here:-none}"
+    fail "no interface $interface; CAN interfaces here: ${here:-none}; a hat needs its dtoverlay line and a restart"
 fi
 ip link set dev "$interface" down
 if ip -details link show dev "$interface" | grep -q ' vcan '; then

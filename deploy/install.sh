@@ -17,8 +17,10 @@
 #   --wheels DIR     install from wheels in DIR, without network. To make them, in the checkout, on a machine of
 #                    the same architecture and Python: pip wheel -w DIR -c constraints.txt '.[edge]'
 #   --camera KIND    picamera: a CSI camera of a Raspberry Pi; its picamera2 is Debian's package, which the
-#                    virtual environment then sees. Others need no such thing
-#   --extras LIST    default edge; edge,oak for OAK modules; edge,view for the live page
+#                    virtual environment then sees; none: another camera, which needs no such thing. Not given: as
+#                    in the release in use
+#   --extras LIST    beside edge: oak for OAK modules, view for the live page; oak,view for both. What the release in
+#                    use has is kept; to be rid of it, --uninstall first, which leaves the settings
 #   --node N         CANopen node of --finger, default 1
 #   --no-start       do not enable and start anything
 #   --root DIR       install below DIR (an image of a board); user, services and modules are then left alone
@@ -26,7 +28,7 @@ set -eu
 umask 022 # the service reads what root installs, whatever root's own umask is; nobody else writes it
 
 here=$(cd "$(dirname "$0")" && pwd)
-action=install finger='' node=1 wheels='' extras=edge camera='' start=1 purge=0 root=''
+action=install finger='' node=1 wheels='' extras='' camera='' start=1 purge=0 root=''
 
 fail() {
     echo "install: $*" >&2
@@ -63,10 +65,11 @@ while [ $# -gt 0 ]; do
 done
 
 case $finger in *[!a-z0-9_-]*) fail "--finger $finger: use a-z, 0-9, - and _" ;; esac
-case $node in '' | *[!0-9]*) fail "--node $node: a number from 1 to 127" ;; esac
-if [ "$node" -lt 1 ] || [ "$node" -gt 127 ]; then fail "--node $node: a number from 1 to 127"; fi
-
-case $camera in '' | picamera) ;; *) fail "--camera $camera: picamera, or leave it away" ;; esac
+[ ${#finger} -le 32 ] || fail "--finger $finger: 32 characters at most"
+case $node in '' | 0* | *[!0-9]* | ????*) fail "--node $node: a number from 1 to 127, without zeros before it" ;; esac
+[ "$node" -le 127 ] || fail "--node $node: a number from 1 to 127"
+case $extras in *[!a-z,]*) fail "--extras $extras: names with commas between them, e.g. oak,view" ;; esac
+case $camera in '' | picamera | none) ;; *) fail "--camera $camera: picamera or none, or leave it away" ;; esac
 
 opt=/opt/voronoi-touch
 etc=$root/etc/voronoi-touch
@@ -141,6 +144,16 @@ for path in sys.argv[1:]:
         file.truncate(max(table_end, *(begin + length for begin, length in parts)))
 '
 
+# What is not said is as in the release in use: an upgrade takes nothing away.
+recall_options() {
+    now=$(release_of "$root$opt/current")
+    if [ -z "$camera" ] && [ -n "$now" ] && grep -qs '^include-system-site-packages = true' "$root$now/pyvenv.cfg"; then
+        camera=picamera
+    fi
+    had=$([ -z "$now" ] || cat "$root$now/extras" 2>/dev/null || true)
+    extras=$(echo "edge,$had,$extras" | tr , '\n' | awk 'NF && !seen[$0]++' | paste -sd , -)
+}
+
 make_release() {
     command -v python3 >/dev/null || fail "python3 is missing: apt-get install python3 python3-venv"
     python3 -c 'import sys; sys.exit(sys.version_info < (3, 11))' || fail "Python 3.11 or later is needed"
@@ -175,15 +188,15 @@ make_release() {
         find "$root$fresh/lib" -path "*/site-packages/$each/*.so" -exec "$root$fresh/bin/python" -c "$cut" {} +
     done
     (cd / && "$root$fresh/bin/python" -m edge --version) || fail "the new release does not run"
+    echo "$extras" >"$root$fresh/extras"
     rm -rf "$work"
     trap - EXIT
-    now=$(release_of "$root$opt/current")
     switch_to "$fresh"
     [ -z "$now" ] || ln -sfn "$now" "$root$opt/previous"
     for old in "$root$opt"/releases/*; do
         case ${old#"$root"} in "$fresh" | "$now") ;; *) rm -rf "$old" ;; esac
     done
-    say "release $(basename "$fresh")"
+    say "release $(basename "$fresh"), with $extras${camera:+, camera $camera}"
 }
 
 # Nothing is begun with a folder that lacks something.
@@ -221,8 +234,10 @@ set_up_finger() {
     if [ -e "$file" ]; then
         say "$file is kept"
     else
+        spec=v4l2:0
+        [ "$camera" != picamera ] || spec=picamera:0
         sed -e "s|^serial = .*|serial = \"$finger\"|" -e "s|^node_id = [0-9]*|node_id = $node|" \
-            -e "s|^sinks = \[\]|sinks = [\"can:can0\"]|" \
+            -e "s|^sinks = \[\]|sinks = [\"can:can0\"]|" -e "s|^spec = \"v4l2:0\"|spec = \"$spec\"|" \
             -e "s|^directory = \"\"|directory = \"/var/lib/voronoi-touch/$finger\"|" "$here/edge.toml" >"$file"
         say "$file made; look at [source] and [link]"
     fi
@@ -235,6 +250,7 @@ rollback) rollback ;;
 install)
     check_folder
     install_files
+    recall_options
     make_release
     if [ -n "$finger" ]; then set_up_finger; fi
     restart

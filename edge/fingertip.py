@@ -1,5 +1,6 @@
 """Image in, features out, without a bus: what `from edge import Fingertip` gives."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +17,7 @@ from edge.types import Feature, Frame, Image, Result
 
 
 class Fingertip:
-    """One fingertip, read from its camera's images.
+    """One fingertip, read from its camera's images, which follow each other: for stills make one for each.
 
     untouched    images of the untouched tip, 8 as a rule: (h, w) uint8, grey; or uint16
     calibration  of this tip, a file or example:NAME; None: values in px alone
@@ -49,11 +50,13 @@ class Fingertip:
         time_s   when it was taken, on any clock: slip and vibration are rates
         Returns  `reading.values` by name, in mm, N and deg, NaN where not valid; `features` in px, None where
                  the pins could not be identified; `tracks`, where each pin is
-        Raises   ValueError: no grey image of the same size
+        Raises   ValueError: no grey image of the same size, no time
         """
         width, height = self.rest.pattern.size_px
         if _grey(image).shape != (height, width):
             raise ValueError(f"image of {image.shape[1]}x{image.shape[0]} px; give {width}x{height}")
+        if not math.isfinite(time_s):
+            raise ValueError(f"time_s {time_s}; give seconds")
         self._sequence += 1
         frame = Frame(image, round(time_s * 1e9), self._sequence, bits=self._bits)
         return self._pipeline.process(frame.within(self._region))

@@ -13,7 +13,7 @@
     Connection.window()         all samples since the last call, as arrays: for learning (`hostlink.window`)
     NO_CONTROL                  status bits of samples that must never move a hand
     CanDecoder, SerialDecoder   the same without any I/O: bytes in, events out (`hostlink.decoder`)
-    decode_recording(path)      events of a .log, .blf or .serial file (`hostlink.recording`)
+    decode_recording(path)      events of a .log, .blf, .serial or .mcap file (`hostlink.recording`)
     to_arrays, to_pandas        samples as NumPy columns or a DataFrame (extra `data`; `hostlink.table`)
     LinkError and its children  `hostlink.errors`; a user's mistake is a UsageError, one line
 

@@ -66,4 +66,6 @@ class CommandGroup(click.Group):
             if error.name == "cython":  # a folder of the source comes before what is installed
                 way_out = "`pip install -e .` compiles it, or start the command in another folder"
                 raise click.ClickException(f"the source in this folder is not compiled; {way_out}") from error
-            raise click.ClickException(f"{error}; install voronoi-touch[{self._extra}]") from error
+            raise click.ClickException(
+                f"{error}; install voronoi-touch[{self._extra}] or -e .[{self._extra}]"
+            ) from error

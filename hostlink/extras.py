@@ -15,4 +15,4 @@ def require(module: str, extra: str) -> Any:
     try:
         return import_module(module)
     except ImportError as error:
-        raise UsageError(f'{error}: pip install "voronoi-touch[{extra}]"') from None
+        raise UsageError(f'{error}: pip install "voronoi-touch[{extra}]" or -e ".[{extra}]"') from None

@@ -177,6 +177,8 @@ def read_hand(path: str | Path) -> HandFile:
         table = tomllib.loads(read_bounded(path, UPLOAD_BYTES).decode())
     except OSError as error:
         raise UsageError(f"{path}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError as error:
+        raise UsageError(f"{path}: not TOML: byte {error.start} is not UTF-8 text") from None
     except (ValueError, RecursionError) as error:
         raise UsageError(f"{path}: not TOML: {' '.join(str(error).split())}") from None
     _check(str(path), table, _HAND, "finger")

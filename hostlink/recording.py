@@ -10,6 +10,7 @@ Read only:
 
     .log     all else that `candump` prints: plain, with any -t
     .asc     ASCII log of Vector's tools
+    .mcap    samples that `edge run --record` and `hostlink bridge --record` wrote
 
 Rules
 - "Exact" is to the microsecond, the resolution of `.log`; times are rounded to it when written.
@@ -46,6 +47,7 @@ from hostlink.log_formats import (
     read_candump,
     read_candump_runs,
 )
+from hostlink.mcap_samples import MCAP_SUFFIX, read_mcap
 
 if TYPE_CHECKING:
     import can
@@ -71,7 +73,7 @@ SERIAL_SUFFIX: Final = ".serial"
 Formats = dict[str, Callable[[Path, Skipped], Iterator[Any]]]
 _FORMATS: Final[Formats] = {".log": read_candump, ".blf": read_blf, ".asc": read_asc}
 _RUNS: Final[Formats] = _FORMATS | {".log": read_candump_runs, ".blf": read_blf_runs}
-READ_SUFFIXES: Final = (*CAN_SUFFIXES, SERIAL_SUFFIX, ".asc")
+READ_SUFFIXES: Final = (*CAN_SUFFIXES, SERIAL_SUFFIX, ".asc", MCAP_SUFFIX)
 
 REFUSED: Final = {
     ".asc": "absolute time is lost when other tools read it back",
@@ -293,13 +295,19 @@ def decode_recording(
 ) -> Iterator[Event]:
     """The events in a recording of any of the formats, arrival times as recorded (NaN: the log has none).
 
-    decoder  to use; the caller can then read its statistics. It must fit the kind of recording.
+    decoder  to use; the caller can then read its statistics. It must fit the kind of recording; `.mcap`
+             needs none.
     channel  name or number of the bus in the log whose events are wanted; None: all
     finger   number of the finger whose samples are wanted; None: all
     Raises   LogError; VersionMismatch: recorded from a sensor of another version; TypeError: wrong decoder;
              UsageError: a finger is on several channels, or the log has no such channel
     """
     path = check_suffix(path)
+    if path.suffix.lower() == MCAP_SUFFIX:
+        if channel is not None:
+            raise UsageError(f"{path}: has no channels; leave --channel out")
+        yield from _wanted(read_mcap(path), finger)
+        return
     is_serial = path.suffix.lower() == SERIAL_SUFFIX
     if decoder is None:
         decoder = decoder_for(path)
@@ -340,7 +348,7 @@ def decode_blocks(path: Path | str, channel: str | int | None = None) -> Iterato
     Where `decode_recording` gives events before an error, this may not.
     """
     path = check_suffix(path)
-    if path.suffix.lower() == SERIAL_SUFFIX:
+    if path.suffix.lower() in (SERIAL_SUFFIX, MCAP_SUFFIX):
         yield from decode_recording(path, channel=channel)
         return
     decoder = CanDecoder(bare=True)

@@ -79,10 +79,10 @@ def test_an_example_does_what_it_says(
 def test_the_notebook_calibrates_pictures_and_draws_the_errors(tmp_path: Path) -> None:
     command = [sys.executable, str(EXAMPLES / "calibrate_pictures.py")]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
-    errors = {line.split(":")[0]: float(line.split()[4]) for line in done.stdout.splitlines()}
-    assert errors["displacement_mm"] < 0.05
-    assert errors["force_n"] < 0.05
-    assert (tmp_path / "errors.png").stat().st_size > 10_000
+    *rows, said = done.stdout.splitlines()
+    errors = {line.split(":")[0]: float(line.split()[4]) for line in rows}
+    assert max(errors.values()) < 0.05
+    assert (tmp_path / said.split(":")[0] / "errors.png").stat().st_size > 10_000
 
 
 def test_examples_are_short_and_all_tried() -> None:

@@ -246,7 +246,8 @@ def print_choices(choices: list[Choice], of: str) -> None:
     # Narrow enough for 80 columns: a terminal's usual width, and that of a pipe.
     table = Table(title=f"{of}: what was fitted", box=box.SIMPLE, padding=0, pad_edge=False)
     table.caption = (
-        "Errors: rms on held-out frames. Of the models as good as the best, the smallest is chosen."
+        "Errors are rms over the cross-validation, in the value's unit. Up to the limit a model is as good "
+        "as the best; the smallest of these is chosen."
     )
     for name in ("value", "model chosen", "terms", "error", "limit", "best of each kind", "sigma"):
         table.add_column(name, no_wrap=name != "model chosen")

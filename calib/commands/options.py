@@ -20,7 +20,8 @@ from rich.progress import (
 from calib.dataset import Dataset, open_dataset
 from calib.extract import Extract, executor
 from calib.press_axis import along_press
-from calib.targets import COLUMNS, Targets
+from calib.table import renamed
+from calib.targets import COLUMNS, KNOWN_AS, Targets
 from edge.sources.lens_file import load_lens
 from hostlink.cli_types import WholeNumber
 
@@ -104,7 +105,8 @@ class Frames:
             click.echo(f"rest frame: {data.rest_message}", err=True)
         if data.targets.unread:
             columns = ", ".join(data.targets.unread)
-            click.echo(f"columns ignored: {columns}; known are {', '.join(COLUMNS)}", err=True)
+            advice = renamed(data.targets.unread, KNOWN_AS)
+            click.echo(f"columns ignored: {columns}{advice}; known are {', '.join(COLUMNS)}", err=True)
         return data
 
     def extract(self, data: Dataset) -> tuple[Targets, Extract]:

@@ -23,8 +23,10 @@ import cv2
 
 from calib.commands.options import PATH
 from calib.errors import CaptureError, RigError, TableError
+from calib.fit_params import PARAMS
 from calib.rig.camera import SettledCamera
 from calib.table import number
+from calib.targets import MOST
 from edge.sources import open_source
 from hostlink.cli_types import WholeNumber, counted
 from hostlink.output_file import writing
@@ -105,10 +107,12 @@ class Loads:
                 click.echo(f"{error}; {what}", err=True)
                 continue
             if len(values) == len(typed):
-                force = self.scale.still() if self.scale else values.pop(0)
-                if force > 0:
-                    return (UNITS[self.unit] * force, *values)
-            click.echo(f"no load above 0, or not {counted(len(typed), 'number')}; {what}", err=True)
+                force_n = UNITS[self.unit] * (self.scale.still() if self.scale else values.pop(0))
+                if 0 < force_n <= MOST["N"] and all(abs(depth) <= MOST["mm"] for depth in values):
+                    return (force_n, *values)
+            limit = f"up to {MOST['N'] / UNITS[self.unit]:.0f} {self.unit}"
+            limit += f" and a depth up to {MOST['mm']:.0f} mm" if self.depth else ""
+            click.echo(f"no load above 0, {limit}, or not {counted(len(typed), 'number')}; {what}", err=True)
         return None
 
     def held(self, force_n: float) -> bool:
@@ -192,10 +196,12 @@ def scale_command(
         except OSError as error:
             raise CaptureError(f"{folder}: cannot be made: {error.strerror}") from None
         done = record(settled, Loads(_ask, unit, depth, most, scale), folder, frames_n)
-    click.echo(
-        f"{folder}: {counted(max(done - 1, 0), 'load')}; fit with\n"
-        f"    python -m calib fit {folder / TABLE} --frames {folder} -o tip.json --hold-out 0.2"
+    fit_with = (
+        f"fit with\n    python -m calib fit {folder / TABLE} --frames {folder} -o tip.json --hold-out 0.2"
     )
+    too_few = f"too few for a fit; record {PARAMS.rows_min} or more into another folder"
+    loads_n = max(done - 1, 0)
+    click.echo(f"{folder}: {counted(loads_n, 'load')}; {too_few if loads_n < PARAMS.rows_min else fit_with}")
 
 
 def _ask(text: str) -> str:

@@ -2,12 +2,13 @@
 # # From pictures to a calibration
 #
 # A notebook as a script, in jupytext's "percent" format, which Jupyter (with jupytext), VS Code and PyCharm
-# open; `python docs/examples/calibrate_pictures.py [TARGETS.csv FOLDER]` runs it. `TARGETS.csv` names a
-# picture and its truth in each row (docs/calibrate.md); without it, pictures of a simulated tip are made.
+# open; `python docs/examples/calibrate_pictures.py [TARGETS.csv FOLDER]` runs it, and fills a new folder.
+# `TARGETS.csv` names a picture and its truth in each row (docs/calibrate.md); without it, a tip is simulated.
 
 # %%
 import csv
 import sys
+import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -22,12 +23,13 @@ from calib.hold_out import held_out_rows
 from calib.sim import Camera, Simulator, Tip, ToolPose
 
 # %% Pictures with their truth
+out = Path(tempfile.mkdtemp(prefix="calibration-", dir="."))
 if len(sys.argv) == 3:
     table, folder = Path(sys.argv[1]), Path(sys.argv[2])
 else:
-    folder = Path("pictures")
+    folder = out / "pictures"
     table = folder / "targets.csv"
-    folder.mkdir(exist_ok=True)
+    folder.mkdir()
     finger = Simulator(Camera(tip=Tip(127, "hex", pin_radius_mm=0.8), size_px=(240, 240)))
     with table.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
@@ -44,7 +46,7 @@ with ThreadPoolExecutor(1) as pool:
     held = held_out_rows(data.targets, 0.2, seed=0)
     fitted = np.flatnonzero(~held)
     calibration, _ = fit(data.rest, data.targets.rows(fitted), extract.rows(fitted), mm_per_px=None)
-calibration.save("tip.json")
+calibration.save(out / "tip.json")
 
 # %% What it reads of the others
 values, sigmas = predict(calibration, extract.rows(np.flatnonzero(held)))
@@ -54,4 +56,5 @@ for axis, (name, read) in zip(axes[0], values.items(), strict=True):
     axis.errorbar(truth, read - truth, sigmas[name], fmt="o")
     axis.set(xlabel=f"true {name}", ylabel=f"error of {name}")
     print(f"{name}: mean absolute error {np.nanmean(abs(read - truth)):.3f} on {len(truth)} pictures")
-figure.savefig("errors.png")
+figure.savefig(out / "errors.png")
+print(f"{out}: tip.json and errors.png")

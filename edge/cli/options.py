@@ -26,8 +26,8 @@ config_option = click.option("-c", "--config", "config_path", type=PATH, help="T
 source_option = click.option(
     "--source",
     "source_spec",
-    help="v4l2:0, /dev/video0, oak:, sim:press, example:press, or a file. Default: the configuration's, "
-    "else v4l2:0.",
+    help="v4l2:0, /dev/video0, picamera:0 (a Raspberry Pi's CSI camera), oak:, sim:press, example:press, or "
+    "a file. Default: the configuration's, else v4l2:0.",
 )
 sink_option = click.option(
     "--sink",

@@ -43,6 +43,7 @@ def damage_of(source: FrameSource) -> str:
     if not isinstance(recorded, FileSource):
         return ""
     found = [what if n == 1 else f"{what} {n} times" for what, n in recorded.faults.items() if n]
+    found[3:] = [f"{len(found) - 3} more"] if len(found) > 3 else []
     listed = ", ".join(found).replace("truncated", "cut off at its end")
     rest = "what could be read was taken, copy or record it again for the rest"
     return f"not whole ({listed}); {rest}" if found else ""

@@ -50,7 +50,7 @@ class StatePacker:
     plain: cython.uchar[::1]
     size: cython.int[::1]  # bytes
     scale: cython.double[:, ::1]  # step, low, high
-    raw: cython.longlong[:, ::1]  # of low, high, NaN
+    raw: cython.longlong[:, ::1]  # of low, high, NaN, what is more than low
     reading: Reading | None  # the last one: without a touch it stays the same
     known: cython.double[::1]  # its numbers, and the status bits that follow from it
     values: cython.double[::1]  # numbers of the sample
@@ -71,7 +71,7 @@ class StatePacker:
         self.plain = np.array([f.plain for f in rows], np.uint8)
         self.size = np.array([f.size for f in rows], np.int32)
         self.scale = np.array([(f.scale, f.low, f.high) for f in rows], np.float64)
-        self.raw = np.array([(f.raw_low, f.raw_high, f.raw_nan(8 * f.size)) for f in rows], np.int64)
+        self.raw = np.array([(f.raw_low, f.raw_high, f.raw_nan(8 * f.size), f.raw_least) for f in rows])
         self.reading, self.known, values = None, np.empty(len(rows)), np.empty(len(rows))
         self.values, self.exact = values, values.view(np.uint8)
         self.body = np.empty(SCHEMA.body.size, np.uint8)
@@ -178,7 +178,7 @@ class StatePacker:
             return self.raw[i, 1]
         if value <= self.scale[i, 1]:
             return self.raw[i, 0]
-        return cython.cast(cython.longlong, rint(value / self.scale[i, 0]))
+        return max(self.raw[i, 3], cython.cast(cython.longlong, rint(value / self.scale[i, 0])))
 
     @cython.cfunc
     def _drop_unplaced(self) -> cython.void:

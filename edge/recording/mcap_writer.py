@@ -39,7 +39,7 @@ class McapWriter:
         try:
             from mcap.writer import CompressionType, Writer
         except ImportError as error:
-            raise SinkError(f"recording: {error}; install voronoi-touch[edge]") from error
+            raise SinkError(f"recording: {error}; install voronoi-touch[edge] or -e .[edge]") from error
         proto("RawImage")
         self.written_n: Counter[str] = Counter()  # messages by topic, in chunks that are closed or open
         try:

@@ -17,7 +17,7 @@ def _rosbags(module: str) -> Any:
     try:
         return import_module(f"rosbags.{module}")
     except ImportError as error:
-        raise SourceError(f"recording of ROS: {error}; install voronoi-touch[ros]") from error
+        raise SourceError(f"recording of ROS: {error}; install voronoi-touch[ros] or -e .[ros]") from error
 
 
 @cache

@@ -113,7 +113,7 @@ def proto(name: str) -> Any:
     try:
         module = import_module(f"foxglove_schemas_protobuf.{name}_pb2")
     except ImportError as error:
-        raise SourceError(f"recording: {error}; install voronoi-touch[edge]") from error
+        raise SourceError(f"recording: {error}; install voronoi-touch[edge] or -e .[edge]") from error
     return getattr(module, name)
 
 

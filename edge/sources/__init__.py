@@ -48,7 +48,7 @@ _BUILT_IN = {
     "example": "edge.recording.reader:open_example",
 }
 _RECORDINGS = (".mcap", ".db3")
-_FROM_EXTRA = {"sim": "voronoi-touch[calib]"}
+_FROM_EXTRA = {"sim": "voronoi-touch[calib] or -e .[calib]"}
 
 
 def _from_packages(name: str | None = None) -> EntryPoints:

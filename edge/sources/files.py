@@ -130,6 +130,10 @@ class FileSource(FrameSource, ABC):
         self._closed = True
 
 
+def _kind_of(image: Image) -> str:
+    return f"{image.shape[1]}x{image.shape[0]} pixels of {8 * image.itemsize} bits"
+
+
 class FolderSource(FileSource):
     """A folder of images in natural order, or one image. Raises SourceError: none to begin with."""
 
@@ -151,22 +155,20 @@ class FolderSource(FileSource):
         except ValueError as error:
             where = self.name if self.path.is_file() else f"{self.name}: {self.paths[0].name}"
             raise SourceError(f"{where}: {error}") from error
-        self.size_px = (image.shape[1], image.shape[0])
+        self.size_px, self._kind = (image.shape[1], image.shape[0]), _kind_of(image)
         self._bits_of(image)
 
     def _frames(self, faults: Counter[str]) -> Iterator[Frame]:
-        """Raises SourceError on the way if an image has another size: one tip has one camera."""
+        """Raises SourceError on the way if an image is of another kind: one tip has one camera."""
         for n, path in enumerate(self.paths):
             try:
                 image = _read_image(path)
             except ValueError:
-                faults["damaged frame"] += 1
+                faults[f"damaged {path.name}"] += 1
                 continue
-            if image.shape[::-1] != self.size_px:
-                raise SourceError(
-                    f"{self.name}: {path.name} is {image.shape[1]}x{image.shape[0]}, the first one "
-                    f"{self.size_px[0]}x{self.size_px[1]}; keep one size in a folder"
-                )
+            if (kind := _kind_of(image)) != self._kind:
+                what = f"{path.name} has {kind}, the first one {self._kind}"
+                raise SourceError(f"{self.name}: {what}; keep one size and depth in a folder")
             capture_ns = round(n * 1e9 / self.rate_hz)
             colour = decode_colour(read_bounded(path)) if self.keeps_colour else None
             yield Frame(image, capture_ns, n, Clock.RECORDED, self._bits_of(image), colour=colour)

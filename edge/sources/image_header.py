@@ -9,6 +9,7 @@ import re
 import struct
 from collections.abc import Callable
 from pathlib import Path
+from zlib import crc32
 
 from edge.limits import IMAGE_PIXELS, IMAGE_SIDE_PX
 
@@ -38,6 +39,17 @@ def check_size(width: int, height: int) -> None:
         raise ValueError(
             f"{width}x{height} pixels are too many; at most {IMAGE_SIDE_PX} a side and {IMAGE_PIXELS} in all"
         )
+
+
+def is_whole_png(data: memoryview) -> bool:
+    """Whether a PNG is complete and unharmed: of one that is not, libpng itself would tell the user."""
+    at, kind = 8, b""
+    while kind != b"IEND" and at + 12 <= len(data):
+        size, kind = struct.unpack_from(">I4s", data, at)
+        at += 12 + size
+        if kind[0] < ord("a") and data[at - 4 : at] != crc32(data[at - size - 8 : at - 4]).to_bytes(4):
+            return False  # a chunk with a small letter is not needed
+    return kind == b"IEND"
 
 
 def _png(data: memoryview) -> tuple[int, int]:

@@ -51,7 +51,7 @@ def load_depthai() -> Any:
     try:
         import depthai
     except ImportError as error:
-        raise SourceError(f"source oak: {error}; install voronoi-touch[oak]") from error
+        raise SourceError(f"source oak: {error}; install voronoi-touch[oak] or -e .[oak]") from error
     return depthai
 
 

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 
-from edge.sources.image_header import check_size, image_size
+from edge.sources.image_header import check_size, image_size, is_whole_png
 from edge.types import Image
 
 Pixels = np.ndarray[Any, Any]
@@ -45,7 +45,7 @@ def decode_picture(data: Pixels | bytes, check: Callable[[int, int], None] = che
     jpeg = data[0] == 0xFF
     flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION if jpeg else cv2.IMREAD_UNCHANGED
     try:
-        image = cv2.imdecode(data, flags)
+        image = cv2.imdecode(data, flags) if data[0] != 0x89 or is_whole_png(data.data) else None
     except cv2.error:
         image = None
     if image is None:

@@ -43,6 +43,8 @@ def region_of(name: str, size_px: tuple[int, int], roi: str, circle: str, mask: 
     skin = np.ones((height, width), bool)
     if roi:
         parts = [_numbers(name, "roi", part) for part in roi.split(PARTS)]
+        if any(min(a, b) < 0 or a + w > width or b + h > height for a, b, w, h in parts):
+            raise SourceError(f"{name}: roi={roi} reaches out of the image; it has {width}x{height} pixels")
         skin &= np.any([(x >= a) & (x < a + w) & (y >= b) & (y < b + h) for a, b, w, h in parts], axis=0)
     if circle:
         parts = [_numbers(name, "circle", part) for part in circle.split(PARTS)]

@@ -95,7 +95,7 @@ def find_device(where: str, sys_root: Path = Path("/sys"), dev_root: Path = Path
         raise SourceError(f"source v4l2:{where}: fits {len(meant)} cameras, give the path of one: {fits}")
     if not path or not os.path.exists(path):
         here = "; ".join(map(str, cameras)) or "none"
-        wanted = "v4l2:NUMBER, v4l2:SERIAL, v4l2:NAME or /dev/v4l/by-id/..."
+        wanted = "v4l2:NUMBER, v4l2:SERIAL, v4l2:NAME or /dev/v4l/by-id/...; for a Pi's ribbon, picamera:0"
         raise SourceError(f"source v4l2:{where}: no such camera; give {wanted}; cameras here: {here}")
     if not os.access(path, os.R_OK | os.W_OK):
         raise SourceError(

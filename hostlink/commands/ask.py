@@ -13,10 +13,10 @@ from click.core import ParameterSource
 from hostlink.cli_types import FiniteFloat, WholeNumber, counted
 from hostlink.client import Finger, connect
 from hostlink.commands.busload import LIMIT, Load, plan
-from hostlink.errors import ObjectAborted, UsageError
+from hostlink.errors import LinkError, ObjectAborted, RestFrameRefused, UsageError
 from hostlink.finger import read_upload
 from hostlink.wire import OBJECTS, Abort, Object, RestFrameState, object_named, pack_value
-from hostlink.wire.objects import REST_FRAME_REASONS, REST_FRAME_STATES
+from hostlink.wire.objects import REST_FRAME_REASONS, REST_FRAME_STATES, RestFrameReason
 
 finger_option = click.option(
     "--finger", type=WholeNumber(1, 127), help="Node number; not needed where there is only one finger."
@@ -67,7 +67,12 @@ def tare(address: str, finger: int | None, force: bool) -> None:
     """
     with connect(address) as hand:
         asked = hand.finger(finger)
-        outcome = asked.tare(force)
+        try:
+            outcome = asked.tare(force)
+        except (ObjectAborted, RestFrameRefused) as error:
+            if error.reason is RestFrameReason.TOUCHED or "force the tare" in str(error):
+                raise LinkError(f"{error}; --force takes it anyway") from None
+            raise
     if outcome.state is RestFrameState.FORCED:
         message = outcome.message or REST_FRAME_REASONS[outcome.reason]
         click.echo(f"finger {asked.node}: rest frame forced: {message}")

@@ -35,7 +35,7 @@ COMMANDS = {
     ),
     "decode": CommandRow(
         "hostlink.commands.live:decode",
-        "Print the samples in FILE (.log, .blf, .asc, .serial), one line each, or write them as a table.",
+        "Print the samples in FILE, one line each, or write them as a table.",
     ),
     "view": CommandRow(
         "hostlink.commands.view:view",

@@ -198,7 +198,10 @@ def decode(
     channel: str | None,
     summary: bool,
 ) -> None:
-    """Print the samples in FILE (.log, .blf, .asc, .serial), one line each, or write them as a table."""
+    """Print the samples in FILE, one line each, or write them as a table.
+
+    FILE is a recording of a bus (.log, .blf, .asc), of a serial line (.serial) or of the edge (.mcap).
+    """
     if csv_file is not None and parquet_file is not None:
         raise UsageError("--csv and --parquet: give one of them")
     decoder = decoder_for(file)
@@ -255,7 +258,8 @@ def _nothing_found(decoder: CanDecoder | SerialDecoder, finger: int | None) -> s
     if found:
         return f"no sample of finger {finger}; it holds those of {', '.join(map(str, found))}"
     damaged = counted(_damaged_n(decoder), "damaged frame")
-    return f"no sample of a fingertip; {damaged}, {getattr(decoder, 'unknown_n', 0)} of other devices"
+    which = "a fingertip" if finger is None else f"finger {finger}"
+    return f"no sample of {which}; {damaged}, {getattr(decoder, 'unknown_n', 0)} of other devices"
 
 
 def _damaged_n(decoder: CanDecoder | SerialDecoder) -> int:

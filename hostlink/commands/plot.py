@@ -12,8 +12,6 @@ from __future__ import annotations
 
 import json
 import logging
-import re
-import struct
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import isnan, nan
@@ -25,10 +23,8 @@ import click
 from hostlink.cli_types import WholeNumber, channel_option, counted
 from hostlink.decoder import Sample
 from hostlink.errors import LogError, UsageError
-from hostlink.input_file import open_input
-from hostlink.mcap_chunk import UNPACKED_MAX, unpack_chunk
 from hostlink.output_file import check_output, writing
-from hostlink.recording import READ_SUFFIXES, check_suffix, decode_recording
+from hostlink.recording import decode_recording
 from hostlink.wire.fields import FIELDS, Shown, field_named
 from hostlink.wire.shown import Chart, charts_of
 
@@ -36,9 +32,7 @@ __all__ = ["PANELS", "Series", "draw", "plot", "read_series"]
 
 log = logging.getLogger(__name__)
 
-MCAP_SUFFIX = ".mcap"
 _WITH_SAMPLES = "give what `hostlink record`, `hostlink bridge --record` or `edge run --record` wrote"
-_SAMPLES = re.compile(r"/finger_(\d{1,3})/sample")
 PICTURES = (".png", ".pdf", ".svg")
 _WIDTH_IN = 7.16  # both columns of an IEEE page
 _PANEL_IN = 1.15
@@ -115,12 +109,6 @@ def read_series(path: Path, channel: str | None = None) -> dict[int, Series]:
 
 def _samples(path: Path, channel: str | None) -> Iterator[tuple[int, float, int, dict[str, Any]]]:
     """(finger, arrival s, capture us, values by field)."""
-    if path.suffix.lower() == MCAP_SUFFIX:
-        if channel is not None:
-            raise UsageError(f"{path}: has no channels; leave --channel out")
-        yield from _mcap_samples(path)
-        return
-    check_suffix(path, (*READ_SUFFIXES, MCAP_SUFFIX))
     samples_n = 0
     try:
         for event in decode_recording(path, channel=channel):
@@ -134,49 +122,6 @@ def _samples(path: Path, channel: str | None) -> Iterator[tuple[int, float, int,
         log.warning("%s; only the samples before that are drawn", error)
 
 
-def _mcap_samples(path: Path) -> Iterator[tuple[int, float, int, dict[str, Any]]]:
-    try:
-        from mcap.exceptions import InvalidMagic, McapError
-        from mcap.records import Channel, Chunk, Message
-        from mcap.stream_reader import StreamReader, breakup_chunk
-        from zstandard import ZstdError
-    except ImportError as error:
-        raise UsageError(f"{path}: {error}; install voronoi-touch[edge]") from error
-    broken = (McapError, ZstdError, struct.error, RuntimeError, LookupError, OverflowError, MemoryError)
-    samples_n = 0
-    try:
-        with open_input(path) as file:
-            # Records come in the file's order, without its index: a truncated file has none.
-            reader = StreamReader(file, emit_chunks=True, record_size_limit=UNPACKED_MAX)
-            channels: dict[int, int] = {}
-            for record in reader.records:
-                for item in breakup_chunk(unpack_chunk(record)) if isinstance(record, Chunk) else [record]:
-                    if isinstance(item, Channel) and (found := _SAMPLES.fullmatch(item.topic)):
-                        channels[item.id] = int(found[1])
-                    if not isinstance(item, Message) or item.channel_id not in channels:
-                        continue
-                    capture_us, values = _sample(item.data)
-                    samples_n += 1
-                    yield channels[item.channel_id], item.log_time * 1e-9, capture_us, values
-    except InvalidMagic:
-        raise LogError(f"{path}: not an MCAP file; {_WITH_SAMPLES}") from None
-    except (*broken, ValueError, TypeError):
-        if not samples_n:
-            raise LogError(
-                f"{path}: cut off or damaged before its first sample; copy or record it again"
-            ) from None
-        log.warning("%s: cut off or damaged; only the samples before that are drawn", path)
-    except OSError as error:
-        raise LogError(f"{path}: cannot be read: {error.strerror}") from None
-
-
-def _sample(data: bytes) -> tuple[int, dict[str, Any]]:
-    """Capture time and columns. Raises ValueError, LookupError, TypeError, RuntimeError, OverflowError."""
-    values = dict(json.loads(data)["values"])
-    known = {name: float(values[name]) for name in _COLUMNS if values.get(name) is not None}
-    return int(values["capture_time_us"]), known
-
-
 def draw(series: dict[int, Series], out: Path, title: str = "") -> tuple[str, ...]:
     """Write the picture; the panels that it has.
 
@@ -186,7 +131,7 @@ def draw(series: dict[int, Series], out: Path, title: str = "") -> tuple[str, ..
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
     except ImportError as error:
-        raise UsageError(f"plot: {error}; install voronoi-touch[plot]") from error
+        raise UsageError(f"plot: {error}; install voronoi-touch[plot] or -e .[plot]") from error
     panels = [p for p in PANELS if any(s.known(name) for s in series.values() for name in p.fields)]
     if not panels:
         raise LogError(f"{title or out}: every value of every sample is unknown; was the tip calibrated?")
@@ -217,8 +162,8 @@ def _panel(axes: Any, panel: Chart, series: dict[int, Series]) -> None:
                 continue
             # One finger: a colour an axis. Several: a colour a finger, dashes distinguish the axes.
             colour = _COLOURS[(k if several else i) % len(_COLOURS)]
-            axis = f" {'xy'[i]}" if len(panel.fields) == 2 else ""
-            label = f"finger {node}{axis}" if several else axis.strip() or None
+            which = panel.names[i] if panel.names else ""
+            label = f"finger {node} {which}".rstrip() if several else which or None
             values = [v * _SCALES.get(name, 1.0) for v in one.values[name]]
             style = "steps-post" if counts else "default"
             axes.plot(
@@ -247,7 +192,9 @@ def _panel(axes: Any, panel: Chart, series: dict[int, Series]) -> None:
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
     if axes.get_legend_handles_labels()[0]:
-        axes.legend(fontsize=7, loc="upper left", ncols=6, frameon=True, framealpha=0.85, edgecolor="none")
+        # It stands above the axes, where it hides nothing.
+        at = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.0}
+        axes.legend(fontsize=7, ncols=6, frameon=False, **at)
 
 
 def _alone(values: Sequence[float]) -> list[int]:

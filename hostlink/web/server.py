@@ -139,7 +139,7 @@ class PageServer:
         try:
             import hostlink.web.connections  # noqa: F401
         except ImportError as error:
-            raise WebError(f"view: {error}; install voronoi-touch[view]") from error
+            raise WebError(f"view: {error}; install voronoi-touch[view] or -e .[view]") from error
         started: Future[None] = Future()
 
         def serve() -> None:

@@ -23,6 +23,7 @@ Rules
 - A finite value saturates at the field's range. NaN is the type's most negative value, or the largest
   of an unsigned one; it means "not measured, not calibrated, not asked for or not to be trusted".
 - `raw = round(value / scale)`, half to even; `value = raw * scale`. There are no offsets.
+- A standard deviation that is more than 0 is sent as one step at least: who weighs by it divides by it.
 - The range is narrower than the type if classic CAN has fewer bits, so that both carry the same values.
 - The first four bytes (CRC, counter, version) stay where they are in every future version.
 - `check` is the low half of the CRC-32 (zlib) over version and fields: the CRC-16 alone would let one in
@@ -146,6 +147,11 @@ class Field:
         return int(self.low) if self.plain else round(self.low / self.scale)
 
     @property
+    def raw_least(self) -> int:
+        """The lowest raw value of what is more than `low`."""
+        return self.raw_low + ("_sigma_" in self.name)
+
+    @property
     def raw_high(self) -> int:
         return int(self.high) if self.plain else round(self.high / self.scale)
 
@@ -190,7 +196,7 @@ LAYOUT: Final = (
     _F("displacement_mm", "h", 0.002, "mm", -16, 16, 14,
        "depth by which the skin is pressed in, along z; positive is into the tip",
        "signed, so that noise about zero stays unbiased; 2 um is 1/20 of the sensor's noise",
-       _S("displacement", "Depth", sigma="displacement_sigma_mm", least=0.5)),
+       _S("depth", "Depth", sigma="displacement_sigma_mm", least=0.5)),
     _F("displacement_sigma_mm", "B", 0.008, "mm", 0, 2.032, 8, "standard deviation of the displacement",
        "lets a filter weigh the value; above 2 mm its weight is nil"),
     _F("force_n", "h", 0.002, "N", -65, 65, 16, "normal force on the tip; positive presses the tip",
@@ -218,7 +224,7 @@ LAYOUT: Final = (
     _F("slip_margin", "B", 0.004, "", 0, 1, 8,
        "1 less the present tangential over normal load in units of `friction`; 0: nothing more has been "
        "held; not known before the first tangential load of a contact",
-       "what a grasp controller regulates: grip harder when it falls",
+       "grip harder where it is small and the load high; all through the first drag of a contact it is 0",
        _S("slip margin left", "Slip margin", least=1)),
     _F("pressure_kpa", "h", 0.05, "kPa", -1600, 1600, 16, "force over contact area",
        "fingertips: 10..1000 kPa",

@@ -26,11 +26,12 @@ WRENCH: Final = (
 
 @dataclass(frozen=True, slots=True)
 class Chart:
-    """The fields that are drawn together, and how; `unit` is a reader's."""
+    """The fields that are drawn together, and how; `unit` is a reader's, `names` tell the fields apart."""
 
     fields: tuple[str, ...]
     unit: str
     how: Shown
+    names: tuple[str, ...] = ()
 
 
 def charts_of(fields: Iterable[Field]) -> tuple[Chart, ...]:
@@ -39,7 +40,12 @@ def charts_of(fields: Iterable[Field]) -> tuple[Chart, ...]:
     titles = dict.fromkeys(how.title for _, how in rows)
     groups = [[(f, how) for f, how in rows if how.title == title] for title in titles]
     return tuple(
-        Chart(tuple(f.name for f, _ in group), _UNITS.get(group[0][0].unit, group[0][0].unit), group[0][1])
+        Chart(
+            tuple(f.name for f, _ in group),
+            _UNITS.get(group[0][0].unit, group[0][0].unit),
+            group[0][1],
+            tuple(how.number.split()[-1].lower() for _, how in group) if len(group) > 1 else (),
+        )
         for group in groups
     )
 
@@ -51,7 +57,7 @@ def live_charts(fields: Iterable[Field]) -> list[dict[str, Any]]:
             "title": chart.how.title.capitalize(),
             "unit": chart.unit or "%",  # a share; labels are in percent
             "least": chart.how.least,
-            "names": list("xy") if len(chart.fields) == 2 else [],
+            "names": chart.names,
             "of": chart.fields,
         }
         for chart in charts_of(fields)

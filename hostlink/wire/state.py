@@ -116,7 +116,9 @@ _NANS: Final = tuple(-1 if f.plain else f.raw_nan(8 * f.size) for f in LAYOUT)
 #: Names of the fields that are measured; "": a plain integer, which `quantise` treats on its own.
 _MEASURED: Final = tuple("" if f.plain else f.name for f in LAYOUT)
 #: Step, range, and raw values of its ends. With a float a comparison takes half the time.
-_RANGES: Final = tuple((f.scale, float(f.low), float(f.high), f.raw_low, f.raw_high) for f in LAYOUT)
+_RANGES: Final = tuple(
+    (f.scale, float(f.low), float(f.high), f.raw_low, f.raw_least, f.raw_high) for f in LAYOUT
+)
 _NO_VALUES: Final = [f.raw_nan(8 * f.size) for f in LAYOUT]
 
 
@@ -180,8 +182,11 @@ def quantise(state: State) -> Sequence[int]:
     made = _NO_VALUES.copy()
     for i, value in enumerate(given):
         if value == value:
-            scale, low, high, raw_low, raw_high = _RANGES[i]
-            made[i] = round(value / scale) if low < value < high else raw_high if value >= high else raw_low
+            scale, low, high, raw_low, raw_least, raw_high = _RANGES[i]
+            if low < value < high:
+                made[i] = max(raw_least, round(value / scale))
+            else:
+                made[i] = raw_high if value >= high else raw_low
     made[_SAMPLE] = state.sample & 0xFFFF
     made[_STATUS] = int(state.status) & 0xFFFF
     made[_TIME] = state.capture_time_us & 0xFFFF_FFFF

@@ -51,8 +51,8 @@ def test_a_dozen_typed_loads_make_a_calibration(tmp_path: Path, capsys: pytest.C
     def ask(text: str) -> str:
         if "nothing touch" in text:
             return ""
-        if next(asked) == 3:
-            return "12,5 1"  # mistyped
+        if wrong := {3: "12,5 1", 5: "1e9 1"}.get(next(asked)):  # mistyped
+            return wrong
         if text.startswith(f"Load {len(DEPTHS_MM)} "):
             return ""
         depth_mm = DEPTHS_MM[int(text.split()[1]) - 1]
@@ -60,7 +60,9 @@ def test_a_dozen_typed_loads_make_a_calibration(tmp_path: Path, capsys: pytest.C
 
     done = record(SettledCamera(finger, 0.0), Loads(ask, "g", True, len(DEPTHS_MM), None), tmp_path, 3)
     assert done == len(DEPTHS_MM)  # the untouched tip, and all loads but the last
-    assert "'12,5' is not a number; write 12.5; type the load in g and the depth" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "'12,5' is not a number; write 12.5; type the load in g and the depth" in said
+    assert "no load above 0, up to 101972 g and a depth up to 100 mm, or not 2 numbers" in said
     table, tip = tmp_path / "targets.csv", tmp_path / "tip.json"
     fit = run_calib("fit", table, "--frames", tmp_path, "-o", tip, "--json")
     assert fit.code == 0, fit.err

@@ -59,7 +59,7 @@ def test_tables_that_differ_in_form_alone_are_the_same(tmp_path: Path, text: str
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("image,pose_z\na.png,1\n", "no column sensor_image"),
+        ("image,Fz\na.png,1\n", "no column sensor_image; write sensor_image for image, force_z for Fz"),
         ("sensor_image,colour\na.png,red\n", "none of the columns pose_z"),
         ("sensor_image,pose_z\n", "no rows"),
         ("sensor_image,pose_z\na.png,deep\n", "line 2, column pose_z: 'deep' is not a number"),

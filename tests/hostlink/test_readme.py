@@ -133,7 +133,7 @@ def test_c_receive_interrupt_drops_old_invalid_and_replayed_samples(tmp_path: Pa
         (0x181, 8, bytes(damaged), 0.5),
         (0x182, 8, pack_state(State(displacement_mm=2.0), 10), 0.5),
         (0x181, 8, pack_state(State(displacement_mm=2.0), 9), 0.5),  # came again
-        (0, 26, b"", 0.5),
+        *((0, now_ms, b"", 0.5) for now_ms in (5, 26)),  # the frame came after the loop had read its clock
         (0, 27, b"", nan),  # silence
         (0x181, 28, pack_state(good, 12), 0.5),
     ]  # fmt: skip

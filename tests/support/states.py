@@ -76,6 +76,7 @@ def expected(name: str, value: float) -> tuple[float, float]:
         return nan, 0.0
     if value in (inf, -inf) or not f.low <= value <= f.high:
         return (f.high if value > 0 else f.low), 1e-9
+    value = max(value, f.scale) if "_sigma_" in name and value > 0 else value
     return value, f.scale * 0.5 + 1e-9
 
 

@@ -50,7 +50,7 @@ const CHARTS = [
 ];
 // Without a calibration there are no millimetres; then the same is shown in the camera's own px.
 const RAW = {
-  Displacement: { title: "Volume of deformation", unit: "px²", least: 100, of: ["volume_px2"] },
+  Depth: { title: "Volume of deformation", unit: "px²", least: 100, of: ["volume_px2"] },
   Shear: { title: "Mean motion of the pins", unit: "px", least: 1, names: ["x", "y"], of: ["shear_x_px", "shear_y_px"] },
 }; // prettier-ignore
 
@@ -80,7 +80,7 @@ function showNumbers(packet) {
     if (Number.isFinite(value)) box.hidden = false;
     box.querySelector("span").textContent = number(value, digits);
     box.querySelector("dd small").textContent =
-      after || (Number.isFinite(sigma) && Number.isFinite(value) ? `±${number(sigma, digits)}` : "");
+      after || (Number.isFinite(sigma) && Number.isFinite(value) ? `±${number(sigma && Math.max(sigma, 10 ** -digits), digits)}` : "");
   });
 }
 

@@ -7,7 +7,8 @@
  * vt_serial.c (serial), vt_request.c (tare). No allocation; one finger takes 0.5 kB of RAM with all of them.
  *
  * Yours are three functions: can_send(), serial_send() and the clock that now_ms comes from. One context may
- * run at a time: call these from interrupts of one priority, and mask those in the control loop.
+ * run at a time: call these from interrupts of one priority, and mask those in the control loop, before it
+ * reads the clock for now_ms.
  */
 #include "receiver.h"
 
@@ -139,7 +140,10 @@ uint8_t finger_tare_outcome(uint32_t now_ms)
 
 float finger_pressed_mm(uint32_t now_ms)
 {
-    return (finger.heard && ((now_ms - finger.heard_ms) <= STALE_MS)) ? finger.pressed_mm : NAN;
+    /* A queue may stamp a frame later than the loop read its clock. */
+    const uint32_t age_ms = (now_ms - finger.heard_ms) + STALE_MS;
+
+    return (finger.heard && (age_ms <= (2u * STALE_MS))) ? finger.pressed_mm : NAN;
 }
 
 uint32_t finger_samples_lost(void)

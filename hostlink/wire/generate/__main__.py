@@ -18,7 +18,7 @@ def main() -> int:
     try:
         files = generate()
     except ImportError as error:
-        parser.error(f"{error}: pip install 'voronoi-touch[dev]'")
+        parser.error(f"{error}: pip install -e '.[dev]'")
     stale = 0
     for name, text in files.items():
         path = arguments.out / name

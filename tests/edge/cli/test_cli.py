@@ -470,7 +470,7 @@ def test_without_the_edge_extra_a_command_names_the_cure(tmp_path: Path, missing
         done = python("-c", code, *arguments, cwd=tmp_path)
         assert done.returncode == 2, done.stderr
         (output,) = done.stderr.splitlines()
-        assert output.endswith("another folder" if missing == "cython" else "install voronoi-touch[edge]")
+        assert output.endswith("another folder" if missing == "cython" else "[edge] or -e .[edge]")
 
 
 def on_a_terminal(command: list[str]) -> str:

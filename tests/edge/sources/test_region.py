@@ -88,11 +88,11 @@ def test_a_sensor_s_mask_lies_beside_its_file(two_views: Path) -> None:
 @pytest.mark.parametrize(
     ("keys", "expected"),
     [
-        ("roi=1,2,3", "roi=1,2,3: give roi=x,y,w,h in pixels"),
         ("roi=0,0,9,9&roi=1,2,3", "roi=1,2,3: give roi=x,y,w,h in pixels"),
         ("roi=0,0,nan,9", "give roi=x,y,w,h in pixels"),
         ("circle=a,b,c", "give circle=x,y,r in pixels"),
-        ("roi=700,0,20,20", "the region holds no skin in images of 640x320"),
+        ("roi=700,0,20,20", "roi=700,0,20,20 reaches out of the image; it has 640x320 pixels"),
+        ("circle=700,0,20", "the region holds no skin in images of 640x320"),
         ("mask=absent.png", "image absent.png: no such file"),
         ("mask={folder}/small.png", "small.png is 32x32, the images are 640x320; make it as large"),
     ],

@@ -196,11 +196,14 @@ def test_missing_and_odd_images_of_a_folder_are_named(tmp_path: Path) -> None:
     folder = folder_of(tmp_path / "f", 4)
     (folder / "frame_2.png").write_bytes(b"gone")  # a damaged one in the middle is counted
     source = FolderSource(folder)
-    assert [f.sequence for f in source] == [0, 1, 3]
-    assert source.faults["damaged frame"] == 1
-    cv2.imwrite(str(folder / "frame_1.png"), noise(0, (32, 32)))
-    with pytest.raises(SourceError, match=r"frame_1\.png is 32x32, the first one 64x48"):
-        list(FolderSource(folder))
+    assert ([f.sequence for f in source], source.faults) == ([0, 1, 3], {"damaged frame_2.png": 1})
+    for what, odd in {
+        "32x32 pixels of 8": noise(0, (32, 32)),
+        "64x48 pixels of 16": noise().astype("u2"),
+    }.items():
+        cv2.imwrite(str(folder / "frame_1.png"), odd)
+        with pytest.raises(SourceError, match=rf"frame_1\.png has {what} bits, the first one 64x48"):
+            list(FolderSource(folder))
 
 
 def timed_video(path: Path, times_10ms: list[int]) -> Path:
