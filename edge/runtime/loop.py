@@ -47,12 +47,7 @@ from hostlink.wire import State, Status
 
 log = logging.getLogger(__name__)
 T = TypeVar("T")
-
-
 _OUR_CLOCKS = Clock.HOST, Clock.DRIVER
-
-#: Called with each result and its sample: viewer, detail stream, summary. Must return at once.
-ResultCallback = Callable[[Result, State], None]
 
 
 class Loop:
@@ -74,7 +69,8 @@ class Loop:
         self.sinks = list(sinks)
         self.faults = faults or FaultRegistry()
         self.session = RecordingSession(self.faults)
-        self.result_callbacks: list[ResultCallback] = []
+        #: Called with each result and its sample: viewer, detail stream, summary. Must return at once.
+        self.result_callbacks: list[Callable[[Result, State], None]] = []
         self.tick_callbacks: list[Callable[[], None]] = []  # after each cycle, with or without an image
         self.frame: Frame | None = None  # the newest, with or without a result
         config = config or LoopConfig()
