@@ -29,12 +29,12 @@ from calib.extract import executor
 from calib.figures import figure, surface_figure
 from edge.calibration import Calibration
 from edge.cells import cell_polygons
+from edge.config import Config, FeaturesTable
 from edge.errors import SourceError
 from edge.link.node import Node
 from edge.link.sinks import CanSink, MemorySink, SerialSink, open_sink
 from edge.runtime.device import LoopDevice
 from edge.runtime.loop import Loop
-from edge.runtime.measurement import LoopConfig
 from edge.sources import open_source
 from edge.types import Feature, Result
 from hostlink.output_file import OutputError, check_output, writing
@@ -123,7 +123,7 @@ def play(recording: Path, calibration: Calibration) -> Received:
             connection.on_sample(partial(_collect, received[name]))
         source = open_source(str(recording))
         stack.callback(source.close)
-        loop = Loop(source, [], calibration, LoopConfig(demand=frozenset(Feature)))
+        loop = Loop(source, [], calibration, Config(features=FeaturesTable(demand=tuple(Feature))))
         loop.measurement.watch("video")
         device = LoopDevice(loop, "demo")
         for address in (addresses["can"], f"serial:{near}"):

@@ -17,11 +17,7 @@ Count = Annotated[int, msgspec.Meta(ge=1, le=10_000)]
 Rate = Annotated[float, msgspec.Meta(ge=0, le=limits.RATE_MAX_HZ)]
 
 
-class _Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A table of the file: immutable, and closed to keys that it does not name."""
-
-
-class SensorTable(_Table, frozen=True, kw_only=True):
+class SensorTable(limits.ClosedTable, frozen=True, kw_only=True):
     """[sensor] which finger this is."""
 
     serial: Annotated[str, msgspec.Meta(max_length=32)] = "unnamed"
@@ -29,7 +25,7 @@ class SensorTable(_Table, frozen=True, kw_only=True):
     node_id: Annotated[int, msgspec.Meta(ge=1, le=127)] = 1
 
 
-class SourceTable(_Table, frozen=True, kw_only=True):
+class SourceTable(limits.ClosedTable, frozen=True, kw_only=True):
     """[source] where frames come from: see `python -m edge run --help` for the forms of `spec`."""
 
     spec: str = "v4l2:0"
@@ -43,7 +39,7 @@ class SourceTable(_Table, frozen=True, kw_only=True):
     mask: str = ""  # the same: a picture whose white is skin
 
 
-class LinkTable(_Table, frozen=True, kw_only=True):
+class LinkTable(limits.ClosedTable, frozen=True, kw_only=True):
     """[link] where samples go, and how often."""
 
     sinks: tuple[str, ...] = ()
@@ -51,7 +47,7 @@ class LinkTable(_Table, frozen=True, kw_only=True):
     heartbeat_ms: Annotated[int, msgspec.Meta(ge=0, le=60_000)] = 500  # 0: none
 
 
-class TareTable(_Table, frozen=True, kw_only=True):
+class TareTable(limits.ClosedTable, frozen=True, kw_only=True):
     """[tare] the rest frame, taken at start-up while nothing touches the tip."""
 
     frames_n: Count = 8
@@ -60,20 +56,20 @@ class TareTable(_Table, frozen=True, kw_only=True):
     drift_px: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.3
 
 
-class LimitsTable(_Table, frozen=True, kw_only=True):
+class LimitsTable(limits.ClosedTable, frozen=True, kw_only=True):
     """[limits] thresholds of faults."""
 
     temperature_degc: Annotated[float, msgspec.Meta(ge=30, le=120)] = 80.0  # of the board
     load_pitches: Annotated[float, msgspec.Meta(ge=0.1, le=10)] = 1.6  # motion of 5 % of the pins
 
 
-class CalibrationTable(_Table, frozen=True, kw_only=True):
+class CalibrationTable(limits.ClosedTable, frozen=True, kw_only=True):
     """[calibration] the file that turns geometry into mechanical units."""
 
     file: str = ""  # empty: none; values that need one are sent as invalid
 
 
-class FeaturesTable(_Table, frozen=True, kw_only=True):
+class FeaturesTable(limits.ClosedTable, frozen=True, kw_only=True):
     """[features] what is computed and sent; nothing else is computed."""
 
     demand: tuple[Feature, ...] = tuple(f for f in Feature if f is not Feature.SURFACE)
@@ -82,13 +78,13 @@ class FeaturesTable(_Table, frozen=True, kw_only=True):
     smooth_ms: Annotated[float, msgspec.Meta(ge=0, le=1000)] = 0.0
 
 
-class StateTable(_Table, frozen=True, kw_only=True):
+class StateTable(limits.ClosedTable, frozen=True, kw_only=True):
     """[state] the only folder that is written to."""
 
     directory: str = ""  # empty: settings are kept in memory only
 
 
-class Config(_Table, frozen=True, kw_only=True):
+class Config(limits.ClosedTable, frozen=True, kw_only=True):
     """The whole file."""
 
     sensor: SensorTable = SensorTable()

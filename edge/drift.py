@@ -30,14 +30,13 @@ class DriftParams:
     time_s: float = 120.0  # time constant
 
 
-PARAMS = DriftParams()
 PERIOD_S = RUNTIME.check_s  # of learning: faster has no benefit
 
 
 class Drift:
     """The learnt offset of each pin of one rest frame."""
 
-    def __init__(self, rest: Rest, params: DriftParams = PARAMS) -> None:
+    def __init__(self, rest: Rest, params: DriftParams) -> None:
         self._rest = rest
         self._params = params
         self._near_px = RUNTIME.still_pitches * rest.pattern.pitch_px

@@ -46,6 +46,10 @@ ImageSide = Annotated[int, msgspec.Meta(ge=16, le=IMAGE_SIDE_PX)]
 Name = Annotated[str, msgspec.Meta(max_length=64)]
 
 
+class ClosedTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A table of a file: immutable, and closed to keys that it does not name."""
+
+
 class BadContent(ValueError):
     """A file's content cannot be used: the place in it, what is wrong, what would be right. One line."""
 

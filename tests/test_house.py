@@ -38,9 +38,9 @@ SHARED = ("edge.types", "edge.errors", "edge.limits", "edge.params", "edge.geome
 
 #: The rooms of edge from the bottom up, as a frame passes them; a room imports from those below it alone.
 ROOMS = (
-    "errors", "params", "limits", "types", "geometry", "sensors", "examples", "sources", "pins", "tracking",
-    "cells", "features", "calibration", "drift", "faults", "views", "frame", "rest", "fingertip", "view",
-    "recording", "link", "runtime", "worker", "config", "cli", "__main__",
+    "errors", "params", "limits", "types", "geometry", "sensors", "examples", "sources", "config", "pins",
+    "tracking", "cells", "features", "calibration", "drift", "faults", "views", "frame", "rest", "fingertip",
+    "view", "recording", "link", "runtime", "worker", "cli", "__main__",
 )  # fmt: skip
 
 

@@ -13,7 +13,6 @@ from msgspec.structs import asdict
 from edge.calibration import Calibration
 from edge.cli.options import LoopOptions
 from edge.config import Config, SourceTable
-from edge.drift import DriftParams
 from edge.errors import ConfigError
 from edge.examples import example_calibration
 from edge.faults.registry import FaultLog, FaultRegistry
@@ -21,12 +20,10 @@ from edge.link.node import Node
 from edge.link.settings import NodeSettings, SettingsFile
 from edge.link.sinks import CanSink, SerialSink, open_sink
 from edge.rest.choice import GivenRest, rest_if_touched, rest_of_source
-from edge.rest.tare import TareParams
 from edge.runtime.board_monitor import BoardMonitor, free_space_problem
 from edge.runtime.calibration_store import CalibrationStore
 from edge.runtime.device import LoopDevice
 from edge.runtime.loop import Loop
-from edge.runtime.measurement import LoopConfig
 from edge.runtime.systemd import Notifier
 from edge.sensors import KnownSensor, load_sensor, missing_pins
 from edge.sources import open_source
@@ -94,24 +91,9 @@ def make_loop(stack: ExitStack, source: FrameSource, config: Config, calibration
     monitor = BoardMonitor(registry, hot_degc=config.limits.temperature_degc)
     notifier = Notifier()
     stack.callback(notifier.close)
-    loop = Loop(
-        source,
-        [],
-        calibration,
-        LoopConfig(
-            demand=frozenset(config.features.demand),
-            several=config.features.several,
-            on_surface=sensor is not None and sensor.on_surface,
-            smooth_s=config.features.smooth_ms * 1e-3,
-            tare=TareParams(frames_n=config.tare.frames_n, steady_px=config.tare.steady_px),
-            drift=DriftParams(limit_px=config.tare.drift_px),
-            load_pitches=config.limits.load_pitches,
-        ),
-        faults=registry,
-        board=monitor,
-        notifier=notifier,
-    )
+    loop = Loop(source, [], calibration, config, faults=registry, board=monitor, notifier=notifier)
     if sensor is not None:
+        loop.measurement.on_surface = sensor.on_surface
         loop.result_callbacks.append(_report_missing_pins(sensor))
     loop.measurement.fallbacks = tuple(stored[1:])
     registry.listeners.append(FaultLog(registry, notifier.status))

@@ -26,7 +26,6 @@ from edge.errors import CalibrationError, SourceError
 from edge.examples import example_calibration
 from edge.rest.tare import TareParams, TareRefused
 from edge.runtime.loop import Loop
-from edge.runtime.measurement import LoopConfig
 from edge.sources import open_source
 from edge.sources.files import FileSource
 from edge.types import Frame, Rest, Result, Tracks
@@ -104,8 +103,8 @@ def render_recording(
     """
     with closing(open_source(recording)) as source:
         known = expect_sensor(source, Config(sensor=SensorTable(model=sensor_name or "")))
-        on_surface = known is not None and known.on_surface
-        loop = Loop(source, [], calibration, LoopConfig(on_surface=on_surface))
+        loop = Loop(source, [], calibration)
+        loop.measurement.on_surface = known is not None and known.on_surface
         loop.measurement.watch("video")
         rest_frame, seen_in, taken_n = _rest_frame(loop, rest, calibration)
         mm_per_px = (calibration.mm_per_px if calibration else None) or 0.0

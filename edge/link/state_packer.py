@@ -34,6 +34,17 @@ SIGMAS = (
     ("force_xy_sigma_n", "force_x_n", "force_y_n"),
     ("torque_z_sigma_nmm", "torque_z_nmm", "torque_z_nmm"),
 )
+#: Places of fields in the table; of those of the contacts, the first and the one behind the last.
+_AT = cython.declare(dict, {f.name: i for i, f in enumerate(SCHEMA.layout)})
+CONTACTS = cython.declare(cython.Py_ssize_t, _AT["contact0_x_mm"])
+BEHIND = cython.declare(cython.Py_ssize_t, CONTACTS + sum(f.contact for f in SCHEMA.layout))
+SAMPLE = cython.declare(cython.Py_ssize_t, _AT["sample"])
+STATUS = cython.declare(cython.Py_ssize_t, _AT["status"])
+TIME = cython.declare(cython.Py_ssize_t, _AT["capture_time_us"])
+LATENCY = cython.declare(cython.Py_ssize_t, _AT["latency_us"])
+TEMPERATURE = cython.declare(cython.Py_ssize_t, _AT["temperature_degc"])
+TRACKED = cython.declare(cython.Py_ssize_t, _AT["pins_tracked"])
+COUNT = cython.declare(cython.Py_ssize_t, _AT["contact_n"])
 UNCALIBRATED = cython.declare(cython.int, int(Status.UNCALIBRATED))
 SATURATED = cython.declare(cython.int, int(Status.SATURATED))
 TRACKER_LOST = cython.declare(cython.int, int(Status.TRACKER_LOST))
@@ -45,7 +56,6 @@ LOW_CONFIDENCE = cython.declare(cython.double, Tracks.LOW_CONFIDENCE)
 class StatePacker:
     """Makes one sample after the other."""
 
-    places: dict[str, int]  # of the fields in the table
     sigmas: list[tuple[int, str, str]]  # SIGMAS, by the place of each
     plain: cython.uchar[::1]
     size: cython.int[::1]  # bytes
@@ -56,15 +66,6 @@ class StatePacker:
     values: cython.double[::1]  # numbers of the sample
     exact: cython.uchar[::1]  # the same memory
     body: cython.uchar[::1]
-    contacts: cython.Py_ssize_t  # place of the contacts' fields, from here up to there
-    behind: cython.Py_ssize_t
-    sample: cython.Py_ssize_t  # places of other fields
-    status: cython.Py_ssize_t
-    time: cython.Py_ssize_t
-    latency: cython.Py_ssize_t
-    temperature: cython.Py_ssize_t
-    tracked: cython.Py_ssize_t
-    count: cython.Py_ssize_t
 
     def __init__(self) -> None:
         rows = SCHEMA.layout
@@ -76,13 +77,7 @@ class StatePacker:
         self.values, self.exact = values, values.view(np.uint8)
         self.body = np.empty(SCHEMA.body.size, np.uint8)
         self.body[0] = SCHEMA.version
-        self.places = at = {f.name: i for i, f in enumerate(rows)}
-        self.sigmas = [(at[name], one, other) for name, one, other in SIGMAS]
-        self.contacts = at["contact0_x_mm"]
-        self.behind = self.contacts + sum(f.contact for f in rows)
-        self.sample, self.status, self.time = at["sample"], at["status"], at["capture_time_us"]
-        self.latency, self.temperature = at["latency_us"], at["temperature_degc"]
-        self.tracked, self.count = at["pins_tracked"], at["contact_n"]
+        self.sigmas = [(_AT[name], one, other) for name, one, other in SIGMAS]
 
     def to_state(
         self, measured: Result | None, sample: cython.longlong, status: cython.longlong,
@@ -105,7 +100,7 @@ class StatePacker:
             self._take(reading)
         for i in range(values.shape[0]):
             values[i] = self.known[i]
-        status |= cython.cast(cython.longlong, values[self.status])
+        status |= cython.cast(cython.longlong, values[STATUS])
         if measured is not None:
             tracks: Tracks = measured.tracks
             confidence: cython.double = tracks.confidence
@@ -114,9 +109,9 @@ class StatePacker:
             seen_n: cython.double = tracks.n_seen
             n: cython.double = len(tracks.seen)
             if n > 0.0:
-                values[self.tracked] = seen_n / n
-        values[self.sample], values[self.status], values[self.time] = sample, status, capture_time_us
-        values[self.latency], values[self.temperature] = latency_us, temperature_degc
+                values[TRACKED] = seen_n / n
+        values[SAMPLE], values[STATUS], values[TIME] = sample, status, capture_time_us
+        values[LATENCY], values[TEMPERATURE] = latency_us, temperature_degc
         exact = _bytes_of(self.exact)
         return received(State, self._packed(), exact)
 
@@ -126,12 +121,12 @@ class StatePacker:
         self.reading = None
         for i in range(self.known.shape[0]):
             self.known[i] = NAN
-        self.known[self.status] = self.known[self.count] = 0.0
+        self.known[STATUS] = self.known[COUNT] = 0.0
         if reading is None:
             return
         values: dict[str, float] = reading.values
         for name, value in values.items():
-            place: object = self.places.get(name)
+            place: object = _AT.get(name)
             if place is None:
                 raise TypeError(f"a sample has no field {name}")
             i = place
@@ -142,15 +137,15 @@ class StatePacker:
             if sigma is not None:
                 self.known[i] = max(cython.cast(cython.double, sigma), sigmas[other])
         n: cython.Py_ssize_t = len(reading.contacts)
-        self.known[self.count] = n
+        self.known[COUNT] = n
         if n > 0:
             numbers = numbers_of(reading.contacts, 3 * n)
-            for i in range(min(3 * n, self.behind - self.contacts)):
-                self.known[self.contacts + i] = numbers[i]
+            for i in range(min(3 * n, BEHIND - CONTACTS)):
+                self.known[CONTACTS + i] = numbers[i]
         if not reading.calibrated:
-            self.known[self.status] += UNCALIBRATED
+            self.known[STATUS] += UNCALIBRATED
         if reading.saturated:
-            self.known[self.status] += SATURATED
+            self.known[STATUS] += SATURATED
         self.reading = reading
 
     @cython.cfunc
@@ -160,7 +155,7 @@ class StatePacker:
         at: cython.Py_ssize_t = 1
         raw: cython.longlong
         self._drop_unplaced()
-        self.values[self.count] = min(self.values[self.count], self.scale[self.count, 2])
+        self.values[COUNT] = min(self.values[COUNT], self.scale[COUNT, 2])
         for i in range(self.size.shape[0]):
             raw = cython.cast(cython.longlong, self.values[i]) if self.plain[i] else self._quantise(i)
             for k in range(self.size[i]):
@@ -184,12 +179,12 @@ class StatePacker:
     def _drop_unplaced(self) -> cython.void:
         values: cython.double[::1] = self.values
         at: cython.Py_ssize_t
-        end: cython.Py_ssize_t = self.contacts
-        for at in range(self.contacts, self.behind, 3):
+        end: cython.Py_ssize_t = CONTACTS
+        for at in range(CONTACTS, BEHIND, 3):
             if not (isnan(values[at]) or isnan(values[at + 1])):
                 values[end], values[end + 1], values[end + 2] = values[at], values[at + 1], values[at + 2]
                 end += 3
-        for at in range(end, self.behind):
+        for at in range(end, BEHIND):
             values[at] = NAN
 
 

@@ -30,6 +30,7 @@ from threading import Event
 from typing import Any, TypeVar
 
 from edge.calibration import Calibration
+from edge.config import Config
 from edge.faults.detector import FaultDetector
 from edge.faults.registry import FaultRegistry
 from edge.link.sinks import Sink
@@ -37,7 +38,7 @@ from edge.link.state_packer import StatePacker
 from edge.params import PARAMS as RUNTIME
 from edge.recording.session import RecordingSession
 from edge.runtime.board_monitor import BoardMonitor
-from edge.runtime.measurement import LoopConfig, Measurement
+from edge.runtime.measurement import Measurement
 from edge.runtime.process import give_back_memory
 from edge.runtime.statistics import LoopStatistics, StatisticsCollector
 from edge.runtime.systemd import Notifier
@@ -47,12 +48,7 @@ from hostlink.wire import State, Status
 
 log = logging.getLogger(__name__)
 T = TypeVar("T")
-
-
 _OUR_CLOCKS = Clock.HOST, Clock.DRIVER
-
-#: Called with each result and its sample: viewer, detail stream, summary. Must return at once.
-ResultCallback = Callable[[Result, State], None]
 
 
 class Loop:
@@ -63,7 +59,7 @@ class Loop:
         source: FrameSource,
         sinks: Sequence[Sink],
         calibration: Calibration | None = None,
-        config: LoopConfig | None = None,
+        config: Config | None = None,
         *,
         faults: FaultRegistry | None = None,
         board: BoardMonitor | None = None,
@@ -74,12 +70,13 @@ class Loop:
         self.sinks = list(sinks)
         self.faults = faults or FaultRegistry()
         self.session = RecordingSession(self.faults)
-        self.result_callbacks: list[ResultCallback] = []
+        #: Called with each result and its sample: viewer, detail stream, summary. Must return at once.
+        self.result_callbacks: list[Callable[[Result, State], None]] = []
         self.tick_callbacks: list[Callable[[], None]] = []  # after each cycle, with or without an image
         self.frame: Frame | None = None  # the newest, with or without a result
-        config = config or LoopConfig()
+        config = config or Config()
         self._counters = StatisticsCollector()
-        self._detector = FaultDetector(source, self.faults, clock_ns, config.load_pitches)
+        self._detector = FaultDetector(source, self.faults, clock_ns, config.limits.load_pitches)
         self.measurement = Measurement(
             source, calibration, config, self.faults, self._detector, self._counters
         )

@@ -6,21 +6,20 @@ together, and only after the new ones have been tried.
 
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from edge.calibration import Calibration
-from edge.drift import PARAMS as DRIFT
+from edge.config import Config
 from edge.drift import Drift, DriftParams
 from edge.errors import CalibrationError, EdgeError, RequestRefused, SourceError
 from edge.faults.detector import FaultDetector
 from edge.faults.judge import NO_CALIBRATION
 from edge.faults.registry import FaultRegistry
 from edge.frame import Pipeline
-from edge.params import PARAMS as RUNTIME
 from edge.rest.request import Prepared, TareRequest, TareState
-from edge.rest.tare import PARAMS, RestFrame, TareParams, TareRefused, take_rest_frame
+from edge.rest.tare import RestFrame, TareParams, TareRefused, take_rest_frame
 from edge.runtime.process import give_back_memory
 from edge.runtime.statistics import StatisticsCollector
 from edge.types import Feature, Frame, FrameSource, Rest, Result
@@ -30,23 +29,11 @@ from hostlink.wire import FaultCode, RestFrameReason, RestFrameState
 log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True, slots=True)
-class LoopConfig:
-    """The features that are computed, and limits; `edge.config` is the user's side of it."""
-
-    demand: frozenset[Feature] = frozenset(Feature) - {Feature.SURFACE}  # features that are computed
-    several: bool = True  # whether contacts of one frame are fitted together
-    on_surface: bool = False  # what the sensor's file says of its skin; a calibration knows better
-    smooth_s: float = 0.0  # time in which smoothed values follow a step; 0: they are not smoothed
-    tare: TareParams = PARAMS
-    drift: DriftParams = DRIFT
-    load_pitches: float = RUNTIME.load_pitches  # motion of a pin beyond which it counts as overloaded
-
-
 class Measurement:
     """Rest frame, calibration and stages of one finger.
 
     calibration  in use; None: values that need one are invalid
+    on_surface   what the sensor's file says of its skin; a calibration knows better
     fallbacks    calibrations that the first rest frame is tried with where `calibration` is another tip's
     pipeline     the computing stages; None: there is no rest frame yet
     last         the last result
@@ -58,19 +45,19 @@ class Measurement:
         self,
         source: FrameSource,
         calibration: Calibration | None,
-        config: LoopConfig,
+        config: Config,
         faults: FaultRegistry,
         detector: FaultDetector,
         counters: StatisticsCollector,
     ) -> None:
         self.calibration = calibration
-        self.fallbacks: Sequence[Calibration] = ()
+        self.on_surface, self.fallbacks = False, tuple[Calibration, ...]()
         self.pipeline: Pipeline | None = None
         self.last: Result | None = None
         self.tares_n = 0
         self._source, self._config, self._faults = source, config, faults
         self._detector, self._counters = detector, counters
-        self.demand = config.demand
+        self.demand = frozenset(config.features.demand)
         self._shown: frozenset[Feature] = frozenset()
         self._watchers: set[object] = set()
         self.tare = TareState(config.tare.frames_n)
@@ -162,10 +149,10 @@ class Measurement:
         self._accept_tare(RestFrame(rest), self._stages(rest, self.calibration), frame)
 
     def _stages(self, rest: Rest, calibration: Calibration | None) -> Pipeline:
-        config = self._config
-        if config.on_surface:
+        if self.on_surface:
             rest = replace(rest, pattern=replace(rest.pattern, on_surface=True))
-        return Pipeline(rest, calibration, several=config.several, smooth_s=config.smooth_s)
+        features = self._config.features
+        return Pipeline(rest, calibration, several=features.several, smooth_s=features.smooth_ms * 1e-3)
 
     # ---- tare ---------------------------------------------------------------------------------------
 
@@ -229,10 +216,9 @@ class Measurement:
         self, frames: Sequence[Frame], calibration: Calibration | None, force: bool = False
     ) -> RestFrame:
         """The rest frame that these images give; it is not used yet. Raises TareRefused."""
-        source, live = self._source, self._source.live
-        params = self._config.tare.of(source)
-        if not live:  # only a live tip can be asked to keep still
-            params = replace(params, steady_px=np.inf)
+        tare, live = self._config.tare, self._source.live
+        steady_px = tare.steady_px if live else np.inf  # only a live tip can be asked to keep still
+        params = TareParams(tare.frames_n, steady_px).of(self._source)
         images = [frame.image for frame in frames]
         return take_rest_frame(images, params, calibration, self._reference, force=force or not live)
 
@@ -252,7 +238,7 @@ class Measurement:
         self.pipeline, self.calibration = pipeline, pipeline.calibration
         self.set_demand()
         pipeline.watch(bool(self._watchers))
-        pipeline.drift = Drift(found.rest, self._config.drift)
+        pipeline.drift = Drift(found.rest, DriftParams(limit_px=self._config.tare.drift_px))
         self._shape = found.rest.pattern.size_px[::-1]
         self.tares_n += 1
         self._detector.learn(found.rest, frame, self.calibration is not None)

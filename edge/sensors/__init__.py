@@ -14,13 +14,10 @@ from edge.errors import ConfigError
 
 _FOLDER = Path(__file__).resolve().parent
 Length = Annotated[float, msgspec.Meta(gt=0, le=1000)]
+Source = Annotated[str, msgspec.Meta(min_length=1, max_length=400)]
 
 
-class _Closed(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A table of the file; it takes no keys but its own."""
-
-
-class SensorPins(_Closed, frozen=True, kw_only=True):
+class SensorPins(limits.ClosedTable, frozen=True, kw_only=True):
     """[pins] the markers that the camera sees.
 
     count      of the untouched sensor, all of them in view; of a grid that the image's border cuts, at least
@@ -35,7 +32,7 @@ class SensorPins(_Closed, frozen=True, kw_only=True):
     length_mm: Length | None = None  # of a lever from skin to marker
 
 
-class SensorTip(_Closed, frozen=True, kw_only=True):
+class SensorTip(limits.ClosedTable, frozen=True, kw_only=True):
     """[tip] shape of the skin; radius_mm of a dome's sphere.
 
     skin  "pins" under it, or dots on its "surface"
@@ -46,7 +43,7 @@ class SensorTip(_Closed, frozen=True, kw_only=True):
     radius_mm: Length | None = None
 
 
-class SensorCamera(_Closed, frozen=True, kw_only=True):
+class SensorCamera(limits.ClosedTable, frozen=True, kw_only=True):
     """[camera] the images, and their part that shows the skin, as in a source's address."""
 
     size_px: tuple[limits.ImageSide, limits.ImageSide] | None = None  # width, height
@@ -56,7 +53,7 @@ class SensorCamera(_Closed, frozen=True, kw_only=True):
     mask: str | None = None  # a file beside this one
 
 
-class KnownSensor(_Closed, frozen=True, kw_only=True):
+class KnownSensor(limits.ClosedTable, frozen=True, kw_only=True):
     """The whole file."""
 
     title: limits.Name  # what people call it
@@ -64,7 +61,7 @@ class KnownSensor(_Closed, frozen=True, kw_only=True):
     tip: SensorTip = SensorTip()
     camera: SensorCamera = SensorCamera()
     #: The source of each figure by the figure's key, such as "pins.pitch_mm".
-    sources: dict[limits.Name, Annotated[str, msgspec.Meta(min_length=1, max_length=400)]] = {}
+    sources: dict[limits.Name, Source] = msgspec.field(default_factory=dict)
     name: str = ""  # of the file, without its suffix
 
     @property

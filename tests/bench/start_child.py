@@ -16,14 +16,14 @@ def main(path: str, calibration: str, maps: str = "") -> None:
         import numpy as np
 
         import edge.cli.run  # noqa: F401  (what a finger loads)
-        from edge.runtime.measurement import LoopConfig
+        from edge.config import FeaturesTable
         from tests.bench import step_child
 
     with np.load(path) as stored:
         images, first = stored["images"], int(stored["first"])
     with marks:
         source = step_child.Source((images.shape[2], images.shape[1]))
-        loop, _bus = step_child.opened(source, calibration, LoopConfig().demand)
+        loop, _bus = step_child.opened(source, calibration, frozenset(FeaturesTable().demand))
         for frame in step_child.frames(images, first):
             source.taken()
             loop.step(frame)

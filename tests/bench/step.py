@@ -27,10 +27,10 @@ import numpy as np
 
 from calib.sim.script import REST_FRAMES
 from edge.cells.missing import LostPins
+from edge.config import FeaturesTable
 from edge.frame import Pipeline
 from edge.pins import take_rest
 from edge.pins.detect import detect
-from edge.runtime.measurement import LoopConfig
 from edge.tracking.tracker import Tracker
 from edge.types import Feature
 from tests.bench.arm64 import Board
@@ -50,7 +50,7 @@ class Variant:
 
     scene: str
     skipped: int
-    demand: frozenset[Feature] = LoopConfig().demand
+    demand: frozenset[Feature] = frozenset(FeaturesTable().demand)
 
 
 VARIANTS = {
@@ -196,7 +196,7 @@ def once_of(pins: int, size_px: Size) -> dict[str, float]:
     pipeline, tracker, lost = Pipeline(rest), Tracker(rest), LostPins(rest.xy_img, rest.pattern.pitch_px)
     works: dict[str, Callable[[], object]] = {
         "search": lambda: tracker.identify(blobs),
-        "tables": lambda: pipeline.prepare(LoopConfig().demand),
+        "tables": lambda: pipeline.prepare(frozenset(FeaturesTable().demand)),
         "of these, of lost pins": lambda: lost.precision,
         "first lost pin": lambda: lost.update(np.arange(len(rest)) > 0),
     }

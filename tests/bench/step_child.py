@@ -40,12 +40,12 @@ from typing import Any  # noqa: E402
 import numpy as np  # noqa: E402
 
 from edge.calibration import Calibration  # noqa: E402
+from edge.config import Config, FeaturesTable  # noqa: E402
 from edge.link import link_sink  # noqa: E402
 from edge.link.params import PARAMS as LINK  # noqa: E402
 from edge.link.sinks import CanFdSink  # noqa: E402
 from edge.link.socketcan import SocketCanMedium  # noqa: E402
 from edge.runtime.loop import Loop  # noqa: E402
-from edge.runtime.measurement import LoopConfig  # noqa: E402
 from edge.sources.live import ThreadedSource  # noqa: E402
 from edge.types import Clock, Feature, Frame  # noqa: E402
 from tests.bench.marks import Marks  # noqa: E402
@@ -112,7 +112,8 @@ def opened(source: Source, calibration: str, demand: frozenset[Feature]) -> tupl
         end.setblocking(False)
     link_sink.PARAMS = replace(LINK, read_s=WAIT_S)  # type: ignore[attr-defined]  # the module's own name
     sink = CanFdSink("can", lambda: SocketCanMedium(ours, Path("/dev/null")))
-    return Loop(source, [sink], Calibration.load(Path(calibration)), LoopConfig(demand=demand)), theirs
+    config = Config(features=FeaturesTable(demand=tuple(demand)))
+    return Loop(source, [sink], Calibration.load(Path(calibration)), config), theirs
 
 
 def main(path: str, calibration: str, how: str, maps: str = "") -> None:

@@ -4,10 +4,10 @@ import threading
 from typing import Any
 
 from edge.calibration import Calibration
+from edge.config import Config
 from edge.faults.registry import FaultRegistry
 from edge.link.sinks import MemorySink
 from edge.runtime.loop import Loop
-from edge.runtime.measurement import LoopConfig
 from edge.sources.live import ThreadedSource
 from edge.types import Clock, Frame, FrameSource, Image
 from hostlink.wire import FaultCode, State
@@ -59,7 +59,7 @@ class Finger:
         self.camera.rate_hz = 1e9 / self.period_ns
         clock_ns = options.pop("clock_ns", lambda: self.now_ns)
         self.clock = options.pop("clock", Clock.DEVICE)
-        config = LoopConfig(**options)
+        config = Config(**options)
         self.loop = Loop(
             source or self.camera, [self.sink], calibration, config, faults=self.registry, clock_ns=clock_ns
         )

@@ -5,7 +5,7 @@
 // - Places are px of the camera's image, pixel centres on integers; `square` is the part of it that both panels
 //   show, so that one can be compared with the other.
 
-import { Chart, Line, arrow, chartCanvas, fit, keys, number, remember, rgb, scheduler, showFaults, showState, toast } from "./kit.js";
+import { Chart, Line, addRows, arrow, chartCanvas, fit, keys, number, remember, rgb, scheduler, showFaults, showState, toast } from "./kit.js";
 
 const $ = (id) => document.getElementById(id);
 const RING = "#ffc800";
@@ -95,23 +95,12 @@ function makeCharts(calibrated) {
   charts.calibrated = calibrated;
 }
 
-/** Rows come with some of the last packet's again: those that are known are skipped by their number. */
 function takeRows(packet) {
   if (charts.calibrated !== packet.calibrated) {
     makeCharts(packet.calibrated);
     makeNumbers();
   }
-  const width = hello.chart.length;
-  const rows = packet.arrays.rows;
-  const n = rows.length / width;
-  const first = packet.rows_n - n;
-  for (let i = Math.max(0, rowsSeen - first); i < n; i++) {
-    const time = packet.now_s + rows[i * width];
-    for (const { chart, of } of charts)
-      if (of) chart.add(time, of.map((name) => rows[i * width + hello.chart.indexOf(name)]));
-  }
-  rowsSeen = packet.rows_n;
-  for (const { chart, of } of charts) if (!of) chart.add(packet.now_s, [packet.rate_hz]);
+  rowsSeen = addRows(charts, hello.chart, packet.arrays.rows, rowsSeen, packet);
 }
 
 // ---- panels ---------------------------------------------------------------------------------------------

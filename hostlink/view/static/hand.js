@@ -3,7 +3,7 @@
 // - All that is drawn came over the link: mm in the tip's frame, x right and y down as in the camera's image.
 // - A finger's colour of touch is its contact's; how deep the skin is pressed in tints the whole tip.
 
-import { Chart, Line, arrow, chartCanvas, fit, keys, number, remember, rgb, scheduler, showFaults, showState, toast } from "./kit.js";
+import { Chart, Line, addRows, arrow, chartCanvas, fit, keys, number, remember, rgb, scheduler, showFaults, showState, toast } from "./kit.js";
 
 const $ = (id) => document.getElementById(id);
 const SHEAR_GAIN = 3; // a shear of 1 mm is a firm one; a tip is 10 mm and more in radius
@@ -46,22 +46,14 @@ function makeCharts() {
 
 function seriesOf(node) {
   if (!series.has(node))
-    series.set(node, { seen: 0, charts: rows.map((what, i) => new Chart(charts[i], what)) });
+    series.set(node, { seen: 0, charts: rows.map((what, i) => ({ ...what, chart: new Chart(charts[i], what) })) });
   return series.get(node);
 }
 
 function takeRows(finger) {
   const mine = seriesOf(finger.node);
-  const width = hello.chart.length;
   const values = packet.arrays[`rows${finger.node}`];
-  const n = values.length / width;
-  const first = finger.rows_n - n;
-  for (let i = Math.max(0, mine.seen - first); i < n; i++)
-    rows.forEach(({ of }, k) => {
-      if (of) mine.charts[k].add(packet.now_s + values[i * width], of.map((name) => values[i * width + hello.chart.indexOf(name)]));
-    });
-  mine.seen = finger.rows_n;
-  rows.forEach(({ of }, k) => of || mine.charts[k].add(packet.now_s, [finger.rate_hz]));
+  mine.seen = addRows(mine.charts, hello.chart, values, mine.seen, { ...finger, now_s: packet.now_s });
 }
 
 // ---- fingers ----------------------------------------------------------------------------------------------
@@ -179,7 +171,7 @@ function draw() {
   if (!packet) return;
   for (const finger of packet.fingers) drawTip(cards.get(finger.node).canvas, finger.state);
   const now = line.state === "live" ? clock.server + (performance.now() - clock.here) / 1000 : clock.server;
-  if (chosen !== null) for (const chart of seriesOf(chosen).charts) chart.draw(now);
+  if (chosen !== null) for (const { chart } of seriesOf(chosen).charts) chart.draw(now);
 }
 
 const schedule = scheduler(draw);

@@ -279,6 +279,20 @@ export function chartCanvas({ title, unit, names = [] }) {
   return canvas;
 }
 
+/**
+ * A packet's rows for charts, [{chart, of}], whose `of` names columns; without any, the chart is of the rate.
+ * Some of the last packet's come again: those that were `seen` are skipped. Returns how many have been seen now.
+ */
+export function addRows(charts, columns, rows, seen, { rows_n, now_s, rate_hz }) {
+  const width = columns.length;
+  const n = rows.length / width;
+  for (let i = Math.max(0, seen - (rows_n - n)); i < n; i++)
+    for (const { chart, of } of charts)
+      if (of) chart.add(now_s + rows[i * width], of.map((name) => rows[i * width + columns.indexOf(name)]));
+  for (const { chart, of } of charts) if (!of) chart.add(now_s, [rate_hz]);
+  return rows_n;
+}
+
 /** A function that has `draw` called with the screen's next picture, once however often it was asked. */
 export function scheduler(draw) {
   let due = false;

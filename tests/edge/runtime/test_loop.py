@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from edge.calibration import Calibration
-from edge.drift import DriftParams
+from edge.config import FeaturesTable, LimitsTable
 from edge.faults.registry import FaultRegistry
 from edge.link.sinks import MemorySink
 from edge.params import PARAMS
@@ -177,7 +177,7 @@ def test_skipped_frames_are_flagged_in_the_next_sample(finger: Finger) -> None:
 
 
 def test_overload(frames: list[Frame], calibration: Calibration) -> None:
-    finger = Finger(frames, calibration, load_pitches=0.05)
+    finger = Finger(frames, calibration, limits=LimitsTable(load_pitches=0.05))
     assert Status.OVERLOAD in finger.show(25).status
     assert finger.faults == {FaultCode.OVERLOAD}
     finger.show(7)
@@ -188,7 +188,8 @@ def test_samples_have_the_smoothed_values_and_the_flags_as_they_are(
     frames: list[Frame], calibration: Calibration
 ) -> None:
     """The result that recorder and page get is the one that is sent; a gap begins anew."""
-    plain, smooth = Finger(frames, calibration), Finger(frames, calibration, smooth_s=0.1)
+    smoothed = FeaturesTable(smooth_ms=100)
+    plain, smooth = Finger(frames, calibration), Finger(frames, calibration, features=smoothed)
     seen: list[tuple[Result, State]] = []
     smooth.loop.result_callbacks.append(lambda result, state: seen.append((result, state)))
     for number in (*range(8, len(frames)), 8, 8, 25, 25):
@@ -323,7 +324,7 @@ def test_a_failing_recorder_ends_only_the_recording(finger: Finger) -> None:
 
 
 def test_drift_is_learnt_at_rest(frames: list[Frame], calibration: Calibration) -> None:
-    finger = Finger(frames, calibration, drift=DriftParams(limit_px=0.3))
+    finger = Finger(frames, calibration)
     rest = frames[7].image
     way = np.array([[1.0, 0, 0.25], [0, 1.0, 0]])
     moved = np.asarray(cv2.warpAffine(rest, way, (320, 320), borderMode=cv2.BORDER_REPLICATE), np.uint8)
