@@ -24,6 +24,7 @@ from calib.fit import tip_of
 from calib.targets import Targets, join, read_targets, targets_of_capture
 from calib.unloaded import load_of, unloaded
 from edge.calibration import Calibration
+from edge.calibration.file import REST_SIGMA_PX
 from edge.errors import CalibrationError, NoPins
 from edge.geometry.parts import of_parts, parts_of
 from edge.rest.choice import aligned, choose_rest
@@ -59,10 +60,12 @@ class Dataset:
     """Everything to fit to, or to evaluate on.
 
     rest_message  how the rest frame was found from the frames; "": it was given
+    estimated     whether no frame shows it
     """
 
     parts: tuple[RestGroup, ...]
     rest_message: str = ""
+    estimated: bool = False
 
     @property
     def rest(self) -> Rest:
@@ -100,7 +103,7 @@ class Dataset:
 
     def _with(self, rests: Sequence[Rest]) -> Dataset:
         parts = [replace(p, rest=rest) for p, rest in zip(self.parts, rests, strict=True)]
-        return Dataset(tuple(parts), self.rest_message)
+        return replace(self, parts=tuple(parts))
 
     def extract(self, pool: Executor, on_done: Callable[[int], None] = lambda n: None) -> Extract:
         """The edge's results for them; see `calib.extract.extract`."""
@@ -183,9 +186,12 @@ def _without_rest(table: Path, targets: Targets, camera: _Camera) -> Dataset:
             message = f"of {counted(len(without_load), 'frame')} that the table says are without load"
         else:
             rest, message = _estimated(table, targets, camera)
+            sigma_px = np.full(len(rest), REST_SIGMA_PX)  # as the edge will read it from the file
+            rest = replace(rest, pins=replace(rest.pins, sigma_px=sigma_px))
     except NoPins as error:
         raise TableError(f"{table}: {error}; give --rest an image of the untouched tip") from None
-    return Dataset((RestGroup(rest, targets, lambda: camera.frames(targets, rest)),), message)
+    part = RestGroup(rest, targets, lambda: camera.frames(targets, rest))
+    return Dataset((part,), message, estimated=not without_load)
 
 
 def _estimated(table: Path, targets: Targets, camera: _Camera) -> tuple[Rest, str]:

@@ -171,6 +171,7 @@ def fit(
     extract: Extract,
     *,
     serial: str = "unnamed",
+    estimated: bool = False,
     mm_per_px: float | None,
     on_part: Callable[[float], None] = lambda groups: None,
     on_refused: Callable[[str], None] = lambda text: None,
@@ -180,6 +181,7 @@ def fit(
 ) -> tuple[Calibration, list[Choice]]:
     """Fit everything that the table has columns for.
 
+    estimated  whether no image showed the rest frame
     mm_per_px  scale on the tip; None: from contacts in known places, if there are any
     on_part    called with what was done since the last call, a part of a group of outputs; each that varies
                adds up to 1
@@ -192,7 +194,7 @@ def fit(
                depth or force does not grow with the press (`calib.press_axis`).
                CalibrationError: the rest frame is not a plausible tip
     """
-    sensor = sensor_of(rest, serial)
+    sensor = msgspec.structs.replace(sensor_of(rest, serial), estimated=estimated)
     _checked(sensor, mm_per_px, [], Data("", "", 0, ""))
     usable = _usable_frames(targets, extract, PARAMS.known_rows_min if search.known else PARAMS.rows_min)
     check_press(targets, extract)

@@ -31,6 +31,7 @@ OF_CELLS = frozenset(f for f in Feature if f.cells)
 #: Their models may depend on the pins' motion alone: areas only say when a contact begins and ends.
 OF_MODES = frozenset(f for f in Feature if not f.areas)
 ALL = frozenset(Feature)
+_NOTHING = FeaturePlan(frozenset())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,11 +85,14 @@ class _View:
         self._capture_ns: int | None = None  # of the last frame that gave features
         self._refiner = CentroidRefiner(rest)
         self._tracker = Tracker(rest, self._refiner.found, self._refiner.predicted)
-        self.tessellator = Tessellator(rest)
+        since = rest.since or rest
+        self._pattern, self.tessellator = since.pattern, Tessellator(since)
         still = Tracks.of(rest.xy_img, rest.pins.sigma_px, np.ones(len(rest), dtype=np.bool_))
         known = rest if calibration is None else calibration.rest
-        self.rest_area_px2 = self.tessellator.cells(still).rest_area_px2
-        self._extractor = FeatureExtractor(rest, self.rest_area_px2, known.pattern.on_surface)
+        cells = self.tessellator.cells(still)
+        self.rest_area_px2 = cells.rest_area_px2
+        self._extractor = FeatureExtractor(since, cells.rest_area_px2, known.pattern.on_surface)
+        self._touch = FeatureExtractor(rest, cells.area_px2) if rest.since else self._extractor
         self.demand: frozenset[Feature] = frozenset()
         self.plan = plan_of(self.demand, None)
 
@@ -105,7 +109,7 @@ class _View:
             t, extractor = tracks, self._extractor
             xy_img = extractor.less_offset(t.xy_img, t.sigma_px, drift.offset_of(self.rows))
             moved = Tracks(xy_img, t.sigma_px, t.seen, t.n_seen, t.confidence, t.autocorrelation)
-        touched = self._extractor.touched(moved, plan.areas, plan.watched) if plan.cells else None
+        touched = self._touch.touched(moved, plan.areas, plan.watched) if plan.cells else None
         if touched is not None:
             self.tessellator.keep(moved)
         try:
@@ -113,6 +117,8 @@ class _View:
             cells = self.tessellator.cells(moved, plan.watched) if wanted else None
         except DegenerateLayout:  # the pins that remain span no plane: treat them as lost
             return Result(frame, tracks, None, None, uncalibrated(), searched)
+        if touched is None and self._touch is not self._extractor:
+            touched = self._touch.extract(moved, cells, _NOTHING).in_contact
         features = self._extractor.extract(moved, cells, plan.features, touched, frame.capture_ns)
         if self._calibration is None:
             reading = uncalibrated(features)
@@ -121,7 +127,7 @@ class _View:
             interval_s = None  # which only a speed of slip needs
             if before_ns is not None and features.slip_px is not None:
                 interval_s = (frame.capture_ns - before_ns) * 1e-9
-            reading = self._calibration.apply(features, self._rest.pattern, interval_s, self.demand)
+            reading = self._calibration.apply(features, self._pattern, interval_s, self.demand)
         return Result(frame, tracks, cells, features, reading, searched)
 
     def _locate(self, image: Image) -> tuple[Tracks, bool]:

@@ -8,8 +8,6 @@ import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from edge.calibration import Calibration
 from edge.drift import PARAMS as DRIFT
 from edge.drift import Drift, DriftParams
@@ -233,12 +231,9 @@ class Measurement:
         self, frames: Sequence[Frame], calibration: Calibration | None, force: bool = False
     ) -> RestFrame:
         """The rest frame that these images give; it is not used yet. Raises TareRefused."""
-        source, live = self._source, self._source.live
-        params = self._config.tare.of(source)
-        if not live:  # only a live tip can be asked to keep still
-            params = replace(params, steady_px=np.inf)
+        params, force = self._config.tare.of(self._source), force or not self._source.live
         images = [frame.image for frame in frames]
-        return take_rest_frame(images, params, calibration, self._reference, force=force or not live)
+        return take_rest_frame(images, params, calibration, self._reference, force=force)
 
     def _fall_back(self, frames: Sequence[Frame], error: TareRefused) -> tuple[Calibration, RestFrame]:
         """A calibration of this tip, where the first choice was another's. Raises TareRefused: none is."""
