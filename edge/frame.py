@@ -87,12 +87,11 @@ class _View:
         self._tracker = Tracker(rest, self._refiner.found, self._refiner.predicted)
         since = rest.since or rest
         self._pattern, self.tessellator = since.pattern, Tessellator(since)
-        still = Tracks.of(rest.xy_img, rest.pins.sigma_px, np.ones(len(rest), dtype=np.bool_))
-        known = rest if calibration is None else calibration.rest
-        cells = self.tessellator.cells(still)
-        self.rest_area_px2 = cells.rest_area_px2
-        self._extractor = FeatureExtractor(since, cells.rest_area_px2, known.pattern.on_surface)
-        self._touch = FeatureExtractor(rest, cells.area_px2) if rest.since else self._extractor
+        known, area_px2 = rest if calibration is None else calibration.rest, self.tessellator.rest_area_px2
+        self._extractor = self._touch = FeatureExtractor(since, area_px2, known.pattern.on_surface)
+        if rest.since:
+            still = Tracks.of(rest.xy_img, rest.pins.sigma_px, np.ones(len(rest), dtype=np.bool_))
+            self._touch = FeatureExtractor(rest, self.tessellator.cells(still).area_px2)
         self.demand: frozenset[Feature] = frozenset()
         self.plan = plan_of(self.demand, None)
 
@@ -179,7 +178,8 @@ class Pipeline:
         parts = parts_of(rest)
         known = [None] * len(parts) if calibration is None else calibration.views
         self._views = [_View(own, rows, one) for (rows, own), one in zip(parts, known, strict=True)]
-        self._joined = None if len(parts) == 1 else JoinedViews(rest, [v.rest_area_px2 for v in self._views])
+        areas_px2 = [view.tessellator.rest_area_px2 for view in self._views]
+        self._joined = None if len(parts) == 1 else JoinedViews(rest, areas_px2)
         self.demand = demand
 
     @property

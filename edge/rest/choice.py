@@ -22,7 +22,7 @@ from edge.params import PARAMS as RUNTIME
 from edge.pins import detect
 from edge.rest.tare import PARAMS as TARE
 from edge.rest.tare import TareParams, TareRefused, take_rest_frame
-from edge.rest.tip_match import SHARED_MIN, match_rest, moved_onto, near_rest
+from edge.rest.tip_match import SHARED_MIN, match_tip, moved_onto, near_rest
 from edge.tracking import Tracker
 from edge.types import Array, Frame, FrameSource, Image, Mask, Pins, Rest, Tracks
 from hostlink.wire import RestFrameReason
@@ -157,10 +157,10 @@ def _cells_of_part(images: Sequence[Image], rest: Rest) -> tuple[Array, Array, A
 
 def aligned(calibration: Calibration, rest: Rest) -> Rest:
     """A calibration's rest pins, in its order, where this camera would see them. Raises CalibrationError."""
-    matched, tracks = match_rest(calibration.rest, rest)
-    xy = moved_onto(calibration.rest, tracks)
+    matched, tracks = match_tip(calibration, rest)
+    xy = matched.since.xy_img if matched.since else moved_onto(calibration.rest, tracks)
     pins = replace(matched.pins, xy_img=xy, sigma_px=calibration.rest.pins.sigma_px)
-    return replace(matched, pins=pins)
+    return replace(matched, pins=pins, since=None)
 
 
 @dataclass(frozen=True, slots=True)

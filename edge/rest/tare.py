@@ -51,9 +51,8 @@ class TareParams:
 
     def of(self, source: FrameSource) -> Self:
         """The same for the images of a source; only a live tip can be asked to keep still."""
-        steady_px = self.steady_px if source.live else math.inf
-        p, lens, region = source.polarity, source.lens, source.region
-        return replace(self, steady_px=steady_px, polarity=p, lens=lens, region=region)
+        found = replace(self, polarity=source.polarity, lens=source.lens, region=source.region)
+        return found if source.live else replace(found, steady_px=math.inf)
 
     def take(self, images: Sequence[Image]) -> Rest:
         """A rest frame, unchecked. Raises NoPins."""

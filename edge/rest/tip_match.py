@@ -15,18 +15,15 @@ from edge.geometry.parts import one_part, own_pins, parts_of, pins_joined, track
 from edge.params import PARAMS as RUNTIME
 from edge.pins import CentroidRefiner
 from edge.tracking import Tracker
-from edge.types import Array, Complex, Image, Lens, Pins, Rest, Tracks
+from edge.types import Array, Image, Lens, Pins, Rest, Tracks
 
 #: Share of the pins of each of two rest frames of the same tip that the other has too.
 SHARED_MIN = RUNTIME.most_rel
 
 
 def in_order_of(calibration: Calibration, rest: Rest) -> Rest:
-    """The rest frame in the order of a calibration's pins. Raises CalibrationError: another tip, a touch."""
-    matched, tracks = match_tip(calibration, rest)
-    if matched.since is None:
-        _check_deformation(calibration.rest, tracks)
-    return matched
+    """The rest frame in the order of a calibration's pins. Raises CalibrationError: another tip."""
+    return match_tip(calibration, rest)[0]
 
 
 def match_tip(calibration: Calibration, rest: Rest) -> tuple[Rest, Tracks]:
@@ -140,21 +137,4 @@ def _check_shift(made_with: Rest, tracks: Tracks) -> None:
         raise CalibrationError(
             f"the pins are {shift:.1f} px from where the calibration has them (limit {shift_max:.1f}): "
             "the camera was moved, something touches the tip, or it is another tip"
-        )
-
-
-def _check_deformation(made_with: Rest, tracks: Tracks) -> None:
-    """Raises CalibrationError: no common shift, rotation and zoom explains the pins' places."""
-    residuals: list[Complex] = []
-    for rows, _ in parts_of(made_with):
-        seen = rows[tracks.seen[rows]]
-        z, w = made_with.xy_img[seen] @ (1, 1j), tracks.xy_img[seen] @ (1, 1j)
-        design = np.column_stack([z, np.ones_like(z)])
-        residuals.append(w - design @ np.linalg.lstsq(design, w, rcond=None)[0])
-    deformation = float(np.quantile(np.abs(np.concatenate(residuals)), 0.95))
-    deformation_max = RUNTIME.still_pitches * made_with.pattern.pitch_px
-    if deformation > deformation_max:
-        raise CalibrationError(
-            f"the pattern of pins is deformed by {deformation:.1f} px against the calibration's (limit "
-            f"{deformation_max:.1f}): something touches the tip, or it is another tip"
         )
