@@ -1,5 +1,6 @@
 """The untouched tip, estimated from frames that are all pressed."""
 
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -7,16 +8,19 @@ import pytest
 
 from calib.dataset import open_dataset
 from calib.errors import TableError
+from calib.fit import ModelKind, Search, fit
 from calib.sim.camera import Camera
 from calib.sim.mechanics import ToolPose
 from calib.sim.simulator import Simulator
 from calib.sim.tip import Tip
 from calib.targets import read_targets
 from calib.unloaded import load_of, unloaded
+from edge.frame import Pipeline
 from edge.pins import take_rest
+from edge.rest.tare import take_rest_frame
 from edge.sources.files import read_image
 from edge.tracking import Tracker
-from edge.types import Array, Image, Rest
+from edge.types import Array, Frame, Image, Rest
 from tests.support.captures import write_table
 
 N = 40
@@ -71,10 +75,27 @@ def test_without_a_load_far_from_it_or_with_few_frames_there_is_none(pressed: li
     assert unloaded(chosen, pressed[:4], {name: column[:4] for name, column in TRUTH.items()}) is None
 
 
-def test_a_table_of_pressed_frames_gets_the_estimate(pressed: list[Image], tmp_path: Path) -> None:
-    path = write_table(tmp_path, pressed, {"pose_z": TRUTH["displacement_mm"]})
-    data = open_dataset([path], tmp_path, None)
+def test_a_fit_to_pressed_frames_alone_is_right_on_the_untouched_tip(
+    pressed: list[Image], tmp_path: Path
+) -> None:
+    depth, untouched = TRUTH["displacement_mm"], tip().frame().image
+    data = open_dataset([write_table(tmp_path, pressed, {"pose_z": depth})], tmp_path, None)
     assert "in 40 frames extrapolated to no load" in data.rest_message
+    with ThreadPoolExecutor(1) as pool:
+        frames, search = data.extract(pool), Search(kinds=frozenset({ModelKind.POLYNOMIAL}))
+    fitted = fit(data.rest, data.targets, frames, estimated=data.estimated, mm_per_px=None, search=search)[0]
+    pipeline = Pipeline(take_rest_frame([untouched] * 8, calibration=fitted).rest, fitted)
+    read = [measured(pipeline, image) for image in pressed]
+    assert (
+        np.mean([abs(value - true) < sigma for (value, sigma), true in zip(read, depth, strict=True)]) > 0.6
+    )
+    assert measured(pipeline, untouched)[0] == 0.0
+
+
+def measured(pipeline: Pipeline, image: Image) -> tuple[float, float]:
+    pipeline.forget()
+    reading = pipeline.process(Frame(image, 0, 0)).reading
+    return reading.values["displacement_mm"], reading.sigmas["displacement_mm"]
 
 
 def test_frames_the_table_calls_untouched_are_the_rest_frame(pressed: list[Image], tmp_path: Path) -> None:
