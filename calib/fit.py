@@ -219,13 +219,11 @@ def fit(
             f"{len(targets)} frames; nothing could be fitted"
         )
         raise FitError(refused[0] if refused else nothing)
-    order = [group.outputs for group in GROUPS]
-    choices.sort(key=lambda choice: order.index(choice.outputs))
+    choices.sort(key=lambda choice: [group.outputs for group in GROUPS].index(choice.outputs))
     scale = mm_per_px or _scale(targets, extract, rest)
     of_place = any(is_of_place(c.model) for c in choices)
     without = [c.without_contact for c in choices if c.without_contact] if of_place else None
-    models = [choice.model for choice in choices]
-    return _checked(sensor, scale, models, _data(targets, usable), without), choices
+    return _checked(sensor, scale, [c.model for c in choices], _data(targets, usable), without), choices
 
 
 def _data(targets: Targets, usable: Mask) -> Data:
