@@ -1,7 +1,5 @@
 """`python -m calib`: the calibration's program. Its commands: `calib.commands.cli`."""
 
-from __future__ import annotations
-
 from typing import NoReturn
 
 from hostlink.interrupt import exit_on_interrupt

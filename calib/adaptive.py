@@ -10,8 +10,6 @@ Rules
 - Where nothing can be fitted yet, the poses stay evenly spread.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import astuple, dataclass
@@ -24,23 +22,16 @@ from calib.errors import FitError
 from calib.extract import DEMAND, Measured, gather, measure
 from calib.fit import fit_processes
 from calib.next_poses import choose, covariances, expected_error, predict_inputs
-from calib.protocols import SURFACE_HIGH, SURFACE_LOW, Step, digest_of, rest_steps, sheared
-from calib.ridge import folds_of
+from calib.protocols import FLAT, SURFACE_HIGH, SURFACE_LOW, Step, digest_of, rest_steps, sheared
 from calib.rig.base import CLEAR, Pose
-from calib.sim.mechanics import Tool
 from calib.targets import targets_of_capture
-from edge.calibration.inputs import FRAME_INPUTS
 from edge.frame import Pipeline
 from edge.pins import take_rest
 from edge.types import Complex, Frame, Image
 
-__all__ = ["PARAMS", "AdaptiveParams", "AdaptivePlan", "expected_inputs", "letters_of"]
-
-#: Coordinates of a pose, with their spins.
-LETTERS = (("place", 1), ("depth", 0), ("tilt", 1), ("shear", 1), ("twist", 0))
 STEPS_A_POSE = len(sheared(*SURFACE_LOW))
 #: Before each fit, which takes seconds to minutes: the skin creeps under load.
-LIFT = Step(CLEAR, Tool("flat"), 0)
+LIFT = Step(CLEAR, FLAT, 0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +65,7 @@ class AdaptivePlan:
         pool: Executor | None = None,
         on_fitted: Callable[[int, dict[str, float]], None] = lambda n, errors: None,
     ) -> None:
-        self.steps: list[Step] = rest_steps(Tool("flat"))
+        self.steps: list[Step] = rest_steps(FLAT)
         self.n_frames = self.steps[0].frames + poses
         self._poses_max, self._goals, self._pool, self._on_fitted = poses, dict(goals or {}), pool, on_fitted
         self._rests: list[Image] = []
@@ -150,16 +141,16 @@ class AdaptivePlan:
         candidates = self._left(rows)
         known = letters_of([pose_of(dict(rows[i])) for i in usable], mirrored=found.mirrored)
         wanted = letters_of([steps[-1].pose for steps in candidates], mirrored=found.mirrored)
-        inputs = expected_inputs(known, extract.inputs[usable], wanted)
+        inputs = predict_inputs(known, extract.inputs[usable], wanted)
         errors = {
-            name: expected_error(process, FRAME_INPUTS, inputs)
+            name: expected_error(process, inputs)
             for group, process in zip(found.groups, found.fitted, strict=True)
             for name in group.outputs
         }
         self._on_fitted(before, errors)
         if check and self._goals and all(errors.get(k, np.inf) <= v for k, v in self._goals.items()):
             return []
-        chosen = choose(covariances(found.fitted, FRAME_INPUTS, inputs), count)
+        chosen = choose(covariances(found.fitted, inputs), count)
         return [candidates[i] for i in chosen]
 
     def _left(self, rows: Sequence[Mapping[str, str]]) -> list[list[Step]]:
@@ -169,16 +160,10 @@ class AdaptivePlan:
 
 
 def letters_of(poses: Sequence[Pose], *, mirrored: bool) -> Complex:
-    """(n, letters) complex128, in the image's handedness."""
+    """(n, LETTERS) complex128, in the image's handedness."""
     rows = np.array([astuple(pose) for pose in poses])
     x, y, depth, tilt_x, tilt_y, shear_x, shear_y, twist = rows.T
     letters: Complex = np.column_stack(
         [x + 1j * y, depth + 0j, tilt_x + 1j * tilt_y, shear_x + 1j * shear_y, twist + 0j]
     )
     return letters.conj() if mirrored else letters
-
-
-def expected_inputs(known: Complex, inputs: Complex, wanted: Complex) -> Complex:
-    """Inputs at poses, from those of measured ones; poses are `letters_of`."""
-    fold = folds_of(np.hstack([known.real, known.imag]))
-    return predict_inputs(LETTERS, known, inputs, FRAME_INPUTS, fold, wanted)

@@ -8,18 +8,14 @@ taken. All vectors of one rig are mirrored or none is; if they disagree, a colum
 reported.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from calib.terms import evaluate_terms, term_columns
+from calib.terms import frame_terms
 from edge.types import Complex
-
-__all__ = ["Axes", "Handedness", "recognise_axes", "recognise_handedness"]
 
 #: Inputs that shear, tilt and place follow most closely.
 TERMS: tuple[list[str], ...] = (["c00"], ["p"], ["c11"], ["c21"], ["volume", "p"], ["volume", "c00"], [])
@@ -69,17 +65,16 @@ class Axes:
 def recognise_handedness(
     outputs: tuple[str, ...],
     inputs: Complex,
-    names: Sequence[str],
     y: Complex,
     expected: Complex | None = None,
 ) -> Handedness:
     """Which of y and its mirror image the inputs explain better.
 
-    inputs    (n, k) complex128, finite, columns `names`
+    inputs    (n, k) complex128, finite, columns `FRAME_INPUTS`
     y         (n,) complex128, the truth x + i y in the rig's axes
     expected  (n,) complex128, not mirrored, by another tip's model: it explains alone; None: there is none
     """
-    psi = evaluate_terms(inputs, term_columns(TERMS, names))
+    psi = frame_terms(inputs, TERMS)
     size = np.sqrt((np.abs(psi) ** 2).mean(axis=0))
     psi = psi[:, size > 0] / size[size > 0]
     by = psi if expected is None else expected[:, None] / np.sqrt((np.abs(expected) ** 2).mean())
@@ -110,7 +105,7 @@ def recognise_axes(vectors: Sequence[Handedness]) -> Axes:
     warnings = []
     if len(sides) == 2:
         parts = [
-            f"{_joined_names(v.outputs)} {'is' if v.mirrored else 'is not'} mirrored against the image"
+            f"{' and '.join(v.outputs)} {'is' if v.mirrored else 'is not'} mirrored against the image"
             for v in known
         ]
         warnings.append(
@@ -119,15 +114,11 @@ def recognise_axes(vectors: Sequence[Handedness]) -> Axes:
     for v in vectors:
         if not v.known and not known:
             warnings.append(
-                f"{_joined_names(v.outputs)}: the frames do not show whether the rig's axes are mirrored "
+                f"{' and '.join(v.outputs)}: the frames do not show whether the rig's axes are mirrored "
                 "against the image; taken as not mirrored (move in more than one direction)"
             )
     lines = tuple(_relation(v, mirrored[v.outputs]) for v in known)
     return Axes(mirrored, lines, tuple(warnings))
-
-
-def _joined_names(outputs: tuple[str, ...]) -> str:
-    return " and ".join(outputs)
 
 
 def _relation(v: Handedness, mirrored: bool) -> str:

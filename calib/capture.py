@@ -13,8 +13,6 @@ Rules
   shear_Rz deg.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import os
@@ -74,16 +72,16 @@ def _part(path: Path, number: int) -> Path:
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """How far a capture is: complete steps and frames, and the next frame's number."""
+    """How far a capture is: complete steps and their frames."""
 
     steps: int
     frames: int
-    next_sequence: int
 
 
 def progress_of(path: Path, plan: AnyPlan) -> Progress:
     """The recording on disk. Raises CaptureError: the recording belongs to another protocol."""
-    in_parts: list[list[dict[str, Any]]] = []
+    truths: list[dict[str, Any]] = []
+    counts: list[Counter[int]] = []  # frames of each step, in each part
     for part in parts(path):
         noted = read_metadata(part).get("capture", {})
         if noted.get("digest") != plan.digest:
@@ -91,22 +89,17 @@ def progress_of(path: Path, plan: AnyPlan) -> Progress:
             raise CaptureError(
                 f"{part}: holds protocol {was!r}, not this {plan.name!r}; give another name for the recording"
             )
-        in_parts.append([truth for _, truth in _truths(part)])
-    plan.recall({truth["step"]: Pose(**truth["pose"]) for truths in in_parts for truth in truths})
-    counts = [0] * len(plan.steps)
-    for truths in in_parts:
-        in_part = [0] * len(plan.steps)
-        for truth in truths:
-            in_part[truth["step"]] += 1
-        counts = [max(a, b) for a, b in zip(counts, in_part, strict=True)]
+        of_part = [truth for _, truth in _truths(part)]
+        truths += of_part
+        counts.append(Counter(truth["step"] for truth in of_part))
+    plan.recall({truth["step"]: Pose(**truth["pose"]) for truth in truths})
     done = 0
-    while done < len(plan.steps) and counts[done] >= plan.steps[done].frames:
+    while done < len(plan.steps) and max((n[done] for n in counts), default=0) >= plan.steps[done].frames:
         done += 1
     # Steps without frames just before the interruption are repeated: the rig may be anywhere.
     while 0 < done < len(plan.steps) and plan.steps[done - 1].frames == 0:
         done -= 1
-    frames = sum(step.frames for step in plan.steps[:done])
-    return Progress(done, frames, frames)
+    return Progress(done, sum(step.frames for step in plan.steps[:done]))
 
 
 def capture(
@@ -115,7 +108,7 @@ def capture(
     path: Path,
     *,
     resume: bool = False,
-    on_frame: Callable[[Step, int], None] | None = None,
+    on_frame: Callable[[Step, int], None] = lambda step, done: None,
 ) -> int:
     """Run a protocol, or what is left of it.
 
@@ -131,11 +124,11 @@ def capture(
     if resume and not existing:
         raise CaptureError(f"{path}: there is no recording to continue; leave --resume out to begin one")
     done = progress_of(path, plan)
-    plan.review(_recorded(path, plan))
+    plan.review(_paired(path, [_cells(row) for row in _complete_rows(path, plan)]))
     if done.steps == len(plan.steps) and not plan.grow():
         write_table(path, plan)
         return 0
-    rig = rig_at(done.next_sequence)
+    rig = rig_at(done.frames)
     taken = 0
     try:
         about = {"protocol": plan.name, "digest": plan.digest, "rig": rig.name}
@@ -158,8 +151,7 @@ def capture(
                         )
                     plan.take(frame, _cells(_row(recorder.path.name, frame.sequence, frame.truth or {})))
                     taken += 1
-                    if on_frame is not None:
-                        on_frame(step, done.frames + taken)
+                    on_frame(step, done.frames + taken)
                 number += 1
     finally:
         rig.close()
@@ -223,11 +215,6 @@ def _complete_rows(path: Path, plan: AnyPlan) -> list[dict[str, Any]]:
             in_part.setdefault(truth["step"], []).append(_row(part.name, sequence, truth))
         rows |= {k: v for k, v in in_part.items() if len(v) >= plan.steps[k].frames}
     return [row for step in sorted(rows) for row in rows[step]]
-
-
-def _recorded(path: Path, plan: AnyPlan) -> Iterator[tuple[Frame, dict[str, str]]]:
-    """The frames of complete steps, with their rows."""
-    yield from _paired(path, [_cells(row) for row in _complete_rows(path, plan)])
 
 
 def _cells(row: dict[str, Any]) -> dict[str, str]:
@@ -308,6 +295,7 @@ def read_capture(path: Path) -> Iterator[tuple[Frame, dict[str, str]]]:
 
 
 def _paired(path: Path, rows: Sequence[dict[str, str]]) -> Iterator[tuple[Frame, dict[str, str]]]:
+    """The frames of these rows, with them."""
     by_part: dict[str, dict[int, dict[str, str]]] = {}
     for row in rows:
         by_part.setdefault(row["recording"], {})[int(row["sequence"])] = row

@@ -33,12 +33,10 @@ from scipy.optimize import minimize
 from calib.designs import GROUPS
 from calib.process_likelihood import Repeats, Symmetry
 from calib.process_noise import NoiseModel
-from calib.terms import evaluate_terms, term_columns
+from calib.terms import frame_terms
 from edge.calibration.file import CalibrationFile, Lost, Polynomial, Process
 from edge.calibration.inputs import MODES
 from edge.types import Array, Complex
-
-__all__ = ["CarryParams", "KnownModel", "changed", "known_models"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,17 +77,17 @@ class KnownModel:
     lost: Lost | None
     valid: list[tuple[float, float]]
 
-    def values(self, inputs: Complex, names: Sequence[str]) -> Complex:
+    def values(self, inputs: Complex) -> Complex:
         """(n,) complex128; of one output its real part counts."""
-        result: Complex = evaluate_terms(inputs, term_columns(self.terms, names)) @ self.weights
+        result: Complex = frame_terms(inputs, self.terms) @ self.weights
         return result
 
-    def in_the_image(self, inputs: Complex, names: Sequence[str]) -> KnownModel:
+    def in_the_image(self, inputs: Complex) -> KnownModel:
         """The same, turning with the image: mirrored if the first rig's axes were, as spins of terms show.
 
-        inputs  (n, k) complex128, columns `names`: what the size of the terms is taken from
+        inputs  (n, k) complex128, columns `FRAME_INPUTS`: what the size of the terms is taken from
         """
-        size = np.abs(evaluate_terms(inputs, term_columns(self.terms, names))) ** 2
+        size = np.abs(frame_terms(inputs, self.terms)) ** 2
         power = size.mean(axis=0) * np.abs(self.weights) ** 2
         spins = np.array([_spin_of(term) for term in self.terms])
         if power[spins == 1].sum() >= power[spins == -1].sum():
@@ -169,7 +167,6 @@ def _spin_of(term: Sequence[str]) -> int:
 def changed(
     known: KnownModel,
     inputs: Complex,
-    names: Sequence[str],
     target: Any,
     symmetry: Symmetry,
     repeats: Repeats,
@@ -177,7 +174,7 @@ def changed(
     """The likeliest prior of another tip's weights, in the unit of the target.
 
     known    in that unit, `scaled`, and `in_the_image`
-    inputs   (n, k) complex128, columns `names`
+    inputs   (n, k) complex128, columns `FRAME_INPUTS`
     target   (n,) complex128, of one output real
     repeats  how frames of one pose share their noise
     Returns  mean (terms,) of the weights; root (terms, features) of their covariance, of one output with
@@ -185,7 +182,7 @@ def changed(
     """
     turning = symmetry is Symmetry.TURNING
     rows = slice(0, PARAMS.rows)
-    psi = evaluate_terms(inputs[rows], term_columns(known.terms, names))
+    psi = frame_terms(inputs[rows], known.terms)
     target = target[rows] if turning else target[rows].real
     mean = known.weights
     if symmetry is not Symmetry.EVEN:

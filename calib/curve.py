@@ -1,38 +1,28 @@
 """The paper's displacement curve: depth, monotone in the volume of deformation."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.optimize import isotonic_regression
 
 from calib.errors import FitError
 from calib.fit_params import PARAMS
-from calib.ridge import Candidate, folds_of, rounded
+from calib.ridge import Candidate, as_candidate, folds_of, rounded
 from edge.calibration.file import Curve
 from edge.types import Array, Complex, Index
-
-__all__ = ["CURVE", "cross_validated_curve", "fit_curve", "paper_curve"]
 
 CURVE = "curve of the volume"
 #: Knots of the volume that are closer, as a share of the tip's area, are not distinguishable.
 KNOT_STEP_MIN = 1e-5
 
 
-def paper_curve(volume: Array, depth: Array) -> Curve:
-    """The paper's displacement curve of these frames; both (n,)."""
-    return _fitted(volume, depth)[0]
+def paper_curve(volume: Array, depth: Array) -> tuple[Curve, Array]:
+    """The paper's curve of these frames, and the prediction of each row without its depth; all (n,).
 
-
-def cross_validated_curve(volume: Array, depth: Array) -> Array:
-    """Prediction of each row by the paper's curve, fitted without its depth; both (n,)."""
-    return _fitted(volume, depth)[2].real
-
-
-def _fitted(volume: Array, depth: Array) -> tuple[Curve, Candidate, Complex]:
+    Raises  FitError: the volume does not vary
+    """
     found = fit_curve(volume, depth, folds_of(depth[:, None]))
     if found is None:
         raise FitError("the volume of deformation is the same in all frames: no curve can be fitted")
-    return found
+    return found[0], found[2].real
 
 
 def fit_curve(volume: Array, depth: Array, fold: Index) -> tuple[Curve, Candidate, Complex] | None:
@@ -51,13 +41,11 @@ def fit_curve(volume: Array, depth: Array, fold: Index) -> tuple[Curve, Candidat
     x, y = _knots(volume, depth)
     if len(x) < 2:
         return None
-    squares = (predicted - depth) ** 2
-    rms = float(np.sqrt(squares.mean()))
-    error = float(squares.std() / np.sqrt(len(depth)) / (2 * rms)) if rms else 0.0
+    candidate = as_candidate(CURVE, len(x), (predicted - depth) ** 2, np.ones(len(depth)), noise=0.0)
     sigma = max(1e-6, rounded(float(np.quantile(np.abs(predicted - depth), 0.6827))))
     knots = [(rounded(float(a)), rounded(float(b))) for a, b in zip(x, y, strict=True)]
     curve = Curve(output="displacement_mm", input="volume", knots=knots, sigma=sigma)
-    return curve, Candidate(CURVE, len(x), rms, error, 0.0), predicted.astype(np.complex128)
+    return curve, candidate, predicted.astype(np.complex128)
 
 
 def _knots(volume: Array, depth: Array) -> tuple[Array, Array]:

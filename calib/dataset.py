@@ -19,14 +19,14 @@ import numpy as np
 
 from calib.capture import read_capture, read_rows
 from calib.errors import CaptureError, TableError
-from calib.extract import Extract, extract, join_extracts, read_like
+from calib.extract import Extract, extract, read_like
 from calib.fit import tip_of
 from calib.targets import Targets, join, read_targets, targets_of_capture
 from calib.unloaded import load_of, unloaded
 from edge.calibration import Calibration
 from edge.calibration.file import REST_SIGMA_PX
 from edge.errors import CalibrationError, NoPins
-from edge.geometry.parts import of_parts, parts_of
+from edge.geometry.parts import of_parts, parts_of, stack
 from edge.params import PARAMS as RUNTIME
 from edge.rest.choice import aligned, choose_rest
 from edge.rest.tare import TareParams
@@ -35,8 +35,6 @@ from edge.sources.files import read_image
 from edge.sources.region import region_named
 from edge.types import Complex, Frame, Image, Lens, Region, Rest, Tracks
 from hostlink.cli_types import counted
-
-__all__ = ["Dataset", "RestGroup", "open_dataset"]
 
 RECORDING = ".mcap"
 RESTS_MAX = 10  # images of the untouched tip that are averaged
@@ -108,7 +106,7 @@ class Dataset:
 
     def extract(self, pool: Executor, on_done: Callable[[int], None] = lambda n: None) -> Extract:
         """The edge's results for them; see `calib.extract.extract`."""
-        return join_extracts([extract(p.rest, p.frames(), pool, on_done) for p in self.parts])
+        return stack([extract(p.rest, p.frames(), pool, on_done) for p in self.parts])
 
 
 def open_dataset(

@@ -4,8 +4,6 @@ Each recording goes through the running loop onto a virtual CAN FD bus and onto 
 pseudo-terminals), is decoded on the host, and is compared with the simulator's truth.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import pty
@@ -16,6 +14,7 @@ import tty
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -40,8 +39,6 @@ from edge.sources import open_source
 from edge.types import Feature, Result
 from hostlink.output_file import OutputError, check_output, writing
 from hostlink.wire import State, pack_state, unpack_state
-
-__all__ = ["RECORDINGS", "Received", "demo", "play"]
 
 #: Recording, and the calibration of the tip and tool that it was made with.
 RECORDINGS: dict[str, str] = {
@@ -123,7 +120,7 @@ def play(recording: Path, calibration: Calibration) -> Received:
         received: dict[str, dict[int, State]] = {name: {} for name in addresses}
         for name, address in addresses.items():
             connection = stack.enter_context(hostlink.connect(address))
-            connection.on_sample(_collect(received[name]))
+            connection.on_sample(partial(_collect, received[name]))
         source = open_source(str(recording))
         stack.callback(source.close)
         loop = Loop(source, [], calibration, LoopConfig(demand=frozenset(Feature)))
@@ -160,23 +157,15 @@ def play(recording: Path, calibration: Calibration) -> Received:
         )
 
 
-def _collect(into: dict[int, State]) -> Callable[[hostlink.Sample], None]:
-    def take(sample: hostlink.Sample) -> None:
-        into[sample.state.sample] = sample.state
-
-    return take
+def _collect(into: dict[int, State], sample: hostlink.Sample) -> None:
+    into[sample.state.sample] = sample.state
 
 
-def _await(done: Callable[[], bool], timeout_s: float = 5.0) -> None:
+def _await(done: Callable[[], bool]) -> None:
     """Wait for bytes that are on their way through the kernel."""
-    tick, deadline = threading.Event(), time.monotonic() + timeout_s
+    tick, deadline = threading.Event(), time.monotonic() + 5.0
     while not done() and time.monotonic() < deadline:
         tick.wait(0.01)
-
-
-def on_wire(state: State) -> State:
-    """A state after its way over the wire: rounded to the fields' resolution."""
-    return unpack_state(pack_state(state, 0))
 
 
 def _same(a: State, b: State) -> bool:
@@ -192,24 +181,22 @@ def errors(received: Received) -> dict[str, float]:
         if not truth:
             continue
         places = np.array(truth["places_mm"]).reshape(-1, 2)
-        settled = bool(truth["contacts"]) and min(c["depth_mm"] for c in truth["contacts"]) >= 0.8
         if not truth["contacts"]:
             wrong_n += state.contact_n != 0
             continue
-        if not settled:
+        if min(c["depth_mm"] for c in truth["contacts"]) < 0.8:
             continue
         wrong_n += state.contact_n != len(places)
         found = np.array([[c.x_mm, c.y_mm] for c in state.contacts]).reshape(-1, 2)
         if len(found):
             gap = np.hypot(*(places[:, None] - found[None]).transpose(2, 0, 1))
             place.extend(gap.min(axis=1))
-        if len(places) == 1:
-            depth.append(abs(state.displacement_mm - truth["depth_mm"]))
         true = complex(*truth["shear_mm"])
         read = complex(state.shear_x_mm, state.shear_y_mm)
         if abs(true) > 0.3:
             direction.append(abs(math.degrees(np.angle(read * true.conjugate()))))
         if len(places) == 1:
+            depth.append(abs(state.displacement_mm - truth["depth_mm"]))
             shear.append(abs(read - true))
 
     def mean(values: list[float]) -> float:
@@ -276,8 +263,10 @@ def _row(data: Path, out: Path, name: str) -> list[str]:
     received = play(data / f"{name}.mcap", Calibration.load(data / RECORDINGS[name]))
     found = errors(received)
     last = received.can[max(received.can)]
+    # What is sent is rounded to the fields' resolution.
     same = received.can.keys() == received.serial.keys() and all(
-        _same(received.can[k], received.serial[k]) and _same(received.can[k], on_wire(state))
+        _same(received.can[k], received.serial[k])
+        and _same(received.can[k], unpack_state(pack_state(state, 0)))
         for k, state in received.sent.items()
     )
     _pictures(received, out)
@@ -287,12 +276,11 @@ def _row(data: Path, out: Path, name: str) -> list[str]:
         str(received.last.tracks.n_seen),
         "yes" if same else f"{len(received.sent)}/{len(received.can)}/{len(received.serial)}",
         f"{last.contact_n}" + (f" ({found['wrong_n']:.0f} wrong)" if found["wrong_n"] else ""),
-        *(_cell(found[key]) for key in ("place_mm", "depth_mm", "shear_mm", "direction_deg")),
+        *(
+            f"{found[key]:.2f}" if math.isfinite(found[key]) else "-"
+            for key in ("place_mm", "depth_mm", "shear_mm", "direction_deg")
+        ),
     ]
-
-
-def _cell(value: float) -> str:
-    return f"{value:.2f}" if math.isfinite(value) else "-"
 
 
 def _pictures(received: Received, out: Path) -> None:

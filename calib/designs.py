@@ -6,8 +6,6 @@ instead of 210 for a quadratic shear.
 That is why fifty frames make a usable calibration, and why a sweep along one axis calibrates the others.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -19,18 +17,6 @@ from calib.process_likelihood import Symmetry
 from calib.targets import Targets
 from edge.calibration.inputs import MODES
 from edge.types import Array, Mask
-
-__all__ = [
-    "GROUPS",
-    "MEAN_MOTION",
-    "Group",
-    "Letters",
-    "designs",
-    "is_round",
-    "letters",
-    "terms_of_spin",
-    "went_all_round",
-]
 
 Letters = Sequence[tuple[str, int]]
 

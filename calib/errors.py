@@ -8,8 +8,6 @@ edge.errors.InputError       the user's mistake: one line, exit code 2
 └── FitError                     too few rows, no spread, not monotone
 """
 
-from __future__ import annotations
-
 from edge.errors import InputError
 
 

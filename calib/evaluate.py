@@ -1,7 +1,5 @@
 """Errors of a calibration on frames with known truth; frames without values are counted."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -12,8 +10,6 @@ from edge.calibration import Calibration
 from edge.calibration.file import UNTOUCHED
 from edge.calibration.inputs import FRAME_INPUTS
 from edge.types import Array, Complex, Mask
-
-__all__ = ["counts_line", "error_rows", "evaluate", "predict", "pressed"]
 
 _SIZE = FRAME_INPUTS.index("size")
 #: The direction of a smaller shear is meaningless; the published network is evaluated on the same frames.
@@ -97,6 +93,7 @@ def _errors(
     def mae(name: str) -> float | None:
         return _mean(np.abs(error[name])) if name in error else None
 
+    read, true = _vectors(values, targets, rows, "contact_x_mm", "contact_y_mm")
     inside = {name: np.abs(e) <= sigmas[name][rows[name]] for name, e in error.items()}
     return {
         "displacement_mae_mm": mae("displacement_mm"),
@@ -108,7 +105,7 @@ def _errors(
         "force_xy_mae_n": [mae("force_x_n"), mae("force_y_n")],
         "torque_mae_nmm": mae("torque_z_nmm"),
         "contact_area_mae_mm2": mae("contact_area_mm2"),
-        "contact_place_mean_mm": _place_error(values, targets, rows),
+        "contact_place_mean_mm": _mean(np.abs(read - true)),
         "contact_depth_mae_mm": mae("contact_depth_mm"),
         "sigma_coverage_68": _mean(np.concatenate([np.empty(0), *inside.values()])),
         "sigma_coverage_68_each": {name: _mean(part) for name, part in inside.items() if len(part)},
@@ -124,11 +121,6 @@ def _vectors(
     both = rows[x] & rows[y]
     read, true = values[x] + 1j * values[y], targets.values[x] + 1j * targets.values[y]
     return read[both], true[both]
-
-
-def _place_error(values: dict[str, Array], targets: Targets, rows: dict[str, Mask]) -> float | None:
-    read, true = _vectors(values, targets, rows, "contact_x_mm", "contact_y_mm")
-    return _mean(np.abs(read - true))
 
 
 def _shear_errors(

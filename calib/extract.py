@@ -31,6 +31,7 @@ from edge.calibration.evaluation import InputRow
 from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS
 from edge.errors import EdgeError
 from edge.frame import Pipeline
+from edge.geometry.parts import rows_of
 from edge.runtime.process import give_back_memory
 from edge.sources.files import read_image
 from edge.types import (
@@ -49,20 +50,6 @@ from edge.types import (
     Tracks,
 )
 from hostlink.interrupt import ENDING
-
-__all__ = [
-    "DEMAND",
-    "Extract",
-    "Measured",
-    "contact_inputs",
-    "executor",
-    "extract",
-    "frame_inputs",
-    "gather",
-    "join_extracts",
-    "measure",
-    "read_like",
-]
 
 #: Features that models use; not slip, which needs a sequence.
 DEMAND = frozenset({Feature.DISPLACEMENT, Feature.SHEAR, Feature.TILT, Feature.TORSION, Feature.CONTACTS})
@@ -104,7 +91,7 @@ class Extract:
 
     def rows(self, chosen: NDArray[np.integer[Any]] | Sequence[int]) -> Extract:
         """Some of the rows, by index."""
-        return Extract(*(getattr(self, f.name)[np.asarray(chosen)] for f in fields(self)))
+        return rows_of(self, np.asarray(chosen))
 
 
 _NOTHING = np.full(len(FRAME_INPUTS), np.nan, dtype=np.complex128)
@@ -206,14 +193,6 @@ def _inputs_of(pipeline: Pipeline, tracks: Tracks) -> Complex:
 def gather(rows: Sequence[Measured]) -> Extract:
     """Rows as columns."""
     return Extract(*(np.array(column) for column in zip(*rows, strict=True)))
-
-
-def join_extracts(parts: Sequence[Extract]) -> Extract:
-    """Several data sets as one."""
-    if len(parts) == 1:
-        return parts[0]
-    names = [f.name for f in fields(Extract)]
-    return Extract(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
 _kept: tuple[Rest, Pipeline, Pipeline] | None = None  # of this process: a pipeline takes 30 ms to set up

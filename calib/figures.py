@@ -11,7 +11,7 @@ import numpy as np
 
 from edge.errors import InputError
 from edge.types import Array, Features, Frame, Tracks
-from edge.view.palette import PAPER, PARAMS, Bgr, Palette, cell_colours
+from edge.view.palette import PAPER, PARAMS, Bgr, cell_colours
 
 _COLUMN_IN = 7.16  # both columns of an IEEE page
 #: Left, bottom, width, height of the surface's box in the figure: it fills it, with space for the label of z.
@@ -34,10 +34,13 @@ def _rgb(colour: Bgr) -> tuple[float, float, float]:
     return colour[2] / 255, colour[1] / 255, colour[0] / 255
 
 
-def _colour_map(palette: Palette) -> Any:
-    from matplotlib.colors import ListedColormap
+def _colours_of_change() -> dict[str, Any]:
+    """How area changes are drawn, as matplotlib takes it."""
+    from matplotlib.colors import ListedColormap, Normalize
 
-    return ListedColormap(cell_colours(np.linspace(-1, 1, 257) * PARAMS.full_change, palette)[:, ::-1] / 255)
+    most = PARAMS.full_change
+    colours = cell_colours(np.linspace(-1, 1, 257) * most, PAPER)[:, ::-1] / 255
+    return {"cmap": ListedColormap(colours), "norm": Normalize(-most, most)}
 
 
 def _origin(xy_img: Array, mm_per_px: float) -> tuple[Array, float, str]:
@@ -55,8 +58,6 @@ def figure(
     features: Features,
     *,
     mm_per_px: float = 0.0,
-    palette: Palette = PAPER,
-    full: float = PARAMS.full_change,
 ) -> None:
     """The paper's figure: touch (left), camera image (right). PNG, PDF or SVG by the name.
 
@@ -72,20 +73,20 @@ def figure(
     made = _figure(_COLUMN_IN, 3.6)
     left, right = made.subplots(1, 2)
     kept = [i for i, p in enumerate(polygons) if len(p) >= 3 and np.isfinite(p).all()]
-    cells = _cells([place(polygons[i]) for i in kept], features.area_change[kept], palette, full)
+    cells = _cells([place(polygons[i]) for i in kept], features.area_change[kept])
     left.add_collection(cells)
     xy = place(tracks.xy_img)
-    left.plot(*xy.T, ".", color=_rgb(palette.pin), markersize=1.5)
+    left.plot(*xy.T, ".", color=_rgb(PAPER.pin), markersize=1.5)
     left.quiver(
         *xy.T, *(features.displacement_px * unit_per_px).T, angles="xy", scale_units="xy", scale=0.5,
-        color=[_rgb(palette.local)], width=0.0025, headwidth=3,
+        color=[_rgb(PAPER.local)], width=0.0025, headwidth=3,
     )  # fmt: skip
     if features.shear_px is not None:
         shear = features.shear_px * unit_per_px
         if PARAMS.global_gain * np.hypot(*features.shear_px) >= 1.0:  # a pixel long at least
-            _draw_shear(left, place(np.nanmean(rest, axis=0)), shear, palette)
+            _draw_shear(left, place(np.nanmean(rest, axis=0)), shear)
     for contact in features.contacts or ():
-        _draw_contact(left, place(contact.xy_img), palette)
+        _draw_contact(left, place(contact.xy_img))
     _draw_camera(right, frame, place)
     right.plot(*xy.T, "o", mfc="none", mec="#ffc800", markersize=3, mew=0.5)
     outline = place(np.concatenate([polygons[i] for i in kept])) if kept else xy
@@ -97,30 +98,28 @@ def figure(
     made.savefig(path, dpi=200)
 
 
-def _cells(polygons: Sequence[Array], change: Array, palette: Palette, full: float) -> Any:
+def _cells(polygons: Sequence[Array], change: Array) -> Any:
     from matplotlib.collections import PolyCollection
-    from matplotlib.colors import Normalize
 
     return PolyCollection(
         polygons,
         array=change,
-        cmap=_colour_map(palette),
-        norm=Normalize(-full, full),
-        edgecolors=[_rgb(palette.edge)],
+        **_colours_of_change(),
+        edgecolors=[_rgb(PAPER.edge)],
         linewidths=0.4,
     )
 
 
-def _draw_shear(axes: Any, middle: Array, shear: Array, palette: Palette) -> None:
+def _draw_shear(axes: Any, middle: Array, shear: Array) -> None:
     """The mean motion as an arrow."""
     axes.quiver(
         *middle, *shear, angles="xy", scale_units="xy", scale=1 / PARAMS.global_gain,
-        color=[_rgb(palette.shear)], zorder=4, edgecolor="white", linewidth=0.8,
+        color=[_rgb(PAPER.shear)], zorder=4, edgecolor="white", linewidth=0.8,
     )  # fmt: skip
 
 
-def _draw_contact(axes: Any, at: Array, palette: Palette) -> None:
-    for width, colour in ((3.0, palette.halo), (1.4, palette.contact)):
+def _draw_contact(axes: Any, at: Array) -> None:
+    for width, colour in ((3.0, PAPER.halo), (1.4, PAPER.contact)):
         axes.plot(*at, marker=(6, 2, 0), color=_rgb(colour), markersize=11, mew=width, zorder=5)
 
 
@@ -151,8 +150,6 @@ def surface_figure(
     features: Features,
     *,
     mm_per_px: float = 0.0,
-    palette: Palette = PAPER,
-    full: float = PARAMS.full_change,
 ) -> None:
     """The smooth surface of area change over the tip, in 3D; contacts as stars on its maxima.
 
@@ -162,19 +159,16 @@ def surface_figure(
     if features.surface is None or features.grid_img is None:
         raise InputError("figures: no surface in these features; demand Feature.SURFACE and touch the tip")
     from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
 
     grid_x, grid_y = features.grid_img
     inside = np.isfinite(features.surface)
-    middle = np.array([grid_x.mean(), grid_y.mean()])
-    unit_per_px, unit = (mm_per_px, "mm") if mm_per_px else (1.0, "px")
-    origin = middle if mm_per_px else np.zeros(2)
+    origin, unit_per_px, unit = _origin(np.array([[grid_x.mean(), grid_y.mean()]]), mm_per_px)
     x, y = np.meshgrid((grid_x - origin[0]) * unit_per_px, (grid_y - origin[1]) * unit_per_px)
     height = np.where(inside, features.surface, np.nan)
     made = _figure(4.2, 3.1)
     made.set_layout_engine("none")  # it would not account for the labels of a rotated box
     axes = made.add_axes(_SURFACE_BOX, projection="3d", computed_zorder=False)
-    scale = ScalarMappable(Normalize(-full, full), _colour_map(palette))
+    scale = ScalarMappable(**_colours_of_change())
     axes.plot_surface(
         x, y, height, facecolors=scale.to_rgba(height), rstride=1, cstride=1,
         linewidth=0.15, edgecolor=(0.35, 0.35, 0.35, 0.5), antialiased=True, shade=False,
@@ -185,7 +179,7 @@ def surface_figure(
         near = np.hypot(x - at[0], y - at[1])
         top = float(height.flat[np.argmin(np.where(inside, near, np.inf))])
         axes.plot(
-            [at[0]], [at[1]], [top + 0.02], marker=(6, 2, 0), color=_rgb(palette.contact),
+            [at[0]], [at[1]], [top + 0.02], marker=(6, 2, 0), color=_rgb(PAPER.contact),
             markersize=12, mew=1.8, zorder=10,
         )  # fmt: skip
     axes.set_xlabel(f"x ({unit})", fontsize=8, labelpad=-4)

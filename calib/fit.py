@@ -76,21 +76,6 @@ from edge.features.modes import mode_basis
 from edge.geometry.parts import parts_of
 from edge.types import Array, Complex, Index, Mask, Rest
 
-__all__ = [
-    "EVERYTHING",
-    "Choice",
-    "ModelKind",
-    "Prefer",
-    "Processes",
-    "Search",
-    "fit",
-    "fit_processes",
-    "groups_of",
-    "of_views",
-    "sensor_of",
-    "tip_of",
-]
-
 
 class ModelKind(StrEnum):
     """Kind of a candidate."""
@@ -157,6 +142,19 @@ class Choice:
         for candidate in sorted(self.tried, key=lambda c: c.rms):
             kinds.setdefault(_kind_of(candidate.name), candidate)
         return kinds
+
+    def cells(self, between: str) -> tuple[str, ...]:
+        """For a table: outputs, model, terms, its error, the largest allowed, the best of kinds, sigmas."""
+        sigma = self.model.sigma if isinstance(self.model.sigma, list) else [self.model.sigma]
+        return (
+            between.join(self.outputs),
+            self.chosen.name,
+            str(self.chosen.n_terms),
+            f"{self.chosen.rms:.3g}",
+            f"{self.allowed:.3g}",
+            between.join(f"{kind.split()[0]} {best.rms:.3g}" for kind, best in self.best_of_kinds.items()),
+            between.join(f"{s:.3g}" for s in sigma),
+        )
 
 
 def _kind_of(name: str) -> ModelKind:
@@ -482,9 +480,9 @@ def _axes(problems: Sequence[_Problem], models: Mapping[tuple[str, ...], KnownMo
             if len(group.outputs) == 2 and is_round(np.stack([y.real, y.imag])[:, known]):
                 inputs, expected = problem.seen.inputs[known], None
                 if group.outputs in models:
-                    model = models[group.outputs].in_the_image(inputs, FRAME_INPUTS)
-                    expected = model.values(inputs, FRAME_INPUTS)
-                found.append(recognise_handedness(group.outputs, inputs, FRAME_INPUTS, y[known], expected))
+                    model = models[group.outputs].in_the_image(inputs)
+                    expected = model.values(inputs)
+                found.append(recognise_handedness(group.outputs, inputs, y[known], expected))
     return recognise_axes(found)
 
 
@@ -504,7 +502,6 @@ def _start_processes(problem: _Problem, search: Search, pool: Executor | None) -
         call = partial(
             _fit_process,
             possible=problem.seen.possible,
-            names=problem.names,
             y=y,
             symmetry=group.symmetry,
             fold=problem.fold,
@@ -520,7 +517,7 @@ def _start_processes(problem: _Problem, search: Search, pool: Executor | None) -
         if poses >= (ENOUGH if group.outputs in search.known else enough):
             calls[ModelKind.PROCESS] = partial(call, problem.inputs, terms_max=search.terms_max)
         if len(y) >= PARAMS.known_rows_min and group.outputs in search.known:
-            known = search.known[group.outputs].in_the_image(problem.inputs, problem.names)
+            known = search.known[group.outputs].in_the_image(problem.inputs)
             calls[ModelKind.CARRIED] = partial(call, problem.inputs, known=known)
         wanted = {kind: run for kind, run in calls.items() if kind in search.kinds}
         jobs.append(wanted if pool is None else {k: pool.submit(run).result for k, run in wanted.items()})
@@ -670,7 +667,7 @@ def _best(
     good = _sufficient(tried, y, problem.share, search.prefer)
     allowed = max(t[0].rms for t in good)
     chosen, _, predicted = min(good, key=_terms_then_error)
-    mirror = _mirrored if whole.groups[i] in whole.mirrored else _unchanged
+    mirror = _mirrored if whole.groups[i] in whole.mirrored else lambda model: model
 
     def of_all_frames(name: str) -> Model:
         candidate, terms, held_out = next(t for t in of_all if t[0].name == name)
@@ -742,10 +739,6 @@ def _sufficient(tried: list[_Tried], y: Complex, share: Array, prefer: Prefer) -
 
 def _terms_then_error(tried: _Tried) -> tuple[int, float]:
     return tried[0].n_terms, tried[0].rms
-
-
-def _unchanged(model: Polynomial | Process) -> Polynomial | Process:
-    return model
 
 
 def _as_good(

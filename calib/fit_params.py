@@ -1,10 +1,6 @@
 """The parameters of the fit. Evidence: docs/tuning.md, "Fit of a calibration"."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-
-__all__ = ["PARAMS", "FitParams"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,9 +12,7 @@ class FitParams:
     known_rows_min: int = 6  # frames: with another tip's model few numbers are left to find
     rows_per_term: float = 1.5  # frames for each term: more terms would fit noise, ridge or not
     variation_min: float = 1e-3  # of a column, in its unit: below it the value was not varied
-    roundness_min: float = (
-        0.1  # smaller over larger variance of x and y: below it, one direction alone was tried
-    )
+    roundness_min: float = 0.1  # smaller over larger variance of x and y: below it, one direction was tried
     explained_min: float = 0.1  # share of the held-out variance that a model must explain
     worse_max: float = 0.1  # of the best's mean square error: what a model that is as good may err more
     pin_noise: float = 0.003  # pitches: error of a pin's place in use, of each coordinate

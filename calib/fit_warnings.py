@@ -1,7 +1,5 @@
 """Warnings of a fit, found from the truth: presses that were not felt, and drags that slid."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 
 import numpy as np
@@ -11,8 +9,6 @@ from calib.fit import Choice
 from calib.ridge import error_of_mean
 from calib.targets import Targets
 from calib.unloaded import LOADS
-
-__all__ = ["fit_warnings"]
 
 
 def fit_warnings(targets: Targets, extract: Extract, choices: Iterable[Choice]) -> Iterator[str]:

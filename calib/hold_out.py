@@ -5,9 +5,6 @@ the whole would be, and its errors on the held-out frames are reported. The file
 frames: its errors are about those reported, or a little smaller.
 """
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from concurrent.futures import Executor
 from typing import Any
 
@@ -20,8 +17,6 @@ from calib.fit import EVERYTHING, Search, fit
 from calib.ridge import pose_numbers
 from calib.targets import Targets
 from edge.types import Mask, Rest
-
-__all__ = ["evaluate_held_out", "held_out_rows"]
 
 
 def held_out_rows(targets: Targets, share: float, seed: int) -> Mask:
@@ -44,7 +39,6 @@ def evaluate_held_out(
     extract: Extract,
     share: float,
     seed: int,
-    on_refused: Callable[[str], None] = lambda text: None,
     search: Search = EVERYTHING,
     pool: Executor | None = None,
 ) -> dict[str, Any]:
@@ -59,7 +53,6 @@ def evaluate_held_out(
         targets.rows(kept),
         extract.rows(kept),
         mm_per_px=None,
-        on_refused=on_refused,
         search=search,
         pool=pool,
     )

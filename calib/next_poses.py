@@ -10,48 +10,47 @@ them, in units of the noise, added over the outputs. Poses of one batch are chos
 with the variance that those before it leave.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
 
 from calib.designs import terms_of_spin
 from calib.process_fit import INPUTS, FittedProcess
-from calib.ridge import Terms, cross_validate, ridge_weights
+from calib.ridge import Terms, cross_validate, folds_of, ridge_weights
 from calib.terms import evaluate_terms, term_columns
-from edge.types import Array, Complex, Index
+from edge.calibration.inputs import FRAME_INPUTS
+from edge.types import Array, Complex
 
-__all__ = ["choose", "covariances", "expected_error", "predict_inputs"]
-
+#: Coordinates of a pose, with their spins.
+LETTERS = (("place", 1), ("depth", 0), ("tilt", 1), ("shear", 1), ("twist", 0))
 FACTORS = 3  # of the products of pose coordinates that predict inputs
 
 
-def covariances(processes: Sequence[FittedProcess], names: Sequence[str], inputs: Complex) -> list[Complex]:
+def covariances(processes: Sequence[FittedProcess], inputs: Complex) -> list[Complex]:
     """(n, n) of each process: what its weights leave open, over the deviation of the noise.
 
-    inputs  (n, k) complex128, columns `names`, expected at each pose
+    inputs  (n, k) complex128, columns `FRAME_INPUTS`, expected at each pose
     """
     result: list[Complex] = []
     for process in processes:
-        rows = process.uncertainty.rows(inputs) / deviation(process, names, inputs)[:, None]
+        rows = process.uncertainty.rows(inputs) / deviation(process, inputs)[:, None]
         result.append(rows @ rows.conj().T)
     return result
 
 
-def deviation(process: FittedProcess, names: Sequence[str], inputs: Complex) -> Array:
+def deviation(process: FittedProcess, inputs: Complex) -> Array:
     """(n,) of the noise, in the unit of the outputs; of two their mean."""
-    noise = process.noise.variance(inputs, names)
+    noise = process.noise.variance(inputs)
     if process.across is not None:
-        noise = (noise + process.across.variance(inputs, names)) / 2.0
+        noise = (noise + process.across.variance(inputs)) / 2.0
     result: Array = np.sqrt(noise * float((process.sigma**2).mean()))
     return result
 
 
-def expected_error(process: FittedProcess, names: Sequence[str], inputs: Complex) -> float:
+def expected_error(process: FittedProcess, inputs: Complex) -> float:
     """Root mean square over the poses of the sigma of each output."""
     learnt = (np.abs(process.uncertainty.rows(inputs)) ** 2).sum(axis=1)
-    return float(np.sqrt((learnt + deviation(process, names, inputs) ** 2).mean()))
+    return float(np.sqrt((learnt + deviation(process, inputs) ** 2).mean()))
 
 
 def choose(open_: Sequence[Complex], count: int) -> list[int]:
@@ -70,33 +69,26 @@ def choose(open_: Sequence[Complex], count: int) -> list[int]:
     return chosen
 
 
-def predict_inputs(
-    letters: Sequence[tuple[str, int]],
-    known: Complex,
-    inputs: Complex,
-    names: Sequence[str],
-    fold: Index,
-    wanted: Complex,
-) -> Complex:
+def predict_inputs(known: Complex, inputs: Complex, wanted: Complex) -> Complex:
     """Inputs expected at some poses, from those of measured ones.
 
-    letters  coordinates of a pose, in the columns of `known` and `wanted`, with their spins
-    known    (n, letters) complex128, poses of the rows of `inputs`
-    wanted   (m, letters)
+    known    (n, LETTERS) complex128, poses of the rows of `inputs`
+    wanted   (m, LETTERS)
     Returns  (m, k) complex128; 0 for what products of so few factors cannot have the spin of
     """
     size = np.sqrt((np.abs(known) ** 2).mean(axis=0))
     size[size == 0] = 1.0
-    columns = [name for name, _ in letters]
+    fold = folds_of(np.hstack([known.real, known.imag]))
+    columns = [name for name, _ in LETTERS]
     alphabet = [
         pair
-        for name, spin in letters
+        for name, spin in LETTERS
         for pair in ([(name, 0)] if spin == 0 else [(name, spin), (f"{name}*", -spin)])
     ]
-    result = np.zeros((len(wanted), len(names)), dtype=np.complex128)
+    result = np.zeros((len(wanted), len(FRAME_INPUTS)), dtype=np.complex128)
     for spin in sorted({one.spin for one in INPUTS}):
         terms = terms_of_spin(spin, alphabet, FACTORS)
-        ours = [names.index(one.name) for one in INPUTS if one.spin == spin]
+        ours = [FRAME_INPUTS.index(one.name) for one in INPUTS if one.spin == spin]
         if not terms:
             continue
         values = Terms(known / size, None, term_columns(terms, columns), real=False)
@@ -105,6 +97,6 @@ def predict_inputs(
         for column, (candidate, _) in zip(ours, found, strict=True):
             weights = ridge_weights(values, inputs[:, column], candidate.ridge)
             result[:, column] = there @ weights
-    real = [names.index(one.name) for one in INPUTS if one.real]
+    real = [FRAME_INPUTS.index(one.name) for one in INPUTS if one.real]
     result[:, real] = result[:, real].real
     return result

@@ -10,8 +10,6 @@ the square of the depth. The bounds are a millimetre or two apart: they tell a p
 no depth of it.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 
@@ -24,8 +22,6 @@ from calib.fit_params import PARAMS
 from calib.targets import LEAST_DEPTH_MM, MOST, Targets
 from edge.calibration.inputs import FRAME_INPUTS
 from edge.types import Array, Mask
-
-__all__ = ["PressAxis", "along_press", "check_press", "recognise_press"]
 
 #: Each value that grows with the press, and the table's column of it.
 COLUMNS = {"displacement_mm": "pose_z", "contact_depth_mm": "contact_depth", "force_n": "force_z"}

@@ -45,10 +45,8 @@ from calib.process_noise import WITHIN, NoiseModel, fit_lost, fit_noise, likelie
 from calib.ridge import blocks, share_of_pose
 from calib.terms import evaluate_terms, term_columns
 from edge.calibration.file import TERMS_MAX, Lost
-from edge.calibration.inputs import MODES
+from edge.calibration.inputs import FRAME_INPUTS, MODES
 from edge.types import Array, Complex, Index, Mask
-
-__all__ = ["INPUTS", "FittedProcess", "Input", "ProcessParams", "fit_process"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +139,6 @@ class Uncertainty:
 
 def fit_process(
     inputs: Complex,
-    names: Sequence[str],
     moved: Sequence[Complex],
     y: Complex,
     symmetry: Symmetry,
@@ -156,7 +153,7 @@ def fit_process(
 ) -> FittedProcess:
     """Settings of largest likelihood, then the weights.
 
-    inputs     (n, k) complex128, columns `names`, finite
+    inputs     (n, k) complex128, columns `FRAME_INPUTS`, finite
     moved      draws of what the inputs may be off, each (n, k)
     y          (n,) complex128, x + i y, or real; fold (n,): rows that stay together when held out
     lossy      (n, losses, k) complex128, the inputs with some of the pins taken away; NaN: not known
@@ -166,11 +163,11 @@ def fit_process(
     pose       (n,) its number: frames of one pose count as one
     motion     (r, modes), whose products with modes are as far apart as the pins' motion; None: not known
     """
-    mean, unit, target = _standardised(y, symmetry, inputs[:, names.index("volume")].real)
+    mean, unit, target = _standardised(y, symmetry, inputs[:, FRAME_INPUTS.index("volume")].real)
     few = int(pose.max()) + 1 < min(len(pose), 2 * len(INPUTS))
     known = known and known.scaled(unit, mean)
     of_own = partial(_prior, all_round=all_round, terms_max=terms_max, few=few, motion=motion)
-    find = partial(partial(_changed, known) if known else of_own, names=names, symmetry=symmetry)
+    find = partial(partial(_changed, known) if known else of_own, symmetry=symmetry)
     data = _with_own(find, _Data(inputs, moved, target, fold, pose))
     prior = data.prior(find, data.some_each(PARAMS.repeats))
     features, posterior = prior.features, _Posterior(prior, data)
@@ -180,7 +177,7 @@ def fit_process(
     learnt *= posterior.share_held(inputs, factor)
     if features.turning:  # the variance of a complex weight is that of its two parts together
         factor, learnt = factor / math.sqrt(2.0), learnt / 2.0
-    errors = _Errors(data, names, unseen, learnt, symmetry, all_round=all_round, known=known, few=few)
+    errors = _Errors(data, unseen, learnt, symmetry, all_round=all_round, known=known, few=few)
     along, across, level = errors.noise()
     scale = errors.scale(group)
     over = max(math.sqrt(level * float((scale**2).mean())), SIGMA_MIN / unit)
@@ -193,7 +190,7 @@ def fit_process(
         far=PARAMS.far * (1.0 + float(learnt.max()) / level) - 1.0,
         noise=along,
         across=across,
-        lost=_effect_of_loss(features, weights / over, inputs, lossy, names)
+        lost=_effect_of_loss(features, weights / over, inputs, lossy)
         or (known.lost_over(over) if known else None),
         pin_noise=_pin_noise(features, weights, inputs, moved) * unit**2,
         held_out=unseen * unit + mean,
@@ -207,13 +204,11 @@ def _pin_noise(features: _Features, weights: Complex, inputs: Complex, moved: Se
     return float(np.mean(np.abs(off) ** 2)) / 4.0 if off else 0.0
 
 
-def _effect_of_loss(
-    features: _Features, weights: Complex, inputs: Complex, lossy: Complex, names: Sequence[str]
-) -> Lost | None:
+def _effect_of_loss(features: _Features, weights: Complex, inputs: Complex, lossy: Complex) -> Lost | None:
     """The variance that lost pins add, over the unit of the weights; None: there are too few losses."""
-    rows = lossy.reshape(-1, len(names))
+    rows = lossy.reshape(-1, inputs.shape[1])
     change = features.values(rows, weights) - np.repeat(features.values(inputs, weights), lossy.shape[1])
-    return fit_lost(rows, names, change, turning=features.turning)
+    return fit_lost(rows, change, turning=features.turning)
 
 
 def _standardised(y: Complex, symmetry: Symmetry, volume: Array) -> tuple[float, float, Complex]:
@@ -338,7 +333,6 @@ class _Errors:
     def __init__(
         self,
         data: _Data,
-        names: Sequence[str],
         predicted: Complex,
         learnt: Array,
         symmetry: Symmetry,
@@ -349,7 +343,7 @@ class _Errors:
     ) -> None:
         self._known, self._few = known is not None, few
         self._before = (None, None) if known is None else (known.noise, known.across or known.noise)
-        self._inputs, self._names, self._learnt = data.inputs, names, learnt
+        self._inputs, self._learnt = data.inputs, learnt
         self._share = share_of_pose(data.pose)
         self._turning, self._all_round = symmetry is Symmetry.TURNING, all_round
         self._few_known = known is not None and self._share.sum() < 2 * len(INPUTS)
@@ -361,7 +355,7 @@ class _Errors:
         """Noise of one output, or of two along the value, and across it; and their typical variance."""
         inputs, learnt, share = self._inputs[rows], self._learnt[rows], self._share[rows]
         constant = self._few or self._few_known
-        fitted = partial(fit_noise, inputs, self._names, learnt=learnt, share=share, constant=constant)
+        fitted = partial(fit_noise, inputs, learnt=learnt, share=share, constant=constant)
         if not self._turning or not self._all_round:
             one = fitted(squares=np.abs(self._error[rows]) ** 2, before=self._before[0])
             return one.over(one.level), None, one.level
@@ -399,13 +393,13 @@ class _Errors:
         self, rows: Mask, along: NoiseModel, across: NoiseModel | None, level: float
     ) -> Iterator[Array]:
         inputs, error, learnt = self._inputs[rows], self._error[rows], self._learnt[rows]
-        one = level * along.variance(inputs, self._names)
+        one = level * along.variance(inputs)
         if across is None:
             both = (error.real, error.imag) if self._few_known and self._all_round else (np.abs(error),) * 2
             for part in both[: 1 + self._turning]:
                 yield part / np.sqrt(learnt + one)
             return
-        other = level * across.variance(inputs, self._names)
+        other = level * across.variance(inputs)
         share = self._direction[rows].real ** 2
         yield error.real / np.sqrt(learnt + share * one + (1.0 - share) * other)
         yield error.imag / np.sqrt(learnt + share * other + (1.0 - share) * one)
@@ -428,20 +422,18 @@ class _Prior:
 def _changed(
     known: KnownModel,
     inputs: Complex,
-    names: Sequence[str],
     target: Complex,
     symmetry: Symmetry,
     repeats: Repeats,
     start: int | None = None,
 ) -> _Prior:
     """Another tip's weights, and what is likely to have changed them."""
-    mean, root, noise = changed(known, inputs, names, target, symmetry, repeats)
-    return _Prior(_Features(names, known.terms, root, symmetry), mean, noise, start)
+    mean, root, noise = changed(known, inputs, target, symmetry, repeats)
+    return _Prior(_Features(known.terms, root, symmetry), mean, noise, start)
 
 
 def _prior(
     inputs: Complex,
-    names: Sequence[str],
     target: Complex,
     symmetry: Symmetry,
     *,
@@ -458,13 +450,13 @@ def _prior(
     repeats  how frames of one pose share their noise
     start    the search's only one; None: all are tried
     """
-    columns = [names.index(one.name) for one in INPUTS]
+    columns = [FRAME_INPUTS.index(one.name) for one in INPUTS]
     scale = np.sqrt((np.abs(inputs[:, columns]) ** 2).mean(axis=0))
     used = [i for i, rms in enumerate(scale) if rms > 0]
     letters = [INPUTS[i] for i in used]
     plain = None
     if few and all_round and motion is not None:
-        of_pins = inputs[:, [names.index(name) for name in MODES]] @ motion.T
+        of_pins = inputs[:, [FRAME_INPUTS.index(name) for name in MODES]] @ motion.T
         size = math.sqrt((np.abs(of_pins) ** 2).sum(axis=1).mean())
         motion, plain = motion / size, (of_pins @ of_pins.conj().T).real / size**2
     settings = fit_settings(
@@ -485,7 +477,7 @@ def _prior(
         terms.append(term)
         prior.append([math.sqrt(part) / size for part in power])
     deviation = np.array(prior)
-    kept = _not_negligible(names, terms, deviation, inputs, settings.noise, terms_max)
+    kept = _not_negligible(terms, deviation, inputs, settings.noise, terms_max)
     terms, deviation = [terms[i] for i in kept], deviation[kept]
     root = np.diag(deviation[:, 0] + 0j)
     if symmetry is not Symmetry.TURNING:  # the real and the imaginary part of a weight are two features
@@ -493,7 +485,7 @@ def _prior(
     root = root[:, np.abs(root).any(axis=0)]
     if motion is not None and settings.plain > PARAMS.negligible * settings.noise:
         terms, root = _with_plain(terms, root, math.sqrt(settings.plain) * motion, symmetry)
-    features = _Features(names, terms, root, symmetry)
+    features = _Features(terms, root, symmetry)
     return _Prior(features, np.zeros(len(terms), dtype=np.complex128), settings.noise, settings.start)
 
 
@@ -513,10 +505,10 @@ def _with_plain(
 
 
 def _not_negligible(
-    names: Sequence[str], terms: list[list[str]], deviation: Array, inputs: Complex, noise: float, most: int
+    terms: list[list[str]], deviation: Array, inputs: Complex, noise: float, most: int
 ) -> Index:
     """Which terms have a prior variance that is not far below the noise's. The constant stays first."""
-    columns = term_columns(terms, names)
+    columns = term_columns(terms, FRAME_INPUTS)
     parts = [(np.abs(evaluate_terms(inputs[rows], columns)) ** 2).sum(axis=0) for rows in blocks(len(inputs))]
     size = np.sum(parts, axis=0) / len(inputs)
     share = (deviation**2).max(axis=1) * size / noise
@@ -568,12 +560,10 @@ class _Features:
     root  (terms, features) complex128: weights of the terms in each feature
     """
 
-    def __init__(
-        self, names: Sequence[str], terms: list[list[str]], root: Complex, symmetry: Symmetry
-    ) -> None:
+    def __init__(self, terms: list[list[str]], root: Complex, symmetry: Symmetry) -> None:
         self.terms, self._root = terms, root
         self.turning = symmetry is Symmetry.TURNING
-        self._columns = term_columns(terms, names)
+        self._columns = term_columns(terms, FRAME_INPUTS)
 
     def rows(self, inputs: Complex) -> Any:
         """Features of each frame: (n, features)."""

@@ -20,7 +20,6 @@ distance beside the polynomial gained nothing on the published recordings once t
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
 from functools import partial
@@ -31,9 +30,8 @@ from scipy.linalg.blas import dsyr, zher
 from scipy.linalg.lapack import dpotri, zpotri
 from scipy.optimize import minimize
 
+from calib.ridge import blocks
 from edge.types import Array, Complex, Index
-
-__all__ = ["Likelihood", "LikelihoodParams", "Repeats", "Settings", "Symmetry", "fit_settings"]
 
 
 class Symmetry(Enum):
@@ -157,7 +155,7 @@ class Likelihood:
         self._phases = 2.0 / PARAMS.turns * np.stack(phases)
         # Kept from call to call: fresh memory would cost as much time as the numbers in it.
         self._covariance = np.zeros((self._n, self._n), dtype=self._y.dtype, order="F")
-        self._blocks = [_Block.empty(rows, *self._phases.shape[::-1]) for rows in _blocks(self._n)]
+        self._blocks = [_Block.empty(rows, *self._phases.shape[::-1]) for rows in blocks(self._n, ROWS)]
 
     def settings(self, logs: Array, start: int = 0) -> Settings:
         """The settings from what the search moves: logarithms of w, a1..a3, m1, m2, noise."""
@@ -258,11 +256,6 @@ class _Block:
     def empty(cls, rows: slice, turns: int, parts: int) -> _Block:
         size = rows.stop - rows.start, rows.stop
         return cls(rows, np.empty((turns, *size)), np.empty((turns, *size)), np.empty((3, parts, *size)))
-
-
-def _blocks(n: int) -> Iterator[slice]:
-    for start in range(0, n, ROWS):
-        yield slice(start, min(n, start + ROWS))
 
 
 def _parts(z: Complex) -> Array:

@@ -13,18 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize
 
-from calib.terms import evaluate_terms, term_columns
+from calib.terms import frame_terms
 from edge.calibration.file import Lost
+from edge.calibration.inputs import FRAME_INPUTS
 from edge.types import Array, Complex
-
-__all__ = [
-    "NoiseModel",
-    "NoiseParams",
-    "fit_lost",
-    "fit_noise",
-    "likeliest_scales",
-    "scales_of",
-]
 
 #: The effect of lost pins may depend on these: how much of them is not known, the load, and how far on the
 #: contact's side, or ahead of the shear, they are.
@@ -74,15 +66,15 @@ def likeliest_scales(standardised: Sequence[Array], poses: float) -> Array:
     return np.asarray(np.average(scales_of(standardised), axis=1, weights=certain))
 
 
-def fit_lost(lossy: Complex, names: Sequence[str], change: Complex, *, turning: bool) -> Lost | None:
+def fit_lost(lossy: Complex, change: Complex, *, turning: bool) -> Lost | None:
     """Likeliest for these changes of the value, over sigma, that the loss of pins brought about."""
-    gap, volume = lossy[:, names.index("gap")].real, lossy[:, names.index("volume")].real
+    gap, volume = (lossy[:, FRAME_INPUTS.index(name)].real for name in ("gap", "volume"))
     known = np.isfinite(change) & (gap > 0) & (volume > 0)
     if known.sum() < PARAMS.losses_min or not change[known].any():  # a constant alone changes with no pin
         return None
     lossy, gap, volume = lossy[known], gap[known], volume[known]
     parts = [change[known].real, change[known].imag] if turning else [change[known].real]
-    psi = evaluate_terms(lossy, term_columns(LOST_TERMS, names)).real
+    psi = frame_terms(lossy, LOST_TERMS).real
     design = np.column_stack([np.ones(len(gap)), np.log(gap), np.log(volume), psi])
     fitted = _fit_log_variance(
         design, np.mean(np.square(parts), axis=0), np.zeros(len(gap)), *np.ones((2, len(gap)))
@@ -107,9 +99,9 @@ class NoiseModel:
     high: float
     level: float
 
-    def variance(self, inputs: Complex, names: Sequence[str]) -> Array:
+    def variance(self, inputs: Complex) -> Array:
         """(n,)"""
-        psi = evaluate_terms(inputs, term_columns(self.terms, names)).real
+        psi = frame_terms(inputs, self.terms).real
         return np.exp(np.clip(psi @ self.weights, self.low, self.high))
 
     def over(self, level: float) -> NoiseModel:
@@ -121,7 +113,6 @@ class NoiseModel:
 
 def fit_noise(
     inputs: Complex,
-    names: Sequence[str],
     squares: Array,
     learnt: Array,
     share: Array,
@@ -136,7 +127,7 @@ def fit_noise(
     constant  they show no more than one, or a multiple of the other tip's: nowhere below its, or its mean
     """
     terms = before.terms if before else [[], *(() if constant else NOISE_TERMS)]
-    psi = evaluate_terms(inputs, term_columns(terms, names)).real
+    psi = frame_terms(inputs, terms).real
     weights = before.weights if before else np.zeros(len(terms))
     times = np.exp(np.clip(psi @ weights, -60.0, 60.0))
     change = np.zeros(len(terms))

@@ -20,8 +20,6 @@ Rules
       lift = true                      # clear of the tip before each pose (false)
 """
 
-from __future__ import annotations
-
 import hashlib
 import itertools
 import math
@@ -40,6 +38,7 @@ from edge.limits import read_toml_as
 from edge.types import Frame
 
 SHEAR_DEPTH_MM = 3.0  # paper: "pressing the sensor into a flat level object approximately 3 mm"
+FLAT = Tool("flat")
 STEPS_MAX = 100_000  # at a pose in 2 s a rig would be at it for two days
 
 
@@ -123,11 +122,10 @@ def digest_of(steps: Sequence[Step]) -> str:
 
 def sheared(depth_mm: float, tilt_x_deg: float, tilt_y_deg: float, *shear_and_twist: float) -> list[Step]:
     """A fresh contact with a flat surface: clear of the tip, pressed, then sheared and twisted."""
-    flat = Tool("flat")
     pressed = Pose(depth_mm=depth_mm, tilt_x_deg=tilt_x_deg, tilt_y_deg=tilt_y_deg)
     shear_x, shear_y, twist = shear_and_twist
     moved = replace(pressed, shear_x_mm=shear_x, shear_y_mm=shear_y, twist_deg=twist)
-    return [Step(CLEAR, flat, 0), Step(pressed, flat, 0), Step(moved, flat, 1)]
+    return [Step(CLEAR, FLAT, 0), Step(pressed, FLAT, 0), Step(moved, FLAT, 1)]
 
 
 def rest_steps(tool: Tool, frames: int = 10) -> list[Step]:
@@ -136,29 +134,26 @@ def rest_steps(tool: Tool, frames: int = 10) -> list[Step]:
 
 def displacement() -> Plan:
     """0..5 mm by 0.1 mm, flat, 10 frames a step (paper)."""
-    flat = Tool("flat")
-    presses = [Step(Pose(depth_mm=i / 10), flat, 10) for i in range(51)]
-    return Plan("displacement", tuple(rest_steps(flat) + presses))
+    presses = [Step(Pose(depth_mm=i / 10), FLAT, 10) for i in range(51)]
+    return Plan("displacement", tuple(rest_steps(FLAT) + presses))
 
 
 def shear() -> Plan:
     """0..2 mm by 0.1 mm along x at 3 mm depth, flat, 10 frames a step (paper)."""
-    flat = Tool("flat")
-    steps = [Step(Pose(depth_mm=SHEAR_DEPTH_MM, shear_x_mm=i / 10), flat, 10) for i in range(21)]
-    return Plan("shear", tuple(rest_steps(flat) + steps))
+    steps = [Step(Pose(depth_mm=SHEAR_DEPTH_MM, shear_x_mm=i / 10), FLAT, 10) for i in range(21)]
+    return Plan("shear", tuple(rest_steps(FLAT) + steps))
 
 
 def direction() -> Plan:
     """Press 3 mm, shear 2 mm, every 10 degrees, flat, 10 frames each (paper)."""
-    flat = Tool("flat")
-    steps = rest_steps(flat)
+    steps = rest_steps(FLAT)
     for i in range(36):
         a = math.radians(10 * i)
         x, y = round(2 * math.cos(a), 12), round(2 * math.sin(a), 12)
         steps += [
-            Step(CLEAR, flat, 0),
-            Step(Pose(depth_mm=SHEAR_DEPTH_MM), flat, 0),
-            Step(Pose(depth_mm=SHEAR_DEPTH_MM, shear_x_mm=x, shear_y_mm=y), flat, 10),
+            Step(CLEAR, FLAT, 0),
+            Step(Pose(depth_mm=SHEAR_DEPTH_MM), FLAT, 0),
+            Step(Pose(depth_mm=SHEAR_DEPTH_MM, shear_x_mm=x, shear_y_mm=y), FLAT, 10),
         ]
     return Plan("direction", tuple(steps))
 
@@ -194,8 +189,7 @@ def surface() -> Plan:
     Depth 1..5 mm, tilt up to 15 deg, shear up to 2 mm per axis, twist up to 5 deg: as the published
     331-pin set was taken, within the range in which the tip does not slide.
     """
-    flat = Tool("flat")
-    steps = rest_steps(flat)
+    steps = rest_steps(FLAT)
     rng = np.random.default_rng(600)
     for values in np.round(rng.uniform(SURFACE_LOW, SURFACE_HIGH, (600, 6)), 4).tolist():
         steps += sheared(*values)
@@ -209,29 +203,23 @@ def drag() -> Plan:
     forces along the surface: they grow while the skin sticks and no further once it slides, and a fit needs
     both.
     """
-    flat = Tool("flat")
-    steps = rest_steps(flat)
+    steps = rest_steps(FLAT)
     low = np.array([1.0, -10.0, -10.0, -180.0, 0.0, -20.0])
     high = np.array([4.0, 10.0, 10.0, 180.0, 3.0, 20.0])
     for values in np.round(np.random.default_rng(300).uniform(low, high, (300, 6)), 4).tolist():
         depth, tilt_x, tilt_y, direction, way, twist = values
         pressed = Pose(depth_mm=depth, tilt_x_deg=tilt_x, tilt_y_deg=tilt_y)
-        steps += [Step(CLEAR, flat, 0), Step(pressed, flat, 0)]
+        steps += [Step(CLEAR, FLAT, 0), Step(pressed, FLAT, 0)]
         for share in (0.5, 1.0):
             x = round(share * way * math.cos(math.radians(direction)), 4)
             y = round(share * way * math.sin(math.radians(direction)), 4)
-            steps.append(Step(replace(pressed, shear_x_mm=x, shear_y_mm=y, twist_deg=share * twist), flat, 1))
+            steps.append(Step(replace(pressed, shear_x_mm=x, shear_y_mm=y, twist_deg=share * twist), FLAT, 1))
     return Plan("drag", tuple(steps))
 
 
 ADAPTIVE = "adaptive"  # chooses its poses while it is captured: `calib.adaptive`
 PROTOCOLS: dict[str, Callable[[], Plan]] = {
-    "displacement": displacement,
-    "shear": shear,
-    "direction": direction,
-    "contacts": contacts,
-    "surface": surface,
-    "drag": drag,
+    made.__name__: made for made in (displacement, shear, direction, contacts, surface, drag)
 }
 
 

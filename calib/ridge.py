@@ -19,23 +19,6 @@ from calib.terms import evaluate_terms
 from edge.calibration.inputs import FRAME_INPUTS
 from edge.types import Array, Complex, Index
 
-__all__ = [
-    "Candidate",
-    "InputNoise",
-    "Terms",
-    "as_candidate",
-    "blocks",
-    "cross_validate",
-    "cross_validated_terms",
-    "error_of_mean",
-    "folds_of",
-    "pose_numbers",
-    "ridge_weights",
-    "rounded",
-    "share_of_pose",
-    "spread_factor",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
@@ -149,9 +132,9 @@ class _Sums:
         return np.maximum(e, 0.0), v
 
 
-def blocks(n: int) -> Iterator[slice]:
+def blocks(n: int, most: int = ROWS) -> Iterator[slice]:
     """Some rows of n at a time."""
-    return (slice(start, start + ROWS) for start in range(0, n, ROWS))
+    return (slice(start, min(n, start + most)) for start in range(0, n, most))
 
 
 def cross_validate(name: str, terms: Terms, y: Complex, fold: Index) -> list[tuple[Candidate, Complex]]:

@@ -1,9 +1,7 @@
 """A calibration of a simulated tip: random poses on the simulator, the same fit as for a real one."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,24 +15,21 @@ from edge.calibration import Calibration
 from edge.frame import Pipeline
 from edge.pins import take_rest
 
-__all__ = ["Range", "calibrate_simulated", "random_contact"]
-
 TARE_FRAMES = 8
 
 
+@dataclass(frozen=True, slots=True)
 class Range:
     """How far random poses go: depth and shear in mm, tilt and twist in deg, place in mm off the axis."""
 
-    def __init__(
-        self,
-        depth_mm: tuple[float, float] = (0.3, 4.0),
-        shear_mm: float = 1.5,
-        tilt_deg: float = 8.0,
-        twist_deg: float = 5.0,
-        place_mm: float = 7.0,
-    ) -> None:
-        self.depth_mm, self.shear_mm, self.tilt_deg = depth_mm, shear_mm, tilt_deg
-        self.twist_deg, self.place_mm = twist_deg, place_mm
+    depth_mm: tuple[float, float] = (0.3, 4.0)
+    shear_mm: float = 1.5
+    tilt_deg: float = 8.0
+    twist_deg: float = 5.0
+    place_mm: float = 7.0
+
+
+WHOLE = Range()
 
 
 def random_contact(tool: Tool, reach: Range, rng: np.random.Generator) -> ToolPose:
@@ -64,12 +59,12 @@ def calibrate_simulated(
     *,
     n_frames: int = 150,
     seed: int = 0,
-    reach: Range | None = None,
+    reach: Range = WHOLE,
     serial: str = "simulated",
     on_done: Callable[[int], None] = lambda n: None,
 ) -> tuple[Calibration, list[Choice]]:
     """Press the simulated tip at random poses and fit a calibration to what its camera sees."""
-    reach, rng = reach or Range(), np.random.default_rng(seed)
+    rng = np.random.default_rng(seed)
     rest = take_rest([simulator.frame().image for _ in range(TARE_FRAMES)])
     pipeline = Pipeline(rest, demand=DEMAND)
     poses, rows, truths = [], [], []

@@ -9,8 +9,6 @@ Rules
   makes a slow controller, as it would on a robot.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import socket

@@ -7,9 +7,8 @@ errors of a calibrated place are twice those of a fit of the dots' motion. With 
 Only a square grid is asked: that is how dots are printed, and a table is measured twice for the answer.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
+from dataclasses import replace
 
 from calib.dataset import Dataset
 from calib.errors import FitError
@@ -44,9 +43,7 @@ def extract_of_dots(
 
 def _place_error(rest: Rest, targets: Targets, extract: Extract) -> float:
     """mm, rms error of places on held-out frames by the best polynomial; infinite: none can be fitted."""
-    places = Targets(
-        targets.where, targets.frames, {name: targets.values[name] for name in _PLACE}, targets.sha256
-    )
+    places = replace(targets, values={name: targets.values[name] for name in _PLACE})
     search = Search(kinds=frozenset({ModelKind.PLAIN, ModelKind.POLYNOMIAL}))
     try:
         choices = fit(rest, places, extract, mm_per_px=None, search=search)[1]

@@ -7,8 +7,6 @@ Some forms that spreadsheets and pandas write are taken: a byte order mark, any 
 cells, spaces round headings and numbers, empty cells behind the last heading, columns without one.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import math
@@ -19,8 +17,6 @@ from pathlib import Path
 
 from calib.errors import TableError
 from edge.limits import quote, read_bounded
-
-__all__ = ["StrictTable", "TableRow", "number", "read_table", "shown"]
 
 BYTES_MAX = 1 << 28  # a million rows of a capture; more would fill the memory
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")

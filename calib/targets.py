@@ -17,7 +17,7 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,16 +28,16 @@ from calib.errors import TableError
 from calib.table import number, read_table, shown
 from edge.types import Array
 
-__all__ = ["COLUMNS", "LEAST_DEPTH_MM", "MOST", "Targets", "join", "read_targets", "targets_of_capture"]
-
-#: Column of the table -> calibrated value, and the column's unit.
-COLUMNS: dict[str, tuple[str, str]] = {
+#: Column -> calibrated value, and the column's unit: a capture's table has these too.
+_POSES: dict[str, tuple[str, str]] = {
     "pose_z": ("displacement_mm", "mm"),
     "pose_Rx": ("tilt_x_deg", "deg"),
     "pose_Ry": ("tilt_y_deg", "deg"),
     "shear_x": ("shear_x_mm", "mm"),
     "shear_y": ("shear_y_mm", "mm"),
     "shear_Rz": ("torsion_deg", "deg"),
+}
+COLUMNS = _POSES | {
     "force_z": ("force_n", "N"),
     "force_x": ("force_x_n", "N"),
     "force_y": ("force_y_n", "N"),
@@ -55,13 +55,7 @@ LEAST_DEPTH_MM = 0.05
 _DEPTHS = {"pose_z", "contact_depth"}
 _MOST_REACH_MM = 1e4
 #: A capture's table has these columns; `pose_z` is the contact's depth too, as it is the tool's.
-_OF_CAPTURE: dict[str, str] = {
-    "pose_z": "displacement_mm",
-    "pose_Rx": "tilt_x_deg",
-    "pose_Ry": "tilt_y_deg",
-    "shear_x": "shear_x_mm",
-    "shear_y": "shear_y_mm",
-    "shear_Rz": "torsion_deg",
+_OF_CAPTURE = {column: name for column, (name, _) in _POSES.items()} | {
     "force_n": "force_n",
     "force_x_n": "force_x_n",
     "force_y_n": "force_y_n",
@@ -100,21 +94,14 @@ class Targets:
     def rows(self, chosen: NDArray[np.integer[Any]] | Sequence[int]) -> Targets:
         """Some of the rows, by index."""
         frames = tuple(self.frames[i] for i in chosen)
-        return Targets(
-            self.where,
-            frames,
-            {k: v[np.asarray(chosen)] for k, v in self.values.items()},
-            self.sha256,
-            self.unread,
-        )
+        return replace(self, frames=frames, values={k: v[np.asarray(chosen)] for k, v in self.values.items()})
 
 
-def read_targets(table: str | Path, folder: str | Path) -> Targets:
+def read_targets(table: Path, folder: Path) -> Targets:
     """Read a table; every frame must be in `folder`.
 
     Raises  TableError: one message with file, line and column
     """
-    table, folder = Path(table), Path(folder)
     content = read_table(table, [_IMAGE], once=COLUMNS)
     if not os.path.isdir(folder):
         raise TableError(f"{folder}: no such folder of frames")

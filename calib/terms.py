@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from edge.calibration.inputs import FRAME_INPUTS
 from edge.types import Complex
 
 
@@ -14,6 +15,11 @@ def term_columns(terms: Sequence[Sequence[str]], inputs: Sequence[str]) -> list[
     """
     column = {name: i for i, name in enumerate((*inputs, *(f"{name}*" for name in inputs)))}
     return [[column[name] for name in term] for term in terms]
+
+
+def frame_terms(inputs: Complex, terms: Sequence[Sequence[str]]) -> Complex:
+    """(n, n_terms) complex128, products of the inputs of frames (n, k), columns `FRAME_INPUTS`."""
+    return evaluate_terms(inputs, term_columns(terms, FRAME_INPUTS))
 
 
 def evaluate_terms(z: Complex, terms: Sequence[Sequence[int]]) -> Complex:

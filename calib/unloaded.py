@@ -14,8 +14,6 @@ The estimate is better than the least deformed frame, whose own shear and tilt w
 Here they cancel; what remains is nearly the same all round.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -31,8 +29,6 @@ from edge.geometry.parts import own_pins
 from edge.pins import detect
 from edge.tracking import Tracker
 from edge.types import Array, Complex, Image, Rest, Tracks
-
-__all__ = ["LOADS", "UnloadedParams", "load_of", "unloaded"]
 
 #: Values that say how hard the tip is pressed; the first that a table has is taken.
 LOADS = ("displacement_mm", "force_n")
@@ -64,9 +60,7 @@ def load_of(values: Mapping[str, Array]) -> Array | None:
     return next((values[name] for name in LOADS if name in values), None)
 
 
-def unloaded(
-    rest: Rest, images: Iterable[Image], values: Mapping[str, Array], params: UnloadedParams = PARAMS
-) -> Rest | None:
+def unloaded(rest: Rest, images: Iterable[Image], values: Mapping[str, Array]) -> Rest | None:
     """The rest frame with its pins where they would be without load.
 
     rest    of one of the images, to identify the pins
@@ -83,9 +77,9 @@ def unloaded(
         if tracks.confidence >= Tracks.LOW_CONFIDENCE:
             places[k] = tracks.xy_img
     known = np.isfinite(places).any(axis=(1, 2)) & (load > 0)
-    if known.sum() < params.frames_min or load[known].min() > params.reach * np.ptp(load[known]):
+    if known.sum() < PARAMS.frames_min or load[known].min() > PARAMS.reach * np.ptp(load[known]):
         return None
-    modes, used = _modes(rest), np.flatnonzero(known)[np.argsort(load[known])[: params.frames_max]]
+    modes, used = _modes(rest), np.flatnonzero(known)[np.argsort(load[known])[: PARAMS.frames_max]]
     motion = np.array([_in_modes(modes, xy - rest.xy_img) for xy in places[used]])
     xy = rest.xy_img + _xy(modes @ _at_no_load(motion, load[used], {k: v[used] for k, v in values.items()}))
     mean = _mean(places[known], load[known])

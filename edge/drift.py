@@ -67,16 +67,12 @@ class Drift:
         if 0.0 <= gap_s < PERIOD_S:
             return
         off = tracks.xy_img - self._rest.xy_img - self._offset
-        self._last_ns = capture_ns if self._fit(tracks, off) else None
+        enough = tracks.n_seen >= (1.0 - RUNTIME.astray_rel) * len(tracks.seen)
+        far_px = np.fmax.reduce(np.abs(off), axis=None, initial=0.0)  # of those that are not NaN
+        self._last_ns = capture_ns if enough and far_px < self._near_px + p.limit_px else None
         if gap_s > 0.0 and self._last_ns is not None:
             self._offset += np.where(tracks.seen[:, None], off, 0.0) * min(1.0, gap_s / p.time_s)
             beyond = np.maximum(*np.abs(self._offset).T) > p.limit_px
             np.clip(self._offset, -p.limit_px, p.limit_px, out=self._offset)
             self.learnt = True
             self.limit_share = float(np.mean(beyond))
-
-    def _fit(self, tracks: Tracks, off: Array) -> bool:
-        if tracks.n_seen < (1.0 - RUNTIME.astray_rel) * len(tracks.seen):
-            return False
-        far_px = np.fmax.reduce(np.abs(off), axis=None, initial=0.0)  # of those that are not NaN
-        return bool(far_px < self._near_px + self._params.limit_px)

@@ -42,7 +42,6 @@ class JoinedViews:
         self._lost = [_nothing_of(own, area) for (_, own), area in zip(parts, rest_areas_px2, strict=True)]
 
     def result(self, frame: Frame, of_views: Sequence[Result]) -> Result:
-        """One result of those of all views."""
         spoilt = [
             bool(pins.problem(one.tracks, one.features)) and not pins.explained
             for pins, one in zip(self._visibility, of_views, strict=True)
@@ -164,7 +163,6 @@ def _strongest(contacts: Iterable[tuple[ContactRegion, T]]) -> list[tuple[Contac
 
 
 def _reading(of_views: Sequence[Result]) -> Reading:
-    """The calibrated values of all views."""
     found = [(one.features, one.reading) for one in of_views if one.features is not None]
     places = [pair for f, reading in found for pair in zip(f.contacts or (), reading.contacts, strict=True)]
     contacts = np.reshape([place for _, place in _strongest(places)], (-1, 3))

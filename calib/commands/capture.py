@@ -1,7 +1,5 @@
 """`python -m calib capture`: options in, a recording and a table out."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 
@@ -20,8 +18,6 @@ from hostlink.cli_types import WholeNumber, counted
 from hostlink.output_file import check_output
 
 POSES = 200  # of protocol adaptive, if no number is given
-#: Values that poses on a flat surface teach.
-VALUES = tuple(UNTOUCHED)
 
 
 @click.command(name="capture")
@@ -94,9 +90,9 @@ def _goal(text: str) -> tuple[str, float]:
         error = float(number)
     except ValueError:
         error = math.nan
-    if name not in VALUES or not 0 < error < math.inf:
+    if name not in UNTOUCHED or not 0 < error < math.inf:
         raise CaptureError(
-            f"--until {text}: give VALUE=ERROR, e.g. tilt_x_deg=0.3; values are {', '.join(VALUES)}"
+            f"--until {text}: give VALUE=ERROR, e.g. tilt_x_deg=0.3; values are {', '.join(UNTOUCHED)}"
         )
     return name, error
 

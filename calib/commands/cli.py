@@ -1,7 +1,5 @@
 """`python -m calib`: the commands, rows of COMMANDS. How a command ends: `hostlink.cli_exit`."""
 
-from __future__ import annotations
-
 import os
 import sys
 from typing import NoReturn
@@ -12,38 +10,20 @@ from edge.errors import EdgeError
 from hostlink.cli_exit import program_name, run_command
 from hostlink.command_group import CommandGroup, CommandRow
 
-__all__ = ["COMMANDS", "cli", "main"]
-
 COMMANDS = {
-    "capture": CommandRow(
-        "calib.commands.capture:capture_command",
-        "Run a calibration protocol on a rig and record it with its truth.",
-    ),
-    "demo": CommandRow(
-        "calib.commands.demo:demo_command",
-        "Replay the bundled recordings through the whole chain, compare with the truth, draw pictures.",
-    ),
-    "fit": CommandRow("calib.commands.fit:fit_command", "Fit a calibration to frames with known truth."),
-    "lens": CommandRow(
-        "calib.commands.lens:lens_command",
-        "Measure a lens by IMAGEs of a checkerboard, for ?lens=FILE in a source's address.",
-    ),
-    "report": CommandRow(
-        "calib.commands.report:report_command",
-        "One page on the accuracy of calibrations, and the reasons for the edge's methods.",
-    ),
-    "scale": CommandRow(
-        "calib.commands.scale:scale_command",
-        "Press on a kitchen scale by hand: pictures and forces for `calib fit`.",
-    ),
-    "simulate": CommandRow(
-        "calib.commands.simulate:simulate_command",
-        "Press a known sensor's simulated tip at random, and fit a calibration to what its camera sees.",
-    ),
-    "evaluate": CommandRow(
-        "calib.commands.evaluate:evaluate_command",
-        "Errors of a calibration on frames with known truth.",
-    ),
+    name: CommandRow(f"calib.commands.{name}:{name}_command", text)
+    for name, text in {
+        "capture": "Run a calibration protocol on a rig and record it with its truth.",
+        "demo": "Replay the bundled recordings through the whole chain, compare with the truth, "
+        "draw pictures.",
+        "fit": "Fit a calibration to frames with known truth.",
+        "lens": "Measure a lens by IMAGEs of a checkerboard, for ?lens=FILE in a source's address.",
+        "report": "One page on the accuracy of calibrations, and the reasons for the edge's methods.",
+        "scale": "Press on a kitchen scale by hand: pictures and forces for `calib fit`.",
+        "simulate": "Press a known sensor's simulated tip at random, and fit a calibration to what its "
+        "camera sees.",
+        "evaluate": "Errors of a calibration on frames with known truth.",
+    }.items()
 }
 
 

@@ -1,7 +1,5 @@
 """`python -m calib demo`: the whole chain on bundled recordings."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

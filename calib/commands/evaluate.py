@@ -1,7 +1,5 @@
 """`python -m calib evaluate`: a calibration and frames with truth in, its errors out."""
 
-from __future__ import annotations
-
 import json
 import logging
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`python -m calib fit`: a table of frames with truth in, a calibration out."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -98,7 +96,7 @@ def fit_command(
     """
     given = Frames(**frames)
     check_output(output, (".json",), [*given.inputs, *([prior] if prior else [])], overwrite)
-    known = [{}] if prior is None else _known_models(prior)
+    known = [_known_of_view(prior, view.content) for view in Calibration.load(prior).views] if prior else [{}]
     skin = None if sensor_name is None else load_sensor(sensor_name).tip.skin
     views = given.open().read_as(on_surface=skin == "surface").views()
     if len(known) not in (1, len(views)):
@@ -203,12 +201,8 @@ def scale_of(name: str | None, rest: Rest) -> float | None:
     return scale
 
 
-def _known_models(prior: Path) -> list[dict[tuple[str, ...], KnownModel]]:
-    """The models of each view of another tip. Raises CalibrationError: unreadable, nothing carries over."""
-    return [_known_of_view(prior, view.content) for view in Calibration.load(prior).views]
-
-
 def _known_of_view(prior: Path, content: CalibrationFile) -> dict[tuple[str, ...], KnownModel]:
+    """The models of a view of another tip. Raises CalibrationError: nothing carries over."""
     known = known_models(content)
     if not known:
         raise CalibrationError(
@@ -258,15 +252,5 @@ def print_choices(choices: list[Choice], of: str) -> None:
     for name in ("value", "model chosen", "terms", "error", "limit", "best of each kind", "sigma"):
         table.add_column(name, no_wrap=name != "model chosen")
     for choice in choices:
-        row = _row(choice)
-        sigma = row["sigma"] if isinstance(row["sigma"], list) else [row["sigma"]]
-        table.add_row(
-            "\n".join(choice.outputs),
-            row["model"],
-            str(row["terms"]),
-            f"{choice.chosen.rms:.3g}",
-            f"{choice.allowed:.3g}",
-            "\n".join(f"{kind.split()[0]} {c.rms:.3g}" for kind, c in choice.best_of_kinds.items()),
-            "\n".join(f"{s:.3g}" for s in sigma),
-        )
+        table.add_row(*choice.cells("\n"))
     Console().print(table)

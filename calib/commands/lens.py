@@ -1,7 +1,5 @@
 """`calib lens`: a lens measured with pictures of a checkerboard, by OpenCV's calibration."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,8 +15,6 @@ from edge.sources.files import read_image
 from edge.types import Array, Lens
 from hostlink.cli_exit import print_error
 from hostlink.output_file import check_output, writing
-
-__all__ = ["lens_command", "text_of"]
 
 #: A camera is determined by this number of views of a plane (Zhang 2000).
 VIEWS_MIN = 3

@@ -1,7 +1,5 @@
 """Common to the commands: options for frames with known truth, the rule for output files, a progress bar."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -25,8 +23,6 @@ from calib.press_axis import along_press
 from calib.targets import COLUMNS, Targets
 from edge.sources.lens_file import load_lens
 from hostlink.cli_types import WholeNumber
-
-__all__ = ["PATH", "Frames", "frames_options", "overwrite_option", "progress_bar", "worker_options"]
 
 PATH = click.Path(path_type=Path)
 

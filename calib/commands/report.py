@@ -1,7 +1,5 @@
 """`python -m calib report`: one page on how good the calibrations are."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

@@ -10,8 +10,6 @@ Rules
 - The table is written after each load: what was recorded is kept, whatever ends the command.
 """
 
-from __future__ import annotations
-
 import csv
 import re
 from collections import deque

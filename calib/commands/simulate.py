@@ -1,7 +1,5 @@
 """`python -m calib simulate`: a calibration of a known sensor's simulated tip, in one command."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click
@@ -13,7 +11,7 @@ from calib.sim import Simulator
 from calib.sim.mechanics import Tool
 from calib.sim.of_sensor import appearance_of, camera_of, depth_factor
 from calib.sim.render import Appearance
-from calib.simulated_calibration import Range, calibrate_simulated
+from calib.simulated_calibration import WHOLE, Range, calibrate_simulated
 from edge.sensors import load_sensor
 from hostlink.cli_types import WholeNumber
 from hostlink.output_file import check_output, writing
@@ -49,13 +47,13 @@ def simulate_command(
         simulator = Simulator(camera_of(sensor), appearance_of(sensor, Appearance()), seed)
     except ValueError as error:
         raise TableError(str(error)) from None
-    factor, whole = depth_factor(sensor), Range()
-    low, high = whole.depth_mm
+    factor = depth_factor(sensor)
+    low, high = WHOLE.depth_mm
     reach = Range(
         (low * factor, high * factor),
-        whole.shear_mm * factor,
-        whole.tilt_deg * factor,
-        whole.twist_deg * factor,
+        WHOLE.shear_mm * factor,
+        WHOLE.tilt_deg * factor,
+        WHOLE.twist_deg * factor,
     )
     with progress_bar(quiet) as bar:
         task = bar.add_task("presses", total=presses)

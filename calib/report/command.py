@@ -2,8 +2,6 @@
 hand, every design choice against its alternatives; one page, PNGs and CSVs.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from concurrent.futures import Executor
@@ -128,8 +126,7 @@ def make_report(
     rows = _study(page, out, captures, seen, published)
     summary.text(
         "Simulated rig: 331 pins, 640x480 images with a small webcam's noise. Errors are mean absolute "
-        "errors on "
-        "frames that the fit has not seen."
+        "errors on frames that the fit has not seen."
     )
     summary.table(
         ("", "limit", "measured", "unit", ""),
@@ -179,8 +176,7 @@ def _study(
     plots.trade(out / "trade.png", rows)
     section.text(
         "Each step's alternatives on the same frames; the star is what is in use. The line joins what "
-        "nothing else beats "
-        f"in both. Shear: held-out frames of "
+        "nothing else beats in both. Shear: held-out frames of "
         f"{'the published recordings' if published else 'random tilted poses'}; the "
         "rest: the simulated rig, against its truth."
     )

@@ -1,7 +1,5 @@
 """The report as one HTML page beside its pictures; no script, nothing from elsewhere."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -12,8 +10,6 @@ from typing import Any
 from calib.fit import Choice
 from edge.calibration.file import Curve
 from hostlink.output_file import writing
-
-__all__ = ["ReportPage", "Section", "model_table", "write_page"]
 
 _STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #20242c; max-width: 64rem;
@@ -72,22 +68,7 @@ def model_table(section: Section, choices: Sequence[Choice]) -> None:
     """Every model with its terms and weights: complete."""
     section.table(
         ("value", "model", "terms", "held-out rms", "limit", "best of each kind", "sigma", "models tried"),
-        [
-            (
-                ", ".join(c.outputs),
-                c.chosen.name,
-                str(c.chosen.n_terms),
-                f"{c.chosen.rms:.3g}",
-                f"{c.allowed:.3g}",
-                ", ".join(f"{kind} {best.rms:.3g}" for kind, best in c.best_of_kinds.items()),
-                ", ".join(
-                    f"{s:.3g}"
-                    for s in (c.model.sigma if isinstance(c.model.sigma, list) else [c.model.sigma])
-                ),
-                str(len(c.tried)),
-            )
-            for c in choices
-        ],
+        [(*choice.cells(", "), str(len(choice.tried))) for choice in choices],
         numbers_from=2,
     )
     for choice in choices:

@@ -1,7 +1,5 @@
 """Resolution of two probes: the share found as one, two, more, over their distance."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -10,8 +8,6 @@ from calib.protocols import Plan, Step
 from calib.rig.base import CLEAR, Pose
 from calib.sim import Tool
 from edge.types import Array, Index
-
-__all__ = ["RESOLVED", "pairs", "resolvable_mm", "shares"]
 
 DISTANCES_MM = (2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 6.0, 8.0)
 PER_DISTANCE = 24

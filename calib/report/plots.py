@@ -1,7 +1,5 @@
 """The report's pictures: PNG, as large as the page shows them, units on every axis."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,8 +14,6 @@ from hostlink.output_file import writing
 
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt
-
-__all__ = ["apart", "curves", "directions", "place_map", "real_scatter", "trade"]
 
 DPI = 110
 INK, TRUE, LINE, MARK = "#20242c", "#9aa3b2", "#1f6feb", "#d1495b"
@@ -36,11 +32,10 @@ plt.rcParams.update(
 )
 
 
-def _save(figure: Any, path: Path) -> Path:
+def _save(figure: Any, path: Path) -> None:
     with writing(path, overwrite=True) as unfinished:
         figure.savefig(unfinished, dpi=DPI, bbox_inches="tight")
     plt.close(figure)
-    return path
 
 
 def curves(
@@ -207,5 +202,4 @@ def _front(x: Array, y: Array) -> Mask:
     better = (
         (x[None] <= x[:, None]) & (y[None] <= y[:, None]) & ((x[None] < x[:, None]) | (y[None] < y[:, None]))
     )
-    front = np.asarray(~better.any(axis=1))
-    return front
+    return np.asarray(~better.any(axis=1))

@@ -1,7 +1,5 @@
 """The report's sections: captured data are fitted and evaluated; each section returns its checks."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,14 +12,14 @@ from numpy.typing import NDArray
 from calib.curve import paper_curve
 from calib.dataset import Dataset
 from calib.evaluate import evaluate, predict
-from calib.extract import Extract, join_extracts
+from calib.extract import Extract
 from calib.fit import Choice, fit
 from calib.report import plots, slip
 from calib.report.page import ReportPage, Section, model_table
 from calib.report.pairs import RESOLVED, resolvable_mm, shares
+from calib.targets import Targets
 from edge.calibration import Calibration
-
-__all__ = ["Requirement", "Seen", "contacts", "paper", "real", "slips", "tilted"]
+from edge.geometry.parts import stack
 
 Rows = NDArray[np.intp]
 HELD_OUT = 0.2  # share of random poses that is held out
@@ -53,24 +51,19 @@ class Seen:
     extract: Extract
 
     def fit(self, rows: Any = None) -> tuple[Calibration, list[Choice]]:
-        targets, extract = self.data.targets, self.extract
-        if rows is not None:
-            targets, extract = targets.rows(rows), extract.rows(rows)
-        return fit(self.data.rest, targets, extract, mm_per_px=None)
+        return fit(self.data.rest, *self._some(rows), mm_per_px=None)
 
     def evaluate(self, calibration: Calibration, rows: Any = None) -> dict[str, Any]:
+        return evaluate(calibration, *self._some(rows))
+
+    def _some(self, rows: Any) -> tuple[Targets, Extract]:
+        """rows: None: all of them."""
         targets, extract = self.data.targets, self.extract
-        if rows is not None:
-            targets, extract = targets.rows(rows), extract.rows(rows)
-        return evaluate(calibration, targets, extract)
+        return (targets, extract) if rows is None else (targets.rows(rows), extract.rows(rows))
 
     def shear(self) -> Any:
         values = self.data.targets.values
         return values["shear_x_mm"] + 1j * values["shear_y_mm"]
-
-
-def _every(n: int, first: int) -> Rows:
-    return np.arange(first, n, 2)
 
 
 def paper(page: ReportPage, out: Path, seen: dict[str, Seen]) -> list[Requirement]:
@@ -79,15 +72,15 @@ def paper(page: ReportPage, out: Path, seen: dict[str, Seen]) -> list[Requiremen
     press, shear, round_ = seen["displacement"], seen["shear"], seen["direction"]
     both = Seen(
         Dataset((*press.data.parts, *shear.data.parts)),
-        join_extracts([press.extract, shear.extract]),
+        stack([press.extract, shear.extract]),
     )
-    calibration, choices = both.fit(_every(len(both.data), 0))
-    on_press = press.evaluate(calibration, _every(len(press.data), 1))
-    on_shear = shear.evaluate(calibration, _every(len(shear.data), 1))
+    calibration, choices = both.fit(np.arange(0, len(both.data), 2))
+    on_press = press.evaluate(calibration, np.arange(1, len(press.data), 2))
+    on_shear = shear.evaluate(calibration, np.arange(1, len(shear.data), 2))
     on_round = round_.evaluate(calibration)
     depth = press.data.targets.values["displacement_mm"]
     volume = press.extract.inputs[:, 0].real
-    curve = paper_curve(volume, depth)
+    curve, _ = paper_curve(volume, depth)
     moved = np.abs(shear.extract.inputs[:, 1]) * shear.data.rest.pattern.tip_radius_px
     line = plots.curves(
         out / "curves.png", volume, depth, np.array(curve.knots), moved, np.abs(shear.shear())
@@ -104,8 +97,7 @@ def paper(page: ReportPage, out: Path, seen: dict[str, Seen]) -> list[Requiremen
     mean = plots.directions(out / "directions.png", round_.shear(), read)
     section.text(
         "Direction (paper, Fig. 11): 36 directions, 10 frames each, read by a calibration that saw shear "
-        "along x "
-        "alone. A round tip does not care which way it is sheared, so its models cannot either."
+        "along x alone. A round tip does not care which way it is sheared, so its models cannot either."
     )
     section.picture(out / "directions.png", "true and read directions")
     model_table(section, choices)
@@ -129,11 +121,9 @@ def tilted(page: ReportPage, surface: Seen) -> list[Requirement]:
     calibration, choices = surface.fit(train)
     result = surface.evaluate(calibration, test)
     section.text(
-        f"{len(train)} random flat poses are fitted, {len(test)} held out: depth 1..5 mm, tilt up "
-        f"to "
+        f"{len(train)} random flat poses are fitted, {len(test)} held out: depth 1..5 mm, tilt up to "
         "15 deg about both axes (the contact wanders up to 7 mm off the tip's axis), shear up to 2 mm per "
-        "axis, twist up "
-        "to 5 deg."
+        "axis, twist up to 5 deg."
     )
     names = (
         "displacement_mae_mm",
@@ -199,10 +189,11 @@ def _pairs_of_probes(
     counts = pairs.extract.counts
     found = shares(apart_mm, counts)
     plots.apart(out / "pairs.png", found)
+    pitch_mm = (calibration.mm_per_px or math.nan) * pairs.data.rest.pattern.pitch_px
     section.text(
         "Two probes of 1 mm radius, 2 mm deep, anywhere within 5 mm of the axis and any way round: resolved "
         f"(found as two in {RESOLVED:g} % of the frames and more) from {resolvable_mm(found):g} mm on. The "
-        f"pins are {_pitch_mm(calibration, pairs):.1f} mm apart."
+        f"pins are {pitch_mm:.1f} mm apart."
     )
     section.picture(out / "pairs.png", "share of pairs found as one, two, more, over their distance")
     section.table(
@@ -256,21 +247,16 @@ def _percent(which: NDArray[np.bool_]) -> float:
     return float(which.mean()) * 100.0
 
 
-def _pitch_mm(calibration: Calibration, seen: Seen) -> float:
-    return (calibration.mm_per_px or math.nan) * seen.data.rest.pattern.pitch_px
-
-
 def slips(page: ReportPage, slipped: list[slip.Slipped]) -> list[Requirement]:
     section = page.section("Slip")
-    every = slip.outcome(slip.join(slipped))
+    every = slip.outcome(stack(slipped))
     section.text(
         f"A tool pressed {slip.DEPTH_MM:g} mm deep is dragged {slip.WAY_MM:g} mm in a second at "
         "several frictions, until it creeps (more than a quarter of it slides, from the rim inwards) and "
         "then glides. Slip counts as detected at a probability over one half (that more than half of the "
         f"contact slides): {every.detected_percent:.0f} % of the frames that creep; the speed read there is "
-        "the skin's own motion "
-        f"against itself, {every.read_mm_s:.2f} mm/s where the tool runs at {every.true_mm_s:.2f} mm/s over "
-        "the contact in the mean."
+        f"the skin's own motion against itself, {every.read_mm_s:.2f} mm/s where the tool runs at "
+        f"{every.true_mm_s:.2f} mm/s over the contact in the mean."
     )
     rows = []
     for one, seen in zip(slip.DRAGS, slipped, strict=True):
@@ -298,8 +284,7 @@ def real(page: ReportPage, out: Path, published: Seen) -> None:
     plots.real_scatter(out / "real.png", true, values, sigmas)
     section.text(
         f"One random split, {len(train)} frames fitted, {len(test)} held out (five: python -m tests.bench "
-        f"real). The "
-        f"network published with the set: {NETWORK}. Direction here: "
+        f"real). The network published with the set: {NETWORK}. Direction here: "
         f"{result['shear_direction_mean_deg']:.1f} deg mean, "
         f"{result['shear_direction_median_deg']:.1f} median. One-sigma intervals hold "
         f"{100 * result['sigma_coverage_68']:.0f} % of the values. {result['n_refused']} frames refused."

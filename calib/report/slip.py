@@ -6,11 +6,9 @@ that is, slides in part, from its rim inwards; it glides as a whole. `python -m 
 drags, and the time before a contact glides.
 """
 
-from __future__ import annotations
-
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,8 +18,6 @@ from calib.simulated_calibration import TARE_FRAMES, mm_per_px
 from edge.frame import Pipeline
 from edge.pins import take_rest
 from edge.types import Array, Feature, Mask
-
-__all__ = ["DRAGS", "Drag", "Outcome", "Slipped", "drag", "join", "outcome"]
 
 DOWN_N, STILL_N, DRAG_N = 6, 6, 60
 DEPTH_MM, WAY_MM = 2.0, 3.0
@@ -143,8 +139,3 @@ def outcome(seen: Slipped) -> Outcome:
 
 def _mean(values: Array | Mask) -> float:
     return float(values.mean()) if len(values) else math.nan
-
-
-def join(drags: Sequence[Slipped]) -> Slipped:
-    """Several drags as one."""
-    return Slipped(*(np.concatenate([getattr(d, f.name) for d in drags]) for f in fields(Slipped)))

@@ -7,8 +7,6 @@ Rules
   gains nothing.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -20,7 +18,7 @@ import numpy as np
 from scipy.interpolate import griddata
 from scipy.spatial import ConvexHull, Voronoi, cKDTree
 
-from calib.curve import cross_validated_curve
+from calib.curve import paper_curve
 from calib.designs import letters, terms_of_spin
 from calib.extract import Extract
 from calib.ridge import cross_validated_terms
@@ -32,8 +30,6 @@ from edge.features.pin_motion import AreaChange
 from edge.features.surface import Surface
 from edge.pins import CentroidRefiner, detect
 from edge.types import Array, Cells, Frame, Rest, Result
-
-__all__ = ["Row", "detectors", "places", "shear_models", "surfaces", "tessellations"]
 
 RUNS = 5
 CT_GRID = 64
@@ -61,7 +57,6 @@ def timed(work: Callable[[], Any], runs: int = RUNS) -> tuple[Any, float]:
     """Result, and median time in us."""
     work()
     times = []
-    result = None
     for _ in range(runs):
         began = time.perf_counter()
         result = work()
@@ -78,7 +73,7 @@ def detectors(rest: Rest, frames: Sequence[Frame]) -> list[Row]:
         assert frame.truth is not None
         true = np.array(frame.truth["pins_img"])
         # The last frame predicts a place that is off by about a pixel.
-        predicted = _in_order(true, rest) + rng.normal(0.0, 0.7, rest.xy_img.shape)
+        predicted = true[: len(rest)] + rng.normal(0.0, 0.7, rest.xy_img.shape)
         ways: dict[str, Callable[[], Array]] = {
             "SimpleBlobDetector, whole image": lambda: np.array(
                 [k.pt for k in blob.detect(frame.image)]  # noqa: B023  (run at once)
@@ -109,10 +104,6 @@ def detectors(rest: Rest, frames: Sequence[Frame]) -> list[Row]:
         )
         for name, runs in found.items()
     ]
-
-
-def _in_order(true: Array, rest: Rest) -> Array:
-    return true if len(true) == len(rest) else true[: len(rest)]
 
 
 def _blob_detector(radius_px: float) -> Any:
@@ -175,7 +166,8 @@ def surfaces(rest: Rest, results: Sequence[Result], depths: Array) -> list[Row]:
     change = [_of(result).area_change for result in results]
 
     def add(name: str, volumes: list[float], us: list[float], why: str = "") -> None:
-        error = np.abs(cross_validated_curve(np.array(volumes) / (np.pi * r * r), depths) - depths).mean()
+        _, predicted = paper_curve(np.array(volumes) / (np.pi * r * r), depths)
+        error = np.abs(predicted - depths).mean()
         rows.append(Row("surface", name, float(np.median(us)), float(error), "mm depth", why))
 
     volumes, us = [], []

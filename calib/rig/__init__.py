@@ -6,8 +6,6 @@ gcode      a stage that speaks G-code (GRBL, Marlin), with a camera
 manual     a person who follows instructions, with a camera
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

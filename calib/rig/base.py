@@ -7,8 +7,6 @@ Rules
 - A frame's truth is the rig's own data; `capture` adds the requested pose.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Protocol
 

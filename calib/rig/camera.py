@@ -7,8 +7,6 @@ Rules
   after the settling time has passed on our clock.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 

@@ -6,8 +6,6 @@ Rules
 - The stage has X, Y, Z and perhaps A (twist). It cannot tilt; such poses raise an error.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """A person as a rig: follows instructions and confirms each."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from calib.rig.base import Pose

@@ -5,8 +5,6 @@ the skin now: `[{"depth_mm": 1.5, "shear_x_mm": 0.2}]`, or `[]`. It is rendered 
 moment. Of poses that come while one is rendered the newest is taken.
 """
 
-from __future__ import annotations
-
 import logging
 import socket
 import time

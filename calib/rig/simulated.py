@@ -5,8 +5,6 @@ Rules
   the same bytes as one that ran through.
 """
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 

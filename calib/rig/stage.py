@@ -13,8 +13,6 @@ Rules
 Sources  GRBL v1.1 interface and its error and alarm code tables; Marlin G28, M400, M115, serial "ok".
 """
 
-from __future__ import annotations
-
 import re
 import time
 from dataclasses import dataclass

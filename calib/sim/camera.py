@@ -5,8 +5,6 @@ Rules
   ray' = ray (1 + k1 r2 + k2 r4), r2 = |ray|^2. Negative k1 is a barrel, as of a wide-angle lens.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

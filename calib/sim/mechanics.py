@@ -19,8 +19,6 @@ Sources  Johnson, "Contact Mechanics", chapters 5 (normal contact by numbers) an
   Mindlin, J. Appl. Mech. 16, 259 (1949), whose spheres under a tangential force the tests compare with.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import lru_cache
 

@@ -7,8 +7,6 @@ Rules
 - A flat skin is the cap of a large sphere. Its grid is larger than the image, whose border cuts it.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import asin, ceil, cos, degrees, radians, sin
 
@@ -20,8 +18,6 @@ from calib.sim.render import Appearance
 from calib.sim.tip import Tip
 from edge.geometry.layout import pin_layout
 from edge.sensors import KnownSensor
-
-__all__ = ["appearance_of", "camera_of", "depth_factor"]
 
 PIN_RADIUS_PITCHES = 0.29  # 0.33 and 0.27 in the two sets of published images of the 331-pin tip
 FLAT_RADIUS_MM = 60.0  # of the sphere: the corners of a view of 20 x 15 mm are 1.3 mm lower than its middle

@@ -11,8 +11,6 @@ Rules
 - All random numbers come from the given generator.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import cached_property
 

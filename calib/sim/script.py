@@ -9,8 +9,6 @@ Rules
 - No move carries a pin further in one frame than a third of the pitch (tests/calib/test_simulator.py).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 
@@ -40,12 +38,8 @@ def _press(contact: ToolPose, depth_mm: float, frames: int, hold: int = 4) -> tu
     return (Move(0, (contact,)), Move(frames, (down,)), Move(hold, (down,)))
 
 
-def _shear(contact: ToolPose, depth_mm: float) -> tuple[Move, ...]:
-    pressed = replace(contact, depth_mm=depth_mm)
-    moved = replace(pressed, shear_x_mm=1.2, shear_y_mm=-0.9)
-    return (*_press(contact, depth_mm, 14, 2), Move(12, (moved,)), Move(4, (moved,)))
-
-
+_MOVED = replace(_FLAT, depth_mm=3.0, shear_x_mm=1.2, shear_y_mm=-0.9)
+_SHEAR = (*_press(_FLAT, 3.0, 14, 2), Move(12, (_MOVED,)), Move(4, (_MOVED,)))
 _PAIR = (
     Move(0, (_LEFT, _RIGHT)),
     Move(12, (replace(_LEFT, depth_mm=2.0), replace(_RIGHT, depth_mm=1.6))),
@@ -64,7 +58,7 @@ def _drag(shear_mm: float, depth_mm: float = 2.5, twist_deg: float = 0.0) -> Too
 SCENES: dict[str, tuple[Move, ...]] = {
     "nothing": (Move(16),),
     "press": (*_REST, *_press(_BALL, 3.0, 14, 4)),
-    "press-shear": (*_REST, *_shear(_FLAT, 3.0)),
+    "press-shear": (*_REST, *_SHEAR),
     "two": (*_REST, *_PAIR),
     "edge": (*_REST, *_press(_BAR, 2.0, 16)),
     # Pressed, sheared, twisted and back, dragged, loosened until it slips, lifted: can be looped.
@@ -81,7 +75,7 @@ SCENES: dict[str, tuple[Move, ...]] = {
         *_press(_BALL, 3.0, 24),
         Move(16, (_BALL,)),
         Move(6),
-        *_shear(_FLAT, 3.0),
+        *_SHEAR,
         Move(12, (replace(_FLAT, depth_mm=3.0),)),
         Move(16, (_FLAT,)),
         Move(6),

@@ -6,8 +6,6 @@ Rules
 - `Frame.truth` is JSON-able and complete: tools, places, forces, and where each pin is.
 """
 
-from __future__ import annotations
-
 from dataclasses import asdict
 from functools import lru_cache
 from typing import Any

@@ -13,8 +13,6 @@ Rules
 - Unpaced frames are rendered when they are read.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import msgspec
@@ -29,7 +27,7 @@ from edge.errors import ConfigError, SourceError
 from edge.sensors import KnownSensor, load_sensor
 from edge.sources.options import Options
 from edge.sources.paced import Paced
-from edge.types import Frame, FrameSource, Lens, Polarity, Region
+from edge.types import Frame, FrameSource
 
 RATE_HZ = 60.0
 
@@ -48,7 +46,7 @@ class SimKeys(msgspec.Struct):
 _LIGHTS = {"clean": lambda camera, seed: Appearance(), "ugly": ugly}
 
 
-class SceneSource:
+class SceneSource(FrameSource):
     """Frames of a scene; iterating again plays it again, with other noise unless `keep`."""
 
     live = False
@@ -59,10 +57,6 @@ class SceneSource:
         self.name = f"sim:{scene}"
         self.size_px = simulator.camera.size_px
         self.rate_hz = simulator.rate_hz
-        self.dropped_n = 0
-        self.polarity = Polarity.FOUND
-        self.lens: Lens | None = None
-        self.region: Region | None = None
         self._simulator = simulator
         self._moves = shallower(SCENES[scene], depth_factor)
         self._kept: list[Frame] | None = list(self._render()) if keep else None
@@ -103,7 +97,7 @@ def open_sim(where: str, options: Options) -> FrameSource:
     source = SceneSource(simulator, scene, keep=keys.paced, depth_factor=factor)
     if not keys.paced:
         return source
-    return Paced(source, simulator.rate_hz, loop=True)
+    return Paced(source, loop=True)
 
 
 def _camera(sensor: KnownSensor | None, keys: SimKeys, options: Options) -> Camera:

@@ -14,8 +14,6 @@ Rules
   where the camera's rays through a regular pattern meet the sphere of the pins' tips.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from math import radians, sin

@@ -203,11 +203,6 @@ class CalibrationFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, o
     views: "Annotated[list[CalibrationFile], msgspec.Meta(max_length=VIEWS_MAX)]" = []
 
 
-def views_of(content: CalibrationFile) -> list[CalibrationFile]:
-    """A file for each view, the first one first."""
-    return [msgspec.structs.replace(content, views=[]), *content.views]
-
-
 class _Header(msgspec.Struct, frozen=True):
     """The fields that decide whether the rest can be read."""
 
@@ -250,12 +245,10 @@ def decode(raw: bytes, where: str) -> CalibrationFile:
 
 
 def encode(content: CalibrationFile) -> bytes:
-    """The file's bytes."""
     return msgspec.json.encode(content) + b"\n"
 
 
 def rest_of(sensor: Sensor) -> Rest:
-    """The rest frame that a file describes."""
     xy = np.array(sensor.rest_xy_px, dtype=np.float64).reshape(-1, 2)
     pattern = PinPattern(
         pin_radius_px=sensor.pin_radius_px,

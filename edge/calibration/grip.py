@@ -37,8 +37,7 @@ _RADIUS = 3.0 * math.pi / 16.0
 class Grip:
     """Remembers the load that the present touch has held."""
 
-    def __init__(self) -> None:
-        self._held = 0.0
+    _held = 0.0
 
     def forget(self) -> None:
         """The touch has ended."""

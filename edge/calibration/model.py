@@ -27,6 +27,7 @@ import math
 from pathlib import Path
 
 import numpy as np
+from msgspec.structs import replace
 
 from edge.calibration.checks import check, is_of_contact, is_of_place, outputs_of
 from edge.calibration.evaluation import ModelKernel, Places, derive
@@ -42,7 +43,6 @@ from edge.calibration.file import (
     encode,
     read_file,
     rest_of,
-    views_of,
 )
 from edge.calibration.inputs import CONTACT_INPUTS, FRAME_INPUTS, MOMENTS
 from edge.errors import CalibrationError
@@ -103,8 +103,9 @@ class Calibration:
         self._unknown = dict.fromkeys(self.frame_models.names, math.nan)
         self._untouched = {name: UNTOUCHED[name] for name in self.frame_models.names}
         self._untouched_sigmas = dict(zip(self.frame_models.names, self.frame_models.sigmas, strict=True))
-        self._views = tuple(map(Calibration, views_of(content))) if content.views else ()
-        if self._views:
+        self._views: tuple[Calibration, ...] = ()
+        if content.views:
+            self._views = tuple(map(Calibration, (replace(content, views=[]), *content.views)))
             self.rest = of_parts([view.rest for view in self._views], self.rest.pattern)
             self.outputs = frozenset().union(*(view.outputs for view in self._views))
             self.of_fits = any(view.of_fits for view in self._views)

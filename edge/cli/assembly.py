@@ -74,7 +74,7 @@ def expect_sensor(source: FrameSource, config: Config) -> KnownSensor | None:
 def look_as(source: FrameSource, sensor: KnownSensor) -> None:
     """Look for pins of the sensor's polarity, in its region, unless the source's address says otherwise."""
     if source.polarity is Polarity.FOUND:
-        source.polarity = sensor.polarity
+        source.polarity = Polarity(sensor.pins.polarity or "")
     if source.region is None:
         parts = sensor.camera.roi or "", sensor.camera.circle or "", sensor.camera.mask or ""
         source.region = region_of(source.name, source.size_px, *parts)

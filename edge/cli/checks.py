@@ -66,7 +66,6 @@ def print_lines(lines: Sequence[Line]) -> None:
 
 
 def worst(lines: Sequence[Line]) -> str:
-    """The worst level of all."""
     return max((line.level for line in lines), key=LEVELS.index, default="ok")
 
 

@@ -169,7 +169,6 @@ def _rest_within(source: FrameSource, frame: Frame, polarity: Polarity, roi: str
 
 
 def better_settings(tried: dict[str, int]) -> Line:
-    """Says to people which settings `settings_tried` found."""
     apart = "pins stand in separate groups: " if any(key.startswith("roi") for key in tried) else ""
     named = ", ".join(f"?{key} finds {n}" for key, n in tried.items())
     return Line("settings", "warn", apart + named, "add one of them to the address, or the key to [source]")

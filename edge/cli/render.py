@@ -29,8 +29,8 @@ from edge.runtime.loop import Loop
 from edge.runtime.measurement import LoopConfig
 from edge.sources import open_source
 from edge.sources.files import FileSource
-from edge.types import Feature, Frame, Rest, Result, Tracks
-from edge.view.palette import PAPER, SAFE
+from edge.types import Frame, Rest, Result, Tracks
+from edge.view.palette import PALETTES
 from edge.view.panels import View, picture
 from edge.view.video import CODECS, write_video
 from hostlink.cli_types import FiniteFloat, WholeNumber, counted
@@ -38,10 +38,6 @@ from hostlink.output_file import check_output, writing
 from hostlink.wire import RestFrameReason
 
 log = logging.getLogger(__name__)
-
-PALETTES = {"paper": PAPER, "safe": SAFE}
-#: Features in a picture; the surface is not drawn.
-DRAWN = frozenset(Feature) - {Feature.SURFACE}
 
 
 @click.command()
@@ -51,7 +47,7 @@ DRAWN = frozenset(Feature) - {Feature.SURFACE}
 @sensor_option
 @click.option(
     "--palette",
-    type=click.Choice(["paper", "safe"]),
+    type=click.Choice(list(PALETTES)),
     default="paper",
     show_default=True,
     help="safe: orange and blue, for colour-blind readers.",
@@ -66,14 +62,10 @@ def render(
     recording: str,
     out: Path,
     calibration_path: Path | None,
-    sensor_name: str | None,
-    palette: str,
-    rate_hz: float | None,
-    height: int,
-    rest: str | None,
     overwrite: bool,
     as_json: bool,
     quiet: bool,
+    **options: Any,
 ) -> None:
     """Make a video of RECORDING: cells, contacts and shear beside the camera's image.
 
@@ -82,10 +74,8 @@ def render(
     check_output(out, tuple(CODECS), filter(None, (recording, calibration_path)), overwrite)
     calibration = load_calibration(calibration_path or example_calibration(recording))
     with writing(out, overwrite) as unfinished:
-        made = render_recording(
-            recording, unfinished, calibration, palette=palette, rate_hz=rate_hz,
-            height=height, progress=not (quiet or as_json), rest=rest, sensor=sensor_name,
-        )  # fmt: skip
+        progress = not (quiet or as_json)
+        made = render_recording(recording, unfinished, calibration, progress=progress, **options)
     if as_json:
         click.echo(json_line(made))
     elif not quiet:
@@ -104,7 +94,7 @@ def render_recording(
     height: int = 640,
     progress: bool = False,
     rest: str | None = None,
-    sensor: str | None = None,
+    sensor_name: str | None = None,
 ) -> dict[str, Any]:
     """Write the video, with the options of `render`; height of a panel, px.
 
@@ -113,9 +103,9 @@ def render_recording(
     Raises   ConfigError: the sensor; InputError: recording, first frames or calibration; SinkError; OSError
     """
     with closing(open_source(recording)) as source:
-        known = expect_sensor(source, Config(sensor=SensorTable(model=sensor or "")))
+        known = expect_sensor(source, Config(sensor=SensorTable(model=sensor_name or "")))
         on_surface = known is not None and known.on_surface
-        loop = Loop(source, [], calibration, LoopConfig(DRAWN, on_surface=on_surface))
+        loop = Loop(source, [], calibration, LoopConfig(on_surface=on_surface))
         loop.measurement.watch("video")
         rest_frame, seen_in, taken_n = _rest_frame(loop, rest, calibration)
         mm_per_px = (calibration.mm_per_px if calibration else None) or 0.0

@@ -87,7 +87,6 @@ class Facts:
         return getattr(self, name)  # for reasons, which are formatted with what they name
 
     def see(self, frame: Frame) -> None:
-        """Measure an image's brightness."""
         self.level, self.saturated = level_of(frame.image, frame.bits)
         below = 1.0 - self.rest_saturated  # bright skin round dark pins may be saturated
         self.level_rel = self.level / self.rest_level if self.rest_level != 0.0 else NAN

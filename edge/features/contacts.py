@@ -24,7 +24,7 @@ Rules
 
 import cython
 import numpy as np
-from cython.cimports.libc.math import atan2, hypot, isfinite, isnan, sqrt
+from cython.cimports.libc.math import atan2, hypot, isfinite, sqrt
 from numpy.typing import NDArray
 
 from edge.features.contact_field import PeakFinder
@@ -320,6 +320,8 @@ class ContactFinder:
         self._place_radius_axis = PARAMS.place_radius_axis
         self._contact_sigma, self._min_area_change = PARAMS.contact_sigma, PARAMS.min_area_change
         self._min_oriented_elongation = PARAMS.min_oriented_elongation
+        # That of its region, if a region is blurred by as much as the contact is wide.
+        self._min_fitted_elongation = sqrt(0.5 * (self._min_oriented_elongation**2 + 1.0))
 
     def forget(self) -> None:
         """The next frame does not follow the last one."""
@@ -354,10 +356,14 @@ class ContactFinder:
         direction = NAN
         if n == 2:
             direction = self.fitted.join(self._xy_array, seen, wanted=fits <= n)
-        elif n == 1 and regions.elongation[0] >= self._min_oriented_elongation:
-            direction = self.fitted.split(self._xy_array, seen)
-        elif n == 1 and self.peaks.n_peaks > 1:
-            self.fitted.split_round(self._xy_array, seen, regions.ridge(0))
+        elif n == 1:
+            is_long = regions.elongation[0] >= self._min_oriented_elongation
+            may_be_long = regions.elongation[0] >= self._min_fitted_elongation
+            if may_be_long or self.peaks.n_peaks > 1:
+                ridge = regions.ridge(0)
+                direction = self.fitted.split(
+                    self._xy_array, seen, ridge, is_long=is_long, wanted=may_be_long
+                )
         for i in range(regions.n_contacts):
             self._find_place(i)
         if moments:
@@ -367,9 +373,12 @@ class ContactFinder:
             for d in range(2):
                 self._table[i, 0, d] = self.place[i, d] - (self.curl_moment[i, d] if moments else 0.0)
                 self._table[i, 4, d] = regions.middle[i, d]
-        contacts = [self._describe(0, direction, moments, fitted)]
-        for i in range(1, regions.n_contacts):
-            contacts.append(self._describe(i, NAN, moments, fitted))
+        if regions.n_contacts == 1:
+            return (self._describe(0, direction, moments, fitted),)
+        contacts = []
+        for i in range(regions.n_contacts):
+            is_long = regions.elongation[i] >= self._min_oriented_elongation
+            contacts.append(self._describe(i, regions.direction[i] if is_long else NAN, moments, fitted))
         return tuple(contacts)
 
     def _look_closer(self, seen: Mask, sigma_px: float) -> None:
@@ -384,10 +393,7 @@ class ContactFinder:
     def _describe(
         self, i: cython.Py_ssize_t, direction: float, moments: bool, fitted: list[FittedContact]
     ) -> ContactRegion:
-        """Contact i, whose direction is known from a fit, or NaN."""
-        elongation = self.regions.elongation[i]
-        if isnan(direction) and elongation >= self._min_oriented_elongation:
-            direction = self.regions.direction[i]
+        """Contact i, whose direction is known, or NaN."""
         copies: Copies
         taken: list[Array] = []
         for copies in self._copies[i]:
@@ -399,7 +405,7 @@ class ContactFinder:
             self.regions.peak_height(i),
             self.regions.area_px2(i),
             direction,
-            elongation,
+            self.regions.elongation[i],
             self.regions.ridge(i),
             middle,
             divergence if moments else _UNKNOWN,

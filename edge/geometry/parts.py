@@ -6,8 +6,8 @@ whole.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import TypeVar
+from dataclasses import fields, replace
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +15,25 @@ from numpy.typing import NDArray
 from edge.geometry.lattice import pitch_of
 from edge.geometry.layout import circle_of
 from edge.geometry.neighbours import nearest_of
-from edge.types import Array, Index, Mask, PinPattern, Pins, Rest, Tracks
+from edge.types import Index, Mask, PinPattern, Pins, Rest, Tracks
 
 T = TypeVar("T", bound=np.generic)
+Table = TypeVar("Table")  # a dataclass of arrays of one length
+
+
+def rows_of(table: Table, rows: NDArray[np.integer[Any]] | Mask) -> Table:
+    """The chosen rows of all columns."""
+    given: Any = table
+    chosen: Table = type(given)(*(getattr(table, column.name)[rows] for column in fields(given)))
+    return chosen
+
+
+def stack(tables: Sequence[Table]) -> Table:
+    """Several tables in one, one after the other."""
+    given: Any = tables[0]
+    columns = ([getattr(table, column.name) for table in tables] for column in fields(given))
+    whole: Table = type(given)(*map(np.concatenate, columns))
+    return whole
 
 
 def parts_of(rest: Rest) -> list[tuple[Index, Rest]]:
@@ -37,7 +53,7 @@ def parts_of(rest: Rest) -> list[tuple[Index, Rest]]:
 
 def one_part(rest: Rest, rows: Index | Mask) -> Rest:
     """A rest frame of these pins alone."""
-    pins, p = pins_of(rest.pins, rows), rest.pattern
+    pins, p = rows_of(rest.pins, rows), rest.pattern
     centre_img, radius_px = circle_of(pins.xy_img, p.pin_radius_px)
     pitch_px, n = pitch_of(pins.xy_img), len(pins)
     return Rest(pins, replace(p, pitch_px=pitch_px, centre_img=centre_img, tip_radius_px=radius_px, count=n))
@@ -45,19 +61,10 @@ def one_part(rest: Rest, rows: Index | Mask) -> Rest:
 
 def of_parts(rests: Sequence[Rest], pattern: PinPattern) -> Rest:
     """One rest frame of those of all parts; pattern: what they have in common."""
-    pins = (np.concatenate(column) for column in zip(*(_columns(rest.pins) for rest in rests), strict=True))
+    pins = stack([rest.pins for rest in rests])
     part = np.repeat(np.arange(len(rests), dtype=np.int32), [len(rest) for rest in rests])
-    whole = one_part(Rest(Pins(*pins), pattern), np.ones(len(part), np.bool_))
+    whole = one_part(Rest(pins, pattern), np.ones(len(part), np.bool_))
     return replace(whole, part=part, views=tuple(rest.pattern for rest in rests))
-
-
-def _columns(pins: Pins) -> tuple[Array, Array, Array, Array]:
-    return pins.xy_img, pins.sigma_px, pins.radius_px, pins.brightness
-
-
-def pins_of(pins: Pins, rows: Index | Mask) -> Pins:
-    """These pins alone."""
-    return Pins(*(column[rows] for column in _columns(pins)))
 
 
 def own_pins(pins: Pins, rest: Rest) -> Pins:
@@ -65,7 +72,7 @@ def own_pins(pins: Pins, rest: Rest) -> Pins:
     if rest.beside_img is None or len(pins) == 0:
         return pins
     away = (nearest_of(xy, pins.xy_img)[0][:, 0] for xy in (rest.xy_img, rest.beside_img))
-    return pins_of(pins, np.less_equal(*away))
+    return rows_of(pins, np.less_equal(*away))
 
 
 def tracks_of(tracks: Tracks, rows: Index) -> Tracks:
@@ -77,17 +84,14 @@ def tracks_of(tracks: Tracks, rows: Index) -> Tracks:
 
 def tracks_joined(rows: Sequence[Index], of_parts: Sequence[Tracks]) -> Tracks:
     """The tracks of all parts, as certain as the least certain one."""
-    xy_img, sigma_px = (
-        joined(rows, [t.xy_img for t in of_parts]),
-        joined(rows, [t.sigma_px for t in of_parts]),
-    )
-    confidence = min(t.confidence for t in of_parts)
-    return Tracks.of(xy_img, sigma_px, joined(rows, [t.seen for t in of_parts]), confidence)
+    columns = zip(*((t.xy_img, t.sigma_px, t.seen) for t in of_parts), strict=True)
+    xy_img, sigma_px, seen = (joined(rows, column) for column in columns)
+    return Tracks.of(xy_img, sigma_px, seen, min(t.confidence for t in of_parts))
 
 
 def pins_joined(rows: Sequence[Index], of_parts: Sequence[Pins]) -> Pins:
     """The pins of all parts."""
-    return Pins(*(joined(rows, column) for column in zip(*map(_columns, of_parts), strict=True)))
+    return rows_of(stack(of_parts), np.argsort(np.concatenate(rows)))
 
 
 def joined(rows: Sequence[Index], of_parts: Sequence[NDArray[T]]) -> NDArray[T]:

@@ -1,10 +1,9 @@
 """The thin-plate spline: the smoothest surface through values at knots."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from edge.errors import DegenerateLayout
+from edge.geometry.layout import spans
 from edge.types import Array
 
 
@@ -20,8 +19,7 @@ def thin_plate_operators(knots: Array, points: Array) -> tuple[Array, Array, Arr
     # In this frame the system is well conditioned; the spline does not depend on it.
     centre = knots.mean(axis=0)
     scale = float(np.sqrt(((knots - centre) ** 2).sum(axis=1).mean()))
-    spread = np.linalg.svd(knots - centre, compute_uv=False) if n >= 3 else np.zeros(2)
-    if not spread[-1] > 1e-9 * spread[0]:
+    if n < 3 or not spans(knots):
         raise DegenerateLayout(f"a surface needs three pins that are not on one line; {n} given")
     x, p = (knots - centre) / scale, (points - centre) / scale
     system = np.zeros((n + 3, n + 3))  # its solution are the weights of the kernels and of a plane

@@ -142,7 +142,6 @@ class LinkSink(ABC):
 
     @property
     def counters(self) -> SinkCounters:
-        """A copy of the present counts."""
         with self._counting:
             return SinkCounters(**self._counts | {"sent": self._counts["sent"] + self._sent_at_once_n})
 
@@ -225,7 +224,6 @@ class LinkSink(ABC):
     # ---- the worker -------------------------------------------------------------------------------
 
     def _count(self, what: str, n: int = 1) -> None:
-        """Add to one of the counters."""
         with self._counting:
             self._counts[what] += n
         if what == "dropped" and n:

@@ -10,7 +10,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from hashlib import sha256
-from typing import Protocol
+from typing import Any, Protocol
 
 from edge.errors import CalibrationError, RequestRefused
 from edge.link.params import PARAMS
@@ -108,7 +108,6 @@ class ObjectServer:
         self.transmission = dict.fromkeys(range(1, 5), 254)
 
     def record(self, fault: Fault) -> None:
-        """Add a fault to the error history."""
         self._errors.appendleft(fault.emcy | int(fault.code) << 16)
 
     def read(self, index: int, sub: int) -> bytes:
@@ -157,11 +156,10 @@ class ObjectServer:
             log.error("object %s cannot be stored: %s", obj.name, error)
             raise Aborted(Abort.NOT_STORED) from None
 
-    def _value(self, obj: Object) -> Value | None:
+    def _value(self, obj: Object) -> Any:
         name = obj.name
         if name in _SETTINGS:
-            setting: Value = getattr(self._settings.values, name)
-            return setting
+            return getattr(self._settings.values, name)
         if name.endswith("_cob_id"):
             base = int(getattr(self._ids, name.removesuffix("_cob_id")))
             return base + (self._node if obj.node_id else 0)
@@ -203,10 +201,9 @@ class ObjectServer:
             self._description, self._described_s = self._device.describe(), now_s
         return self._description
 
-    def _apply(self, obj: Object, value: Value) -> None:
+    def _apply(self, obj: Object, value: Any) -> None:
         name = obj.name
         if name in _SETTINGS:
-            assert isinstance(value, int | float)
             self._settings.change(**{name: value})
             self._on_change(name)
         elif name == "tare":
@@ -218,12 +215,10 @@ class ObjectServer:
             for setting in sorted(_SETTINGS):
                 self._on_change(setting)
         elif name == "calibration":
-            assert isinstance(value, bytes)
             self._device.upload_calibration(value)
         elif name == "error_n":
             self._errors.clear()
         elif name.endswith("_transmission"):
-            assert isinstance(value, int)
             if not (1 <= value <= 240 or value == 254):
                 raise ValueError(f"transmission type {value}: 1..240 or 254")
             self.transmission[obj.index - 0x1800 + 1] = value

@@ -146,7 +146,6 @@ class BlockDownload(BlockTransfer):
         return (bytes((head, received_n, Block.DOWNLOAD_N)) + bytes(5),)
 
     def _end(self, unused_n: int, crc: int) -> None:
-        """Check what has come."""
         if not self.whole:
             raise Aborted(Abort.COMMAND)
         del self.data[len(self.data) - unused_n :]

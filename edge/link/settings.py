@@ -87,12 +87,11 @@ class SettingsFile:
         self._failed, self.values = None, values
 
 
-def _changed(values: NodeSettings, changes: Mapping[str, float]) -> NodeSettings:
+def _changed(values: NodeSettings, changes: Mapping[str, Any]) -> NodeSettings:
     """Raises ValueError: out of limits, or no such setting."""
     for name, value in changes.items():
         _check(name, value)
-    known: dict[str, Any] = dict(changes)
-    return replace(values, **known)
+    return replace(values, **changes)
 
 
 def _check(name: str, value: float) -> None:

@@ -108,7 +108,6 @@ class SerialSink(LinkSink):
     def __init__(self, name: str, open_medium: Callable[[], Medium], node: int = NODE_DEFAULT) -> None:
         self.node, self.ids = node, CanIds()
         self._buffer = bytearray()
-        self.corrupt_n = 0
         self.on_frame: Callable[[Message, int, bytes], None] | None = None
         super().__init__(name, open_medium)
         self.on_message = self._split
@@ -138,7 +137,6 @@ class SerialSink(LinkSink):
                 kind = Message(number)
                 counter, body = unpack_message(kind, payload)
             except (CorruptFrame, ValueError):
-                self.corrupt_n += 1
                 continue
             if self.on_frame is not None:
                 self.on_frame(kind, counter, body)

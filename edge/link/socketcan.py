@@ -10,6 +10,7 @@ import struct
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
+from socket import CAN_EFF_FLAG, CAN_ERR_FLAG, CAN_RTR_FLAG, CAN_SFF_MASK
 
 from edge.link import medium
 from edge.link.medium import FULL, CanFrame, Medium, MediumFull, is_off_after
@@ -20,8 +21,6 @@ INTERFACES = Path("/sys/class/net")
 _CLASSIC, _FD = struct.Struct("=IBxxx8s"), struct.Struct("=IBBxx64s")  # can_frame, canfd_frame
 _FILTER = struct.Struct("=II")
 _FD_FLAGS = 0x01 | 0x04  # CANFD_BRS, CANFD_FDF
-CAN_EFF_FLAG, CAN_RTR_FLAG, CAN_ERR_FLAG = 0x80000000, 0x40000000, 0x20000000
-CAN_SFF_MASK = 0x7FF
 CAN_RAW_ERR_FILTER = 2  # not in the type checker's `socket`
 
 

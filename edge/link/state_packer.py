@@ -122,7 +122,6 @@ class StatePacker:
 
     @cython.cfunc
     def _take(self, reading: Reading | None) -> cython.void:
-        """Note what a reading says."""
         i: cython.Py_ssize_t
         self.reading = None
         for i in range(self.known.shape[0]):
@@ -183,7 +182,6 @@ class StatePacker:
 
     @cython.cfunc
     def _drop_unplaced(self) -> cython.void:
-        """Leave out contacts without a place."""
         values: cython.double[::1] = self.values
         at: cython.Py_ssize_t
         end: cython.Py_ssize_t = self.contacts

@@ -16,17 +16,17 @@ Rules
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from typing import Any, TypeVar
+from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from edge.geometry.parts import rows_of
 from edge.limits import PINS_MAX
 from edge.pins.params import PARAMS
-from edge.types import Array, Image, Mask, Pins
+from edge.types import Array, Image, Mask
 
 #: There is one for each pixel round the smallest pin in the reduced image.
 RAYS = round(math.tau * PARAMS.reduced_radius_px)
@@ -63,20 +63,6 @@ class Spots:
 
     def __getitem__(self, which: Mask | Places) -> Spots:
         return rows_of(self, which)
-
-
-Table = TypeVar("Table", Spots, Pins)
-
-
-def rows_of(table: Table, which: Mask | Places) -> Table:
-    """The chosen rows of all columns."""
-    return type(table)(*(getattr(table, column.name)[which] for column in fields(table)))
-
-
-def join(parts: Sequence[Table]) -> Table:
-    """Spots of several scales in one, or pins; one after the other."""
-    columns = [column.name for column in fields(parts[0])]
-    return type(parts[0])(*(np.concatenate([getattr(p, name) for p in parts]) for name in columns))
 
 
 def find_spots(image: Image, radius_px: float, depth_min: float) -> Spots:
@@ -126,14 +112,8 @@ def measure_discs(image: Image, spots: Spots) -> tuple[Array, float]:
     """
     step = 0.5
     reach = np.arange(0.0, 2.0 * float(np.median(spots.radius_px)) + 2.0, step)
-    n = len(spots)
-    x, y = spots.xy_img[:, 0, None, None], spots.xy_img[:, 1, None, None]
-    map_x = (x + reach * _COS).astype(np.float32).reshape(n, -1)
-    map_y = (y + reach * _SIN).astype(np.float32).reshape(n, -1)
-    level = cv2.remap(
-        image.astype(np.float32), map_x, map_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-    ).reshape(n, RAYS, len(reach))
-    profile = np.median(level, axis=1)
+    x, y = spots.xy_img.T
+    profile = np.median(_along_rays(image.astype(np.float32), x, y, reach), axis=1)
     near = reach < np.maximum(0.6 * spots.radius_px, 1.0)[:, None]
     top = (profile * near).sum(axis=1) / near.sum(axis=1)
     bottom = np.minimum.accumulate(profile, axis=1)
@@ -148,25 +128,26 @@ def measure_discs(image: Image, spots: Spots) -> tuple[Array, float]:
     return np.where(good, radius, spots.radius_px), float(edge_px)
 
 
-def _crossing(profile: Levels, height: float) -> Array:
-    """First index, between samples, at which each falling row goes below `height`."""
-    after = np.maximum((profile < height).argmax(axis=1), 1)
-    b = np.take_along_axis(profile, after[:, None], axis=1)[:, 0]
-    a = np.take_along_axis(profile, after[:, None] - 1, axis=1)[:, 0]
-    return np.asarray(after - 1 + np.clip((a - height) / np.maximum(a - b, 1e-6), 0.0, 1.0))
+def _crossing(profile: Levels, height: float | Levels) -> Array:
+    """First index, between samples, at which each falling row (the last axis) goes below `height`."""
+    after = np.maximum((profile < height).argmax(axis=-1, keepdims=True), 1)
+    a, b = (np.take_along_axis(profile, at, axis=-1) for at in (after - 1, after))
+    return np.asarray(after - 1 + np.clip((a - height) / np.maximum(a - b, 1e-6), 0.0, 1.0))[..., 0]
 
 
 def _rays(grey: Levels, r: float, xs: Places, ys: Places) -> Levels:
     """(n, RAYS, STEPS) grey levels along the rays, noise smoothed at a third of the radius."""
-    smooth = cv2.GaussianBlur(grey, (0, 0), max(0.3 * r, 0.6))
-    reach = (STEPS * r)[None, None, :]
-    n = len(xs)
-    if n == 0:
+    if len(xs) == 0:
         return np.empty((0, RAYS, len(STEPS)), np.float32)
-    map_x = (xs[:, None, None] + reach * _COS).astype(np.float32).reshape(n, -1)
-    map_y = (ys[:, None, None] + reach * _SIN).astype(np.float32).reshape(n, -1)
-    level: Levels = cv2.remap(smooth, map_x, map_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return level.reshape(n, RAYS, len(STEPS))
+    return _along_rays(cv2.GaussianBlur(grey, (0, 0), max(0.3 * r, 0.6)), xs, ys, STEPS * r)
+
+
+def _along_rays(grey: Levels, x: Array | Places, y: Array | Places, reach: Levels) -> Levels:
+    """(n, RAYS, k) grey levels of an image at the distances `reach` (k,) px from places x, y (n,)."""
+    map_x = (x[:, None, None] + reach * _COS).astype(np.float32).reshape(len(x), -1)
+    map_y = (y[:, None, None] + reach * _SIN).astype(np.float32).reshape(len(x), -1)
+    level: Levels = cv2.remap(grey, map_x, map_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return level.reshape(len(x), RAYS, len(reach))
 
 
 def _measure(level: Levels, r: float) -> tuple[Array, Array, Array, Array]:
@@ -175,15 +156,10 @@ def _measure(level: Levels, r: float) -> tuple[Array, Array, Array, Array]:
     middle = level[:, :, :2].mean(axis=(1, 2))
     fall = middle[:, None] - level[:, :, 2:].min(axis=2)
     depth = _quantile(fall, 0.5)
-    half = middle - 0.5 * depth
+    half = (middle - 0.5 * depth)[:, None, None]
     share: Array = (fall > 0.5 * depth[:, None]).mean(axis=1)
-    below = level < half[:, None, None]
-    first = np.maximum(below.argmax(axis=2), 1)
-    reached = below.any(axis=2)
-    after = np.take_along_axis(level, first[..., None], axis=2)[..., 0]
-    before = np.take_along_axis(level, first[..., None] - 1, axis=2)[..., 0]
-    part = np.clip((before - half[:, None]) / np.maximum(before - after, 1e-6), 0.0, 1.0)
-    distance = np.where(reached, (first - 1 + part) * step, (STEPS[-1] + 0.25) * r)
+    reached = (level < half).any(axis=2)
+    distance = np.where(reached, _crossing(level, half) * step, (STEPS[-1] + 0.25) * r)
     radius = np.maximum(_quantile(distance, 0.5), 1e-6)
     spread = (_quantile(distance, 0.8) - _quantile(distance, 0.2)) / radius
     return depth.astype(np.float64), share, radius.astype(np.float64), spread.astype(np.float64)

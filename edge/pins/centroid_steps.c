@@ -26,7 +26,7 @@ typedef struct {
     Py_ssize_t row, end, stride, first, beyond, rows, ahead;
 } vt_fetch;
 
-/* The windows of an image share this, as `windows_of` describes it. */
+/* The reading of an image shares this, as `reading_of` describes it. */
 typedef struct {
     const unsigned char *image;
     vt_fetch *fetch;
@@ -37,9 +37,13 @@ typedef struct {
     const double *norms;
     unsigned char *pixels;
     double *sums;
+    const double *predicted, *inner;
+    const int *norm_of;
+    Py_ssize_t stride, side;
+    double reach2, noise2, gain;
     int dark;
-    Py_ssize_t side;
-} vt_windows;
+    double *xy, *sigma, *amplitude, *fit;
+} vt_reading;
 
 #define VT_PHASES 16
 #define VT_NORM 24 /* numbers of a phase, in the order of NORM */
@@ -244,10 +248,10 @@ typedef struct {
 } vt_start;
 
 /* The sums of n windows, 8 each; sums_of: of bytes; none: of blocks. */
-VT_INLINE static inline void vt_sum_windows_by(vt_sums_of *sums_of, const vt_windows *windows, const vt_start *from,
+VT_INLINE static inline void vt_sum_windows_by(vt_sums_of *sums_of, const vt_reading *reading, const vt_start *from,
                                                Py_ssize_t n, double *sums)
 {
-    const vt_windows w = *windows;
+    const vt_reading w = *reading;
     for (; n > 0; n--, from++, sums += 8) {
         const vt_kind *const k = w.kinds + from->norm / VT_PHASES;
         const unsigned char *const middle = w.image + from->begin;
@@ -261,7 +265,7 @@ VT_INLINE static inline void vt_sum_windows_by(vt_sums_of *sums_of, const vt_win
             sums_of(w.pixels, t, uv, k, from->norms, sums);
         } else {
             short *const blocks = (short *)w.pixels;
-            vt_add_rows(middle, step, end, w.fetch->stride, blocks);
+            vt_add_rows(middle, step, end, w.stride, blocks);
             memset(blocks + k->pixels, 0, 64);
             vt_sums_by(0, blocks, VT_MIDDLE, t, uv, k, from->norms, sums);
         }
@@ -275,7 +279,7 @@ VT_INLINE static inline void vt_sum_windows_by(vt_sums_of *sums_of, const vt_win
 }
 
 #define VT_SUM_WINDOWS(name, sums_of, target) \
-    target static void name(const vt_windows *w, const vt_start *from, Py_ssize_t n, double *sums) \
+    target static void name(const vt_reading *w, const vt_start *from, Py_ssize_t n, double *sums) \
     { \
         vt_sum_windows_by(sums_of, w, from, n, sums); \
     }
@@ -286,7 +290,7 @@ VT_SUM_WINDOWS(vt_sum_windows_avx2, vt_sums_avx2, __attribute__((target("avx2"))
 VT_SUM_WINDOWS(vt_sum_blocks_avx2, 0, __attribute__((target("avx2"))))
 #endif
 
-static void vt_sum_windows(const vt_windows *w, const vt_start *from, Py_ssize_t n, double *sums)
+static void vt_sum_windows(const vt_reading *w, const vt_start *from, Py_ssize_t n, double *sums)
 {
 #ifdef VT_AVX2
     if (__builtin_cpu_supports("avx2")) {
@@ -297,27 +301,12 @@ static void vt_sum_windows(const vt_windows *w, const vt_start *from, Py_ssize_t
     (w->side > 1 ? vt_sum_blocks : vt_sum_windows_plain)(w, from, n, sums);
 }
 
-static void vt_sum_window(const vt_windows *w, Py_ssize_t begin, Py_ssize_t norm)
-{
-    const vt_start from = {0.0, 0.0, 0, (size_t)norm, (size_t)begin, w->norms + VT_NORM * norm};
-    vt_sum_windows(w, &from, 1, w->sums);
-}
-
 typedef double vt_two __attribute__((vector_size(16)));
 typedef double vt_any_two __attribute__((vector_size(16), aligned(8), may_alias));
 typedef long long vt_mask_two __attribute__((vector_size(16)));
 typedef double vt_pins __attribute__((vector_size(VT_LANES)));
 typedef double vt_any_pins __attribute__((vector_size(VT_LANES), aligned(8), may_alias));
 typedef long long vt_mask __attribute__((vector_size(VT_LANES)));
-
-/* The steps of a frame share this, as `steps_of` describes it. */
-typedef struct {
-    const double *norms, *predicted, *inner;
-    const int *norm_of;
-    Py_ssize_t stride;
-    double reach2, noise2, gain, side;
-    double *xy, *sigma, *amplitude, *fit;
-} vt_steps;
 
 #define VT_WHERE(mask, a) ((vt_pins)((vt_mask)(a) & (mask)))
 /* The numbers k to k + 3 of each pin's row. */
@@ -343,7 +332,7 @@ typedef struct {
 #endif
 
 /* Shorten a step that is too long; whether it ends near enough to the prediction. */
-static int vt_is_within_reach(const vt_steps *s, const vt_start *from, double ex, double ey)
+static int vt_is_within_reach(const vt_reading *s, const vt_start *from, double ex, double ey)
 {
     double *const xy = s->xy + 2 * from->pin;
     const double *const at = s->predicted + 2 * from->pin;
@@ -354,7 +343,7 @@ static int vt_is_within_reach(const vt_steps *s, const vt_start *from, double ex
 }
 
 /* A step of VT_PINS pins from their sums. Returns the sum of 1 << k of each k-th one that has to go on. */
-VT_INLINE static inline int vt_step_some(const vt_steps *s, const double *sums, const vt_start *from, double near2,
+VT_INLINE static inline int vt_step_some(const vt_reading *s, const double *sums, const vt_start *from, double near2,
                                          double far2, int first)
 {
     const double *sum[VT_PINS], *norm[VT_PINS];
@@ -375,9 +364,9 @@ VT_INLINE static inline int vt_step_some(const vt_steps *s, const double *sums, 
     const vt_pins missing = rest - freedom * (s->noise2 + 1.0 / 12.0);
     const vt_pins m = VT_WHERE((missing > 0.0) & (left > 0.0), missing / left), hidden = radius * m * m;
     vt_pins variance = VT_WHERE(rest > 0.0, rest) * inv_freedom;
-    if (s->side > 1.0) { /* The residual beyond the noise is alike in all pixels of a block. */
+    if (s->side > 1) { /* The residual beyond the noise is alike in all pixels of a block. */
         const vt_pins more = variance - s->noise2;
-        variance -= (1.0 - 1.0 / (s->side * s->side)) * VT_WHERE(more > 0.0, more);
+        variance -= (1.0 - 1.0 / (double)(s->side * s->side)) * VT_WHERE(more > 0.0, more);
     }
     variance += 1.0 / 12.0;
     const vt_pins limit = 4.0 * variance;
@@ -412,26 +401,26 @@ static inline void vt_fill(vt_start *from, double *sums, Py_ssize_t n)
     for (; n % VT_PINS; n++) from[n] = from[n - 1], memcpy(sums + 8 * n, sums + 8 * (n - 1), 8 * sizeof *sums);
 }
 
-VT_INLINE static inline int vt_step_by(const vt_steps *s, const double *sums, Py_ssize_t i, Py_ssize_t norm, double x,
-                                       double y, double near2, double far2, int first)
+VT_INLINE static inline int vt_step_by(const vt_reading *s, Py_ssize_t i, Py_ssize_t norm, double x, double y,
+                                       double near2, double far2, int first)
 {
     double some[8 * VT_PINS];
     vt_start from[VT_PINS] = {{x, y, (size_t)i, (size_t)norm, 0, s->norms + VT_NORM * norm}};
-    memcpy(some, sums, 8 * sizeof *sums);
+    memcpy(some, s->sums, 8 * sizeof *some);
     vt_fill(from, some, 1);
     return vt_step_some(s, some, from, near2, far2, first) & 1;
 }
 
 #define VT_MANY 32 /* windows in a row: each of the three loops has the registers for itself */
-VT_INLINE static inline Py_ssize_t vt_take_steps_by(const vt_windows *windows, const vt_steps *steps, int *who,
-                                                    Py_ssize_t n, double near2, double far2, int first)
+VT_INLINE static inline Py_ssize_t vt_take_steps_by(const vt_reading *reading, int *who, Py_ssize_t n, double near2,
+                                                    double far2, int first)
 {
     double sums[8 * VT_MANY];
     vt_start from[VT_MANY];
-    const vt_steps s = *steps;
+    const vt_reading s = *reading;
     Py_ssize_t asked = 0, j = 0;
     const vt_two least = {s.inner[0], s.inner[1]}, beyond = {s.inner[2], s.inner[3]};
-    const double *const begin = first ? s.predicted : s.xy, to_middle = s.side > 1.0 ? 0.0 : 2.0; /* phases */
+    const double *const begin = first ? s.predicted : s.xy, to_middle = s.side > 1 ? 0.0 : 2.0; /* phases */
     const double to_place = 0.125 - 0.25 * to_middle;
     while (j < n) {
         vt_start *to = from;
@@ -450,7 +439,7 @@ VT_INLINE static inline Py_ssize_t vt_take_steps_by(const vt_windows *windows, c
                                row / 4 * (size_t)s.stride + column / 4, s.norms + VT_NORM * norm};
         }
         const Py_ssize_t taken = to - from;
-        vt_sum_windows(windows, from, taken, sums);
+        vt_sum_windows(reading, from, taken, sums);
         vt_fill(from, sums, taken);
         for (Py_ssize_t k = 0; k < taken; k += VT_PINS) {
             const int goes_on = vt_step_some(&s, sums + 8 * k, from + k, near2, far2, first);
@@ -472,8 +461,7 @@ VT_INLINE static inline Py_ssize_t vt_take_steps_by(const vt_windows *windows, c
 #else
 #define VT_CHOOSE(type, name, parameters, arguments) static type name parameters { return name##_by arguments; }
 #endif
-VT_CHOOSE(int, vt_step, (const vt_steps *s, const double *sums, Py_ssize_t i, Py_ssize_t norm, double x, double y,
-                         double near2, double far2, int first), (s, sums, i, norm, x, y, near2, far2, first))
-VT_CHOOSE(Py_ssize_t, vt_take_steps, (const vt_windows *windows, const vt_steps *steps, int *who, Py_ssize_t n,
-                                      double near2, double far2, int first),
-          (windows, steps, who, n, near2, far2, first))
+VT_CHOOSE(int, vt_step, (const vt_reading *s, Py_ssize_t i, Py_ssize_t norm, double x, double y, double near2,
+                         double far2, int first), (s, i, norm, x, y, near2, far2, first))
+VT_CHOOSE(Py_ssize_t, vt_take_steps, (const vt_reading *reading, int *who, Py_ssize_t n, double near2, double far2,
+                                      int first), (reading, who, n, near2, far2, first))

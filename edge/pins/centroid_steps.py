@@ -43,9 +43,10 @@ KIND = np.dtype(
 FETCH = np.dtype([(name, np.intp) for name in ("row", "end", "stride", "first", "beyond", "rows", "ahead")])
 
 
-class Windows(NamedTuple):
-    """The data that the windows of an 8-bit image share.
+class PinReading(NamedTuple):
+    """The data that all windows of an image and all steps share.
 
+    image    of 8 bits; of another one any, and stride is 0
     fetch    (1,) `FETCH`; here of no use
     kinds    `KIND` of each kind of pins
     steps    of each piece of a row, LANES bytes or 8 blocks: where it begins, bytes from the window's middle,
@@ -53,8 +54,15 @@ class Windows(NamedTuple):
     values, uv, norms  of the templates
     pixels   takes a window's spans, one after the other
     sums     (8,): I d, I tx, I ty, I, I u, I v, I^2 and 1 of a window, each times its factor in `norms`
+    predicted           (n, 2) px
+    inner    phases: least x and y of pins whose windows are within the image, least beyond
+    norm_of  (n,) the row of each pin's first phase in `norms`
+    stride   bytes from row to row of the image
+    side     px: pixels are sums of blocks of side x side of the image's; the middle of one is between four
+    reach2   px2: farther from its prediction a pin is lost
+    noise2, gain        levels^2 of the camera's noise; factor of the levels
     dark     sums are those of 255 - I
-    side     pixels are sums of blocks of side x side of the image's
+    xy, sigma, amplitude, fit  of `CentroidKernel`; written
     """
 
     image: Image
@@ -66,20 +74,32 @@ class Windows(NamedTuple):
     norms: Array
     pixels: NDArray[np.uint8]
     sums: Array
-    dark: bool
+    predicted: Array
+    inner: Array
+    norm_of: Index
+    stride: int
     side: int
+    reach2: float
+    noise2: float
+    gain: float
+    dark: bool
+    xy: Array
+    sigma: Array
+    amplitude: Array
+    fit: Array
 
 
-windows_of = Windows
+reading_of = PinReading
 
 
-def sum_window(windows: Windows, begin: int, norm: int) -> None:
+def _sum_window(reading: PinReading, begin: int, norm: int) -> None:
     """Write `sums` of one window.
 
     begin  byte of the image where the middle of the window is
     norm   row of its kind's phase in `norms`
     """
-    image, _, kinds, all_steps, values, uv, norms, _, sums, dark, side = windows
+    image, _, kinds, all_steps, values, uv, norms, _, sums = reading[:9]
+    side = reading.side
     (rows, columns), stride = image.shape, image.strides[0]
     memory = np.lib.stride_tricks.as_strided(image, (stride * (rows - 1) + columns,), (1,))
     k = kinds[norm // PHASES**2]
@@ -94,7 +114,7 @@ def sum_window(windows: Windows, begin: int, norm: int) -> None:
     d, tx, ty = values[first : first + 3 * n].astype(np.int64).reshape(3, n) @ level
     u, v = uv[first_uv : first_uv + 2 * n].astype(np.int64).reshape(2, n) @ level
     sums[:8] = np.array([d, tx, ty, level.sum(), u, v, level @ level, 1], np.float64) * norms[norm, :8]
-    if dark:  # the sums of the other templates are 0
+    if reading.dark:  # the sums of the other templates are 0
         most = 255.0 * side * side
         white = most * k["pixels"]
         square, total = sums[6] + most * (white - 2.0 * sums[3]), white - sums[3]
@@ -109,55 +129,22 @@ def sum_window(windows: Windows, begin: int, norm: int) -> None:
 ) = map(NORM.index, NORM[NORM.index("inv_d") :])  # fmt: skip
 
 
-class Steps(NamedTuple):
-    """The data that the steps of a frame share.
-
-    norms               of the templates
-    predicted           (n, 2) px
-    inner               phases: least x and y of pins whose windows are within the image, least beyond
-    norm_of             (n,) the row of each pin's first phase in `norms`
-    stride              bytes from row to row of an 8-bit image
-    reach2              px2: farther from its prediction a pin is lost
-    noise2, gain        levels^2 of the camera's noise; factor of the levels
-    side                px, of the blocks that windows consist of; the middle of one is between four pixels
-    xy, sigma, amplitude, fit  of `CentroidKernel`; written
-    """
-
-    norms: Array
-    predicted: Array
-    inner: Array
-    norm_of: Index
-    stride: int
-    reach2: float
-    noise2: float
-    gain: float
-    side: float
-    xy: Array
-    sigma: Array
-    amplitude: Array
-    fit: Array
-
-
-steps_of = Steps
-
-
 def take_step(
-    steps: Steps, sums: Array, i: int, norm: int, x: float, y: float, near2: float, far2: float, first: bool
+    reading: PinReading, i: int, norm: int, x: float, y: float, near2: float, far2: float, first: bool
 ) -> bool:
-    """Take the step of pin i. Returns that it has to go on.
+    """Take the step of pin i, of whose window the sums are. Returns that it has to go on.
 
-    sums   of its window, as `sum_window` writes them
     norm   row of its norms
     x, y   px, where the step begins: the place of the template
     near2  px2: a step this short is the last
     far2   px2: of a longer one the slopes alone are enough
     first  it is its first step
     """
-    steps.amplitude[i] = steps.fit[i] = 0
-    a, tx, ty, level, u, v, square, inv_pixels = map(float, sums[:8])
+    reading.amplitude[i] = reading.fit[i] = 0
+    a, tx, ty, level, u, v, square, inv_pixels = map(float, reading.sums[:8])
     if not a > 0.0:
         return False
-    norms = [float(number) for number in steps.norms[norm]]
+    norms = [float(number) for number in reading.norms[norm]]
     x_d, y_d, x_u, y_v = norms[X_D], norms[Y_D], norms[X_U], norms[Y_V]
     inverse, a2 = 1.0 / a, a * a
     # The step times |d| A, as if the surroundings had no slope.
@@ -172,7 +159,9 @@ def take_step(
     rest = energy - a2 - tx * tx - ty * ty - gu2 - gv2
     found = max(rest, 0.0) * norms[INV_FREEDOM]
     # The residual beyond the noise is alike in all pixels of a block.
-    variance = found - (1.0 - 1.0 / (steps.side * steps.side)) * max(found - steps.noise2, 0.0) + 1.0 / 12.0
+    variance = (
+        found - (1.0 - 1.0 / (reading.side * reading.side)) * max(found - reading.noise2, 0.0) + 1.0 / 12.0
+    )
     limit = 4.0 * variance
     keep_x = 1.0 - limit / gu2 if is_near and gu2 > limit else 0.0
     keep_y = 1.0 - limit / gv2 if is_near and gv2 > limit else 0.0
@@ -185,35 +174,33 @@ def take_step(
     left = energy - gu * su - gv * sv
     spread = x_d * x_d + y_d * y_d + keep_x * (x_u * x_u) + keep_y * (y_v * y_v)
     noise = 0.5 * variance * spread * inverse * inverse
-    steps.sigma[i] = sigma_of(noise, rest, norms[FREEDOM], left, steps.noise2, norms[RADIUS])
-    steps.xy[i] = x + ex, y + ey
+    reading.sigma[i] = sigma_of(noise, rest, norms[FREEDOM], left, reading.noise2, norms[RADIUS])
+    reading.xy[i] = x + ex, y + ey
     # A first step that is the last one is so short that it is within reach.
-    if (goes_on or not first) and not _is_within_reach(steps, i, norms[LONGEST], (x, y), (ex, ey)):
+    if (goes_on or not first) and not _is_within_reach(reading, i, norms[LONGEST], (x, y), (ex, ey)):
         return False
-    steps.amplitude[i] = a * norms[INV_D] * steps.gain
-    steps.fit[i] = a2 / left if left > 0.0 else 0.0
+    reading.amplitude[i] = a * norms[INV_D] * reading.gain
+    reading.fit[i] = a2 / left if left > 0.0 else 0.0
     return goes_on
 
 
-def take_steps(
-    windows: Windows, steps: Steps, who: Index, n: int, near2: float, far2: float, first: bool
-) -> int:
+def take_steps(reading: PinReading, who: Index, n: int, near2: float, far2: float, first: bool) -> int:
     """Take a step of each of n pins whose window is within the image.
 
     who      these pins; written: twice each that has to go on, and 1 if it has taken this step
     near2, far2, first  as of `take_step`
     Returns  how many have to go on
     """
-    asked, to_middle = 0, 0.0 if steps.side > 1.0 else 2.0
+    asked, to_middle = 0, 0.0 if reading.side > 1 else 2.0
     for i in map(int, who[:n]):
-        x4, y4 = (PHASES * float(at) + to_middle for at in (steps.predicted if first else steps.xy)[i])
-        taken = steps.inner[0] <= x4 < steps.inner[2] and steps.inner[1] <= y4 < steps.inner[3]
+        x4, y4 = (PHASES * float(at) + to_middle for at in (reading.predicted if first else reading.xy)[i])
+        taken = reading.inner[0] <= x4 < reading.inner[2] and reading.inner[1] <= y4 < reading.inner[3]
         if taken:
             x, y = int(x4), int(y4)
-            norm = int(steps.norm_of[i]) + y % PHASES * PHASES + x % PHASES
-            sum_window(windows, y // PHASES * steps.stride + x // PHASES, norm)
+            norm = int(reading.norm_of[i]) + y % PHASES * PHASES + x % PHASES
+            _sum_window(reading, y // PHASES * reading.stride + x // PHASES, norm)
             start = 0.25 * (x - to_middle) + 0.125, 0.25 * (y - to_middle) + 0.125
-            if not take_step(steps, windows.sums, i, norm, *start, near2, far2, first):
+            if not take_step(reading, i, norm, *start, near2, far2, first):
                 continue
         who[asked] = 2 * i + taken
         asked += 1
@@ -234,12 +221,12 @@ def sigma_of(
 
 
 def _is_within_reach(
-    steps: Steps, i: int, longest: float, start: tuple[float, float], step: tuple[float, float]
+    reading: PinReading, i: int, longest: float, start: tuple[float, float], step: tuple[float, float]
 ) -> bool:
     """Shorten a step that is too long; whether it ends near enough to the prediction."""
     length = sqrt(step[0] * step[0] + step[1] * step[1])
     if length > longest:
         share = longest / length
-        steps.xy[i] = start[0] + share * step[0], start[1] + share * step[1]
-    dx, dy = (float(d) for d in steps.xy[i] - steps.predicted[i])
-    return dx * dx + dy * dy <= steps.reach2
+        reading.xy[i] = start[0] + share * step[0], start[1] + share * step[1]
+    dx, dy = (float(d) for d in reading.xy[i] - reading.predicted[i])
+    return dx * dx + dy * dy <= reading.reach2

@@ -85,16 +85,16 @@ class CentroidKernel:
     _kinds: loops.Kind[::1]
     _spans: cython.int[:, ::1]  # of all kinds
     _pieces: cython.int[:, ::1]  # of these: first column and row, and place among the pixels
-    _steps: cython.Py_ssize_t[:, ::1]  # as `sum_window` takes it, in 8-bit images of this shape
+    _steps: cython.Py_ssize_t[:, ::1]  # as `reading_of` takes it, in 8-bit images of this shape
     _inner: cython.double[::1]  # phases: least x and y of pins whose windows are within them, least beyond
     _side: cython.Py_ssize_t  # px, of the blocks that are a window's pixels
     _to_middle: cython.double  # phases, from where a window's middle pixel begins; 0: it is between two
     _half: cython.Py_ssize_t  # px, of the largest window
-    _fetch: loops.Fetch[::1]  # as `sum_window` takes it
-    _windows: loops.Windows  # of the image in hand
-    _steps_of: loops.Steps  # to take in it
+    _fetch: loops.Fetch[::1]  # likewise
+    _reading: loops.Reading  # of the image in hand
     _every: cython.int[::1]  # 0 to n - 1
     _who: cython.int[::1]  # pins that have to take a step, and what `take_steps` says of them
+    _one: cython.int[::1]  # the same of one pin
     _values: cython.short[::1]  # of the templates
     _uv: cython.schar[::1]
     _norms: cython.double[:, ::1]
@@ -142,7 +142,8 @@ class CentroidKernel:
         self._sign = -1 if dark else 1
         self._norms = np.concatenate(templates.norms)
         self._rows = self._columns = self._stride = -1  # none yet
-        self._inner, self._who = np.zeros(4), np.zeros(self.n, np.int32)
+        self._image8, self._steps = np.zeros((1, 1), np.uint8), np.zeros((1, 2), np.intp)
+        self._inner, self._who, self._one = np.zeros(4), np.zeros(self.n, np.int32), np.zeros(1, np.int32)
         self._every = np.arange(self.n, dtype=np.int32)
         if not 0 <= limits["spare_bits"] <= 12:
             raise ValueError(f"spare_bits of 0 to 12 are wanted, not {limits['spare_bits']}")
@@ -222,31 +223,28 @@ class CentroidKernel:
         iteration: cython.int = 0
         if n == 0:
             return
-        self._steps_of = loops.steps_of(
-            self._norms, self.predicted, self._inner, self._norm_of, self._stride,
-            self._reach2, self._noise2, self._gain, self._side, self.xy, self.sigma, self.amplitude, self.fit,
+        self._reading = loops.reading_of(
+            self._image8, self._fetch, self._kinds, self._steps, self._values, self._uv, self._norms,
+            self._pixels, self._sums, self.predicted, self._inner, self._norm_of, self._stride, self._side,
+            self._reach2, self._noise2, self._gain, self._sign < 0, self.xy, self.sigma, self.amplitude,
+            self.fit,
         )  # fmt: skip
         if self._wide:
             for i in range(n):
                 self._find(i, 0)
             return
         self._begin_to_fetch()
-        self._windows = loops.windows_of(
-            self._image8, self._fetch, self._kinds, self._steps, self._values, self._uv, self._norms,
-            self._pixels, self._sums, self._sign < 0, self._side,
-        )  # fmt: skip
         self._who[:] = self._every
+        far2 = self._far2_of(iteration)
         while n > 0:
-            asked = loops.take_steps(
-                self._windows, self._steps_of, self._who, n, self._near2, self._far2_of(iteration),
-                iteration == 0,
-            )  # fmt: skip
+            asked = loops.take_steps(self._reading, self._who, n, self._near2, far2, iteration == 0)
             iteration += 1
+            far2 = self._far2_of(iteration)
             n = 0
             for k in range(asked):
                 i = self._who[k] >> 1
                 taken = self._who[k] & 1
-                if taken and self._far2_of(iteration) < HUGE_VAL:
+                if taken and far2 < HUGE_VAL:
                     self._who[n] = i
                     n += 1
                 else:
@@ -372,6 +370,9 @@ class CentroidKernel:
         x4: cython.double = N_PHASES * px + self._to_middle
         y4: cython.double = N_PHASES * py + self._to_middle
         kind: cython.Py_ssize_t = self._kind_of[i]
+        if not self._wide and self._inner[0] <= x4 < self._inner[2] and self._inner[1] <= y4 < self._inner[3]:
+            self._one[0] = i
+            return loops.take_steps(self._reading, self._one, 1, self._near2, far2, first) > 0
         self.amplitude[i] = self.fit[i] = 0
         if not (0 <= px <= self._columns - 1 and 0 <= py <= self._rows - 1):  # NaN is not
             return False
@@ -383,14 +384,11 @@ class CentroidKernel:
         norm: cython.Py_ssize_t = self._norm_of[i] + phase
         at_x = middle_of(px, self._to_middle)
         at_y = middle_of(py, self._to_middle)
-        if not self._wide and self._inner[0] <= x4 < self._inner[2] and self._inner[1] <= y4 < self._inner[3]:
-            loops.sum_window(self._windows, cy * self._stride + cx, norm)
-        else:
-            self._take_window(cx, cy, kind)
-            if self._in_view < self._kinds[kind].pixels:
-                return self._step_cut(i, kind, phase, at_x, at_y)
-            self._sum_levels(kind, phase, norm)
-        return loops.take_step(self._steps_of, self._sums, i, norm, at_x, at_y, self._near2, far2, first)
+        self._take_window(cx, cy, kind)
+        if self._in_view < self._kinds[kind].pixels:
+            return self._step_cut(i, kind, phase, at_x, at_y)
+        self._sum_levels(kind, phase, norm)
+        return loops.take_step(self._reading, i, norm, at_x, at_y, self._near2, far2, first)
 
     @cython.cfunc
     def _sum_levels(

@@ -20,10 +20,11 @@ from edge.errors import NoPins
 from edge.geometry.lattice import N_RING, pitch_of
 from edge.geometry.layout import circle_of
 from edge.geometry.neighbours import nearest_of
+from edge.geometry.parts import rows_of, stack
 from edge.geometry.select import SIGMA_OF_MAD
 from edge.limits import PINS_MIN
 from edge.params import PARAMS as RUNTIME
-from edge.pins.blobs import Spots, find_spots, join, measure_discs, rows_of
+from edge.pins.blobs import Spots, find_spots, measure_discs
 from edge.pins.lens import corrected_pins, pattern_as_seen
 from edge.pins.params import PARAMS
 from edge.pins.partial import find_cut
@@ -56,7 +57,7 @@ def detect(image: Image, pattern: PinPattern) -> Pins:
     if len(whole) >= pattern.count:
         return whole
     cut = find_cut(grey, whole, pattern, pattern.count - len(whole))
-    return join([whole, cut])
+    return stack([whole, cut])
 
 
 def to_grey(image: Image) -> Image:
@@ -270,7 +271,7 @@ def _at_scales(grey: Image, scales: Array, depth_min: float) -> Spots:
         fits &= spots.spread < PARAMS.gap_ray_spread_max
         parts.append(spots[fits])
         misfits.append((np.abs(np.log(scale)) + spots.spread + (1.0 - spots.share))[fits])
-    spots = join(parts)
+    spots = stack(parts)
     return spots[one_of_each(spots.xy_img, 0.9 * spots.radius_px, np.concatenate(misfits))]
 
 
@@ -322,7 +323,7 @@ def _fitting(grey: Image, found: Spots, radius_px: float, depth_min: float, tren
         kept = kept[lone]
     kept = kept[belongs(found[kept], trend)]
     pins, others = found[kept], found[np.setdiff1d(np.arange(len(found)), kept)]
-    return join([pins, others[fills_gap(others, pins, trend)]])
+    return stack([pins, others[fills_gap(others, pins, trend)]])
 
 
 def _common_radius(spots: Spots) -> float:

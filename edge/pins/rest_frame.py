@@ -1,9 +1,9 @@
 """The rest frame: the untouched tip, from several images; row i defines pin i from then on."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from typing import cast
+from typing import TypeVar, cast
 
 import cv2
 import numpy as np
@@ -13,14 +13,15 @@ from edge.errors import NoPins
 from edge.geometry.lattice import pitch_of
 from edge.geometry.layout import circle_of
 from edge.geometry.neighbours import nearest_of
-from edge.geometry.parts import of_parts
-from edge.pins.blobs import join, rows_of
+from edge.geometry.parts import of_parts, rows_of, stack
 from edge.pins.detect import as_bright, detect, in_view, learn, noise_of, spots_of, to_grey
 from edge.pins.lens import corrected_rest, pattern_as_seen
 from edge.pins.params import PARAMS
 from edge.pins.pattern import FLAT, one_of_each_marker, trend_of
 from edge.pins.refine import CentroidRefiner
 from edge.types import Image, Lens, PinPattern, Pins, Polarity, Region, Rest
+
+T = TypeVar("T")
 
 
 def take_rest(
@@ -119,10 +120,10 @@ def _at_rest(
 
 def _at_rest_in_some(greys: Sequence[Image], polarity: Polarity) -> tuple[bool, list[Image], Rest]:
     """The same of the largest set of images in which nothing moves. Raises NoPins."""
-    start, first = _first_with_pins(greys, polarity)
-    dark = first.pattern.dark
+    start, (pattern, pins) = first_with_pins(greys, lambda grey: learn(grey, polarity))
+    dark = pattern.dark
     greys = [as_bright(grey, dark) for grey in greys]
-    greys = [greys[i] for i in _steady(greys, start, Rest(first.pins, replace(first.pattern, dark=False)))]
+    greys = [greys[i] for i in _steady(greys, start, Rest(pins, replace(pattern, dark=False)))]
     pattern, pins = learn(_mean(greys), Polarity.BRIGHT)
     return dark, greys, Rest(pins, pattern)
 
@@ -155,7 +156,7 @@ def with_voted(greys: Sequence[Image], pattern: PinPattern, pins: Pins) -> tuple
         with_more_n += bool(np.any(nearest_of(pins.xy_img, shown[-1].xy_img)[0][:, 0] > near_px))
         if 2 * (with_more_n + len(greys) - len(shown)) < len(greys):  # no other pin can be in half of them
             return pattern, pins
-    together = join(shown)
+    together = stack(shown)
     xy = together.xy_img
     which = np.repeat(np.arange(len(shown)), [len(one) for one in shown])
     free = nearest_of(pins.xy_img, xy)[0][:, 0] > near_px
@@ -169,7 +170,7 @@ def with_voted(greys: Sequence[Image], pattern: PinPattern, pins: Pins) -> tuple
             added.append(Pins(*(np.median(column, axis=0, keepdims=True) for column in columns)))
     if len(added) == 1:
         return pattern, pins
-    pins = join(added)
+    pins = stack(added)
     centre_img, tip_radius_px = circle_of(pins.xy_img, pattern.pin_radius_px)
     return replace(pattern, count=len(pins), centre_img=centre_img, tip_radius_px=tip_radius_px), pins
 
@@ -202,14 +203,12 @@ def _steady(greys: Sequence[Image], start: int, rest: Rest) -> list[int]:
     return np.flatnonzero(near[middle]).tolist()
 
 
-def _first_with_pins(greys: Sequence[Image], polarity: Polarity) -> tuple[int, Rest]:
-    """The first image that shows pins, and these; raises NoPins with the reason for the last one."""
-    complaint = NoPins("")
-    for k, grey in enumerate(greys):
+def first_with_pins(images: Sequence[Image], read: Callable[[Image], T]) -> tuple[int, T]:
+    """The first image that shows pins, and what is read of it; raises NoPins with the reason for the last."""
+    complaint = NoPins("no images; give a recording with images of the tip")
+    for k, image in enumerate(images):
         try:
-            pattern, pins = learn(grey, polarity)
+            return k, read(image)
         except NoPins as error:
             complaint = error
-        else:
-            return k, Rest(pins, pattern)
     raise complaint

@@ -26,19 +26,17 @@ class OtherSize(ValueError):
 
 def image_message(image: Image, log_ns: int, *, png: bool) -> bytes:
     """The image without loss: as PNG, or as raw rows of mono8 / little-endian mono16."""
+    head = {"timestamp": stamp(log_ns), "frame_id": "camera"}
     if png:
         ok, data = cv2.imencode(".png", image)
         if not ok:
             raise ValueError(f"PNG encoder refused an image of shape {image.shape}, {image.dtype}")
-        message = proto("CompressedImage")(
-            timestamp=stamp(log_ns), frame_id="camera", format="png", data=data.tobytes()
-        )
+        message = proto("CompressedImage")(**head, format="png", data=data.tobytes())
     else:
         deep = image.dtype == np.uint16
         height, width = image.shape
         message = proto("RawImage")(
-            timestamp=stamp(log_ns),
-            frame_id="camera",
+            **head,
             width=width,
             height=height,
             encoding="mono16" if deep else "mono8",

@@ -100,8 +100,8 @@ def _opened(path: Path) -> Iterator[_Bounded]:
 
 
 def _chunks(file: _Bounded, faults: Counter[str]) -> Iterator[Any]:
-    """Schema, channel and chunk records; in order of time if there is an index, else in the file's order."""
-    from mcap.records import Channel, Chunk, Message, Schema
+    """Schemas, channels and chunks in order of time if there is an index, else all records as in the file."""
+    from mcap.records import Chunk
 
     broken = damage(OSError)
     summary = None
@@ -115,17 +115,13 @@ def _chunks(file: _Bounded, faults: Counter[str]) -> Iterator[Any]:
         indexes = {index.chunk_start_offset: index for index in summary.chunk_indexes}
         for at, _ in sorted(indexes.items(), key=lambda item: (item[1].message_start_time, item[0])):
             try:
-                chunk = _record_at(file, at, 0, Chunk)
+                yield _record_at(file, at, 0, Chunk)
             except broken:
                 faults["damaged chunk"] += 1
-            else:
-                yield chunk
         return
     file.seek(8)
     try:
-        for record in file.records():
-            if isinstance(record, Schema | Channel | Chunk | Message):
-                yield record
+        yield from file.records()
     except broken:
         faults["truncated"] = 1
 
@@ -141,9 +137,12 @@ def _record_at(file: _Bounded, offset: int, end: int, kind: type[Any]) -> Any:
     return record
 
 
-def _unpacked(chunk: Any) -> Iterator[Any]:
-    """The records in a chunk, one by one. Raises one of `damage`; for a wrong CRC before the first record."""
-    yield from _Bounded(io.BytesIO(unpack_chunk(chunk).data)).records()
+def _unpacked(chunk: Any, faults: Counter[str]) -> Iterator[Any]:
+    """The records in a chunk, one by one, up to its damage, which is counted; none where the CRC is wrong."""
+    try:
+        yield from _Bounded(io.BytesIO(unpack_chunk(chunk).data)).records()
+    except damage():
+        faults["damaged chunk"] += 1
 
 
 def raw_messages(path: Path, faults: Counter[str]) -> Iterator[RawMessage]:
@@ -170,20 +169,11 @@ def _messages(path: Path, faults: Counter[str]) -> Iterator[RawMessage]:
     """All messages as the chunks have them."""
     from mcap.records import Channel, Chunk, Message, Schema
 
-    broken = damage()
     schemas: dict[int, str] = {}
     channels: dict[int, Channel] = {}
     with _opened(path) as file:
         for record in _chunks(file, faults):
-            items = _unpacked(record) if isinstance(record, Chunk) else iter([record])
-            while True:
-                try:
-                    item = next(items)
-                except StopIteration:
-                    break
-                except broken:
-                    faults["damaged chunk"] += 1
-                    break
+            for item in _unpacked(record, faults) if isinstance(record, Chunk) else [record]:
                 if isinstance(item, Schema):
                     schemas[item.id] = item.name
                 elif isinstance(item, Channel):

@@ -90,37 +90,31 @@ def cells_cloud(cells: Cells, log_ns: int) -> bytes:
 
 
 def pins_overlay(tracks: Tracks, log_ns: int) -> bytes:
-    """The seen pins as dots on the image."""
-    annotation = proto("PointsAnnotation")
-    dots = annotation(
-        timestamp=stamp(log_ns),
-        type=annotation.POINTS,
-        outline_color=proto("Color")(r=1.0, g=0.8, b=0.0, a=1.0),
-        thickness=3.0,
-    ).SerializeToString()
+    dots = _style("POINTS", (1.0, 0.8, 0.0, 1.0), 3.0, log_ns)
     visible = tracks.xy_img[np.isfinite(tracks.xy_img).all(axis=1)]
     return _annotations([dots + _points(visible).tobytes()])
 
 
 def cells_overlay(cells: Cells, features: Features, log_ns: int) -> bytes:
     """The cells' outlines on the image, shaded by their area change."""
-    annotation = proto("PointsAnnotation")
-    outline = annotation(
-        timestamp=stamp(log_ns),
-        type=annotation.LINE_LOOP,
-        outline_color=proto("Color")(r=0.35, g=0.35, b=0.35, a=0.8),
-        thickness=1.0,
-    ).SerializeToString()
-    polygons, colours = cell_polygons(cells), cell_rgba(features.area_change)
+    outline = _style("LINE_LOOP", (0.35, 0.35, 0.35, 0.8), 1.0, log_ns)
+    polygons = cell_polygons(cells)
     chosen = [i for i, p in enumerate(polygons) if len(p) >= 3 and np.isfinite(p).all()]
     shapes = []
     if chosen:
         ends = np.cumsum([len(polygons[i]) for i in chosen]).tolist()
         corners = _points(np.concatenate([polygons[i] for i in chosen]))
-        fills = _doubles(np.asarray([colours[i] for i in chosen]), _FILL_COLOR)
+        fills = _doubles(cell_rgba(features.area_change)[chosen], _FILL_COLOR)
         for begin, end, fill in zip([0, *ends], ends, fills, strict=False):
             shapes.append(outline + corners[begin:end].tobytes() + fill.tobytes())
     return _annotations(shapes)
+
+
+def _style(kind: str, rgba: Sequence[float], thickness: float, log_ns: int) -> bytes:
+    """A `PointsAnnotation` but for its points and what fills them."""
+    annotation, colour = proto("PointsAnnotation"), proto("Color")(**dict(zip("rgba", rgba, strict=True)))
+    shape = annotation(timestamp=stamp(log_ns), type=kind, outline_color=colour, thickness=thickness)
+    return bytes(shape.SerializeToString())
 
 
 def _annotations(shapes: Sequence[bytes]) -> bytes:

@@ -68,6 +68,7 @@ class RecordingSource(FileSource):
             raise SourceError(f"{self.name}: no complete image {wanted}: {self._refused or self._listed()}")
         self.size_px = (first.image.shape[1], first.image.shape[0])
         self.rate_hz = self._rate_hz()
+        self.frames_n = 0 if self._is_bag else image_count(self.path, self._topic)
 
     def _messages(self, faults: Counter[str]) -> Iterator[RawMessage]:
         return (bag_messages if self._is_bag else raw_messages)(self.path, faults)
@@ -118,11 +119,6 @@ class RecordingSource(FileSource):
             except broken as error:
                 faults["damaged message"] += 1
                 self._refused = self._refused or f"{raw.topic}: {error}"
-
-    @property
-    def frames_n(self) -> int:
-        """Images, from the file's index; 0: it has none, as after a kill."""
-        return 0 if self._is_bag else image_count(self.path, self._topic)
 
 
 class RecordingKeys(msgspec.Struct):

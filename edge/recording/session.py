@@ -70,7 +70,6 @@ class RecordingSession:
         return "recording: the disk is too slow" if now_s < self._slow_until_s else ""
 
     def _note(self, code: FaultCode, active: bool, message: str) -> None:
-        """Record that a fault appeared or cleared."""
         put, (level, what) = self.put, ("warning", "on") if active else ("info", "off")
         if put is not None:
             put("event", level, f"{code.name} {what}: {message}")

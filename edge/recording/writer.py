@@ -275,6 +275,5 @@ class Recorder(AbstractContextManager["Recorder"]):
             self._writer.add(topic, log_ns, publish_ns, sequence, data)
 
     def _note(self, level: str, text: str, log_ns: int) -> None:
-        """Write a line of the recorder's own log."""
         data = messages.log_message(level, text, "recorder", log_ns)
         self._writer.add(TOPICS["events"], log_ns, log_ns, 0, data)

@@ -20,6 +20,7 @@ from edge.features.params import PARAMS as CONTACT
 from edge.geometry.parts import joined, own_pins, parts_of
 from edge.params import PARAMS as RUNTIME
 from edge.pins import detect
+from edge.pins.rest_frame import first_with_pins
 from edge.rest.tare import PARAMS as TARE
 from edge.rest.tare import TareParams, TareRefused, take_rest_frame
 from edge.rest.tip_match import SHARED_MIN, match_tip, moved_onto, near_rest
@@ -61,7 +62,7 @@ class RestChoice:
 
 def choose_rest(images: Sequence[Image], params: TareParams = TARE) -> RestChoice:
     """The least deformed of some images, in any order. Raises NoPins: no image shows pins."""
-    start, rest = _first_with_pins(images, params)
+    start, rest = first_with_pins(images, lambda image: params.take([image]))
     found = _compare(images, rest)
     if not found.agrees[found.index, start]:  # the touch in it may have hidden pins
         again = _compare(images, params.take([images[found.index]]))
@@ -116,16 +117,6 @@ def _agree_min_n(compared_n: int) -> float:
 def _rms(change: Array) -> Array:
     """(k,) of the rows, without NaN."""
     return np.asarray(np.sqrt(np.nanmean(change**2, axis=1)))
-
-
-def _first_with_pins(images: Sequence[Image], params: TareParams) -> tuple[int, Rest]:
-    complaint = NoPins("no images; give a recording with images of the tip")
-    for index, image in enumerate(images):
-        try:
-            return index, params.take([image])
-        except NoPins as error:
-            complaint = error
-    raise complaint
 
 
 def _cells(images: Sequence[Image], rest: Rest) -> tuple[Array, Array, Array]:

@@ -4,12 +4,12 @@ A file is stored only after it was tried on the tip. If it cannot be used at a s
 """
 
 import logging
+from contextlib import suppress
 from pathlib import Path
 
 from edge.calibration import Calibration
 from edge.errors import CalibrationError
-from edge.limits import FILE_BYTES, BadContent, read_bounded
-from hostlink.output_file import find_unfinished, writing
+from hostlink.output_file import find_unfinished
 
 log = logging.getLogger(__name__)
 
@@ -37,13 +37,8 @@ class CalibrationStore:
 
     def replace(self, calibration: Calibration) -> None:
         """Store a calibration that was tried; the one before is kept, also on OSError and OutputError."""
-        try:
-            good = read_bounded(self.path, FILE_BYTES) if Calibration.load(self.path) else b""
-        except (CalibrationError, OSError, BadContent):
-            good = b""  # none, or one that must not replace the last good one
-        if good:
-            with writing(self.previous, overwrite=True, through_link=False) as unfinished:
-                unfinished.write_bytes(good)
+        with suppress(CalibrationError):  # there is none, or one that must not replace the last good one
+            Calibration.load(self.path).save(self.previous, through_link=False)
         calibration.save(self.path, through_link=False)
 
     def clear_leftovers(self) -> None:

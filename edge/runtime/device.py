@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from functools import cache
 
 from edge.calibration import Calibration
-from edge.errors import CalibrationError, RequestRefused
+from edge.errors import CalibrationError
 from edge.runtime.calibration_store import CalibrationStore
 from edge.runtime.loop import Loop
 from edge.types import Clock, Feature
@@ -21,9 +21,7 @@ class LoopDevice:
     def __init__(self, loop: Loop, serial_number: str, store: CalibrationStore | None = None) -> None:
         self._loop, self._serial_number, self._store = loop, serial_number, store
         self._started_s = time.monotonic()
-        # Features that no node can switch, such as the surface for a viewer.
-        self._extra = loop.measurement.demand - set(_NAMED)
-        self.reboot_wanted = False
+        self._extra = loop.measurement.demand & {Feature.SURFACE}  # which no node can switch
 
     def describe(self) -> Mapping[str, int | float | str | bytes]:
         statistics, calibration = self._loop.statistics(), self._loop.measurement.calibration
@@ -49,9 +47,7 @@ class LoopDevice:
         return time.monotonic_ns() // 1000
 
     def tare(self, force: bool) -> None:
-        if self._loop.measurement.in_contact and not force:
-            raise RequestRefused("something touches the tip; let go, or force the tare")
-        self._loop.measurement.tare.ask(force)
+        self._loop.measurement.ask_tare(force)
 
     def rest_frame(self) -> Mapping[str, int | float | str | bytes]:
         outcome = self._loop.measurement.tare.outcome
@@ -84,14 +80,10 @@ class LoopDevice:
         self._loop.post(lambda: self._loop.measurement.set_demand(demand))
 
     def reboot(self) -> None:
-        self.reboot_wanted = True
         self._loop.post(self._loop.stop)
 
     def report(self, code: FaultCode, active: bool, message: str = "") -> None:
         self._loop.faults.report(code, active, message)
-
-
-_NAMED = frozenset(Feature) - {Feature.SURFACE}
 
 
 @cache

@@ -107,16 +107,14 @@ class Loop:
 
     @property
     def frames_n(self) -> int:
-        """Frames since the start."""
         return self._counters.counts.frames_n
 
     def statistics(self) -> LoopStatistics:
-        """A copy of the present counters and times."""
-        m = self.measurement
+        pipeline = self.measurement.pipeline
         return self._counters.snapshot(
             dropped_n=self.source.dropped_n,
-            pins_n=len(m.pipeline.rest) if m.pipeline else 0,
-            drift_px=m.drift.offset_px if m.drift else 0.0,
+            pins_n=len(pipeline.rest) if pipeline else 0,
+            drift_px=pipeline.drift.offset_px if pipeline and pipeline.drift else 0.0,
             faults={code.name: n for code, n in self.faults.appeared.items()},
             without_values=dict(self._detector.without_values),
         )
@@ -190,7 +188,6 @@ class Loop:
             self._detector.slow(self._frame_begun_ns)
 
     def step(self, frame: Frame) -> State:
-        """Process one frame completely."""
         begun_ns = self._frame_begun_ns = self._clock_ns()
         self._detector.begin(frame, begun_ns)
         counts = self._counters.counts

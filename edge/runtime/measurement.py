@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from edge.calibration import Calibration
 from edge.drift import PARAMS as DRIFT
 from edge.drift import Drift, DriftParams
-from edge.errors import CalibrationError, EdgeError, SourceError
+from edge.errors import CalibrationError, EdgeError, RequestRefused, SourceError
 from edge.faults.detector import FaultDetector
 from edge.faults.judge import NO_CALIBRATION
 from edge.faults.registry import FaultRegistry
@@ -78,15 +78,12 @@ class Measurement:
         if calibration is None:
             faults.report(FaultCode.CALIBRATION_MISSING, True, NO_CALIBRATION)
 
-    @property
-    def drift(self) -> Drift | None:
-        """Learnt since the rest frame was taken; None: there is none."""
-        return None if self.pipeline is None else self.pipeline.drift
-
-    @property
-    def in_contact(self) -> bool:
-        """Whether the last frame showed a touch."""
-        return self.last is not None and self.last.features is not None and self.last.features.in_contact
+    def ask_tare(self, force: bool) -> TareRequest:
+        """As `TareState.ask`; refused too after a frame that showed a touch. Raises RequestRefused."""
+        features = self.last.features if self.last else None
+        if features is not None and features.in_contact and not force:
+            raise RequestRefused("something touches the tip; let go, or force the tare")
+        return self.tare.ask(force)
 
     # ---- settings -----------------------------------------------------------------------------------
 
@@ -163,7 +160,6 @@ class Measurement:
         self._accept_tare(RestFrame(rest), self._stages(rest, self.calibration), frame)
 
     def _stages(self, rest: Rest, calibration: Calibration | None) -> Pipeline:
-        """The stages, as they are configured."""
         config = self._config
         if config.on_surface:
             rest = replace(rest, pattern=replace(rest.pattern, on_surface=True))

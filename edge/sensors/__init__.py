@@ -11,7 +11,6 @@ import msgspec
 
 from edge import limits
 from edge.errors import ConfigError
-from edge.types import Polarity
 
 _FOLDER = Path(__file__).resolve().parent
 Length = Annotated[float, msgspec.Meta(gt=0, le=1000)]
@@ -69,10 +68,6 @@ class KnownSensor(_Closed, frozen=True, kw_only=True):
     name: str = ""  # of the file, without its suffix
 
     @property
-    def polarity(self) -> Polarity:
-        return Polarity(self.pins.polarity or "")
-
-    @property
     def on_surface(self) -> bool:
         """Whether its markers are dots on the skin's surface."""
         return self.tip.skin == "surface"
@@ -84,7 +79,6 @@ class KnownSensor(_Closed, frozen=True, kw_only=True):
 
 
 def sensor_names() -> list[str]:
-    """Names of the sensors that come with this package."""
     return sorted(path.stem for path in _FOLDER.glob("*.toml"))
 
 

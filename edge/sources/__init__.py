@@ -105,16 +105,14 @@ def open_source(spec: str, **settings: Any) -> FrameSource:
     settings  fields of `Options`: width, height, rate_hz, exposure_us, gain, focus, format, ...
     Raises    SourceError: one line: what is wrong, where, and what would be right
     """
-    parsed = parse_spec(spec, Options(**settings))
-    if 0 < parsed.options.rate_hz < RATE_MIN_HZ:
-        rate_hz = parsed.options.rate_hz
+    plain = parse_spec(spec, Options(**settings))
+    if 0 < plain.options.rate_hz < RATE_MIN_HZ:
+        rate_hz = plain.options.rate_hz
         raise SourceError(f"source {spec}: rate_hz={rate_hz:g}: give 0 (its own) or {RATE_MIN_HZ:g} and more")
     if _exists(spec):  # a file may have a colon or a question mark in its name
         plain = Spec(spec, _scheme_of(spec), spec, Options(**settings))
-    elif not parsed.scheme:
-        plain = replace(parsed, scheme=_scheme_of(parsed.where))
-    else:
-        plain = parsed
+    elif not plain.scheme:
+        plain = replace(plain, scheme=_scheme_of(plain.where))
     source = _opener(plain)(plain.where, plain.options)
     source.polarity = plain.options.pins
     try:

@@ -4,10 +4,10 @@ import logging
 import threading
 import time
 from abc import abstractmethod
-from collections.abc import Callable
 from typing import Any
 
 from edge.errors import SourceError
+from edge.params import PARAMS as RUNTIME
 from edge.sources.live import PARAMS, ThreadedSource, Watch
 from edge.sources.options import Options
 from edge.types import Clock, Frame, Image
@@ -18,18 +18,19 @@ log = logging.getLogger(__name__)
 class CameraSource(ThreadedSource):
     """A camera that comes back after it was lost; a subclass opens, reads and closes its device."""
 
-    def __init__(
-        self, name: str, options: Options, retry_s: float, clock_ns: Callable[[], int] = time.monotonic_ns
-    ) -> None:
+    retry_s, patience_s = RUNTIME.announced_s, PARAMS.first_s  # between attempts to open; of measuring a rate
+    _clock_ns = staticmethod(time.monotonic_ns)
+
+    def __init__(self, name: str, options: Options) -> None:
         super().__init__(name)
-        self._options, self._retry_s, self._clock_ns = options, retry_s, clock_ns
+        self._options = options
         self._device: Any = None
         self._reopen = threading.Event()  # set: it is to be opened anew, with other options
         self._watch = Watch()
         self._sequence, self._last_ns = -1, 0
         self._stated_ns = 0  # the last time that the driver stated
         self._step_ns, self._long_n = 0, 0  # to the last frame; so many in a row were too long
-        self._opened_ns = clock_ns()
+        self._opened_ns = self._clock_ns()
 
     @property
     def terms(self) -> str:
@@ -51,12 +52,12 @@ class CameraSource(ThreadedSource):
     def _shut(self, device: Any) -> None:
         """Close the device, which may be gone already."""
 
-    def _check_rate(self, patience_s: float) -> None:
+    def _check_rate(self) -> None:
         """Measure the rate. Raises SourceError: no frames, too slow; then it is closed."""
         o = self._options
         least_hz = PARAMS.slow_rel * o.rate_hz if o.check_rate else 0.0
         try:
-            self.rate_hz = self.measure_rate(least_hz, patience_s)
+            self.rate_hz = self.measure_rate(least_hz, self.patience_s)
         except SourceError:
             self.close()
             raise
@@ -69,7 +70,7 @@ class CameraSource(ThreadedSource):
                     try:
                         self._device = self._open()
                     except (SourceError, RuntimeError):  # still away, or booting: `condition` stays "lost"
-                        self._closing.wait(self._retry_s)
+                        self._closing.wait(self.retry_s)
                 elif self._reopen.is_set():
                     self._reopen.clear()
                     self._release()

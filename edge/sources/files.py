@@ -100,6 +100,7 @@ class FileSource(FrameSource, ABC):
 
     live = False
     keeps_colour = False  # in `Frame.colour`
+    frames_n = 0  # images in it; 0: not known before it has been read
 
     def __init__(self, kind: str, path: str | Path) -> None:
         self.path = Path(path)
@@ -113,11 +114,6 @@ class FileSource(FrameSource, ABC):
         largest = int(image.max())
         self._bits = self._bits or next(bits for bits in _DEPTHS if not largest >> bits)
         return 8 * image.itemsize if largest >> self._bits else self._bits
-
-    @property
-    @abstractmethod
-    def frames_n(self) -> int:
-        """Images in it; 0: not known before it has been read."""
 
     @abstractmethod
     def _frames(self, faults: Counter[str]) -> Iterator[Frame]:
@@ -147,6 +143,7 @@ class FolderSource(FileSource):
             self.paths = [self.path]
         else:
             raise SourceError(f"{self.name}: no such file or folder; give a folder of images or a recording")
+        self.frames_n = len(self.paths)
         if not self.paths:
             raise SourceError(f"{self.name}: no images in it; {_GIVE}")
         try:
@@ -156,10 +153,6 @@ class FolderSource(FileSource):
             raise SourceError(f"{where}: {error}") from error
         self.size_px = (image.shape[1], image.shape[0])
         self._bits_of(image)
-
-    @property
-    def frames_n(self) -> int:
-        return len(self.paths)
 
     def _frames(self, faults: Counter[str]) -> Iterator[Frame]:
         """Raises SourceError on the way if an image has another size: one tip has one camera."""
@@ -191,7 +184,8 @@ class VideoSource(FileSource):
         capture = self._open()
         try:
             stated_n = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
-            self._stated_n = max(0, min(stated_n, self.path.stat().st_size))  # a frame takes a byte at least
+            # An estimate in some files; a frame takes a byte at least.
+            self.frames_n = max(0, min(stated_n, self.path.stat().st_size))
             stated_hz = float(capture.get(cv2.CAP_PROP_FPS))
             sides = (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
             check_size(*(int(capture.get(side)) for side in sides))
@@ -212,11 +206,6 @@ class VideoSource(FileSource):
         as_stated = any(LIVE.slow_rel < hz / stated_hz < 1 / LIVE.slow_rel for hz in (measured_hz, mean_hz))
         self.rate_hz = rate_hz or (stated_hz if as_stated else measured_hz)
         self.size_px = (image.shape[1], image.shape[0])
-
-    @property
-    def frames_n(self) -> int:
-        """The number that the file states, which is an estimate in some; 0: it states none."""
-        return self._stated_n
 
     def _open(self) -> Any:
         if not self.path.is_file():

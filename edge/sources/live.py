@@ -55,10 +55,7 @@ def rate_of(times: Sequence[float], per_s: float) -> float:
 class Watch:
     """Detects frozen and black images, frame by frame."""
 
-    def __init__(self) -> None:
-        self._last = 0
-        self._same_n = 0
-        self._same_since_ns = 0
+    _last = _same_n = _same_since_ns = 0
 
     def check(self, frame: Frame) -> str:
         """ "" or the fault of this frame: "frozen", "black"."""
@@ -154,7 +151,6 @@ class ThreadedSource(FrameSource, ABC):
 
     @property
     def ended(self) -> bool:
-        """No further frame will come."""
         return self._ended and self._slot is None
 
     def read(self, timeout_s: float | None = None) -> Frame | None:

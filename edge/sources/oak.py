@@ -267,12 +267,12 @@ class OakSource(CameraSource):
     """Frames of one camera, of an own module or fed by the process that has it open. Raises SourceError."""
 
     def __init__(self, module: OakModule | FedCamera, camera: OakCamera, name: str = "camera oak") -> None:
-        super().__init__(name, camera.options, RUNTIME.announced_s)
+        super().__init__(name, camera.options)
         self._module = module
         self._next = 0
         self._device = self._open()
         if module.live:
-            self._check_rate(LIVE.first_s)
+            self._check_rate()
         else:  # a replay would lose its first frames
             self.size_px = camera.crop[2:] if camera.crop else camera.options.size_px
             self.rate_hz = camera.options.rate_hz

@@ -15,7 +15,6 @@ from edge.types import Clock, Frame, FrameSource
 class Paced(ThreadedSource):
     """A live source over a recording, which it closes.
 
-    rate_hz  0: the recording's own times
     loop     start again at the end, for ever; times and sequence numbers continue
     rest_n   so many first images are each given when the one before has been read; time waits for that
     """
@@ -25,7 +24,6 @@ class Paced(ThreadedSource):
     def __init__(
         self,
         source: FrameSource,
-        rate_hz: float = 0.0,
         *,
         speed: float = 1.0,
         loop: bool = False,
@@ -36,8 +34,7 @@ class Paced(ThreadedSource):
         self.source = source
         self.size_px, self.polarity, self.lens = source.size_px, source.polarity, source.lens
         self.region, source.region = source.region, None
-        self.rate_hz = rate_hz or source.rate_hz * speed
-        self._speed, self._own_times = speed, not rate_hz
+        self.rate_hz, self._speed = source.rate_hz * speed, speed
         self._loop, self._rest_n, self._clock_ns = loop, rest_n, clock_ns
 
     def _due(self) -> Iterator[tuple[int, Frame]]:
@@ -48,7 +45,7 @@ class Paced(ThreadedSource):
         while True:
             previous: Frame | None = None
             for frame in self.source:
-                own_ns = frame.capture_ns - previous.capture_ns if previous and self._own_times else 0
+                own_ns = frame.capture_ns - previous.capture_ns if previous else 0
                 due_ns += own_ns / self._speed if own_ns > 0 else period_ns  # its clock may stand still
                 previous = frame
                 yield round(due_ns), replace(frame, sequence=frame.sequence + sequence_shift)

@@ -12,7 +12,6 @@ Source: picamera2 0.3, its source and manual; raspberrypi/picamera2#821 for the 
 """
 
 import re
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -50,20 +49,13 @@ class PiCameraSource(CameraSource):
     """
 
     def __init__(
-        self,
-        open_camera: Callable[[], Any],
-        options: Options,
-        *,
-        name: str = "camera picamera",
-        patience_s: float = LIVE.first_s,
-        retry_s: float = RUNTIME.announced_s,
-        clock_ns: Callable[[], int] = time.monotonic_ns,
+        self, open_camera: Callable[[], Any], options: Options, name: str = "camera picamera"
     ) -> None:
-        super().__init__(name, options.or_own(LIVE.size_px), retry_s, clock_ns)
+        super().__init__(name, options.or_own(LIVE.size_px))
         self._open_camera = open_camera
         self._stream, self._bits = "main", 8
         self._device = self._open()
-        self._check_rate(patience_s)
+        self._check_rate()
 
     def _open(self) -> Any:
         """The camera, running. Raises SourceError."""
@@ -166,4 +158,4 @@ def open_picamera(where: str, options: Options) -> PiCameraSource:
         raise SourceError(f"source picamera:{where}: no such camera; give a number: picamera:0, picamera:1")
     number = int(where or 0)
     options.own(f"picamera:{where}", NoKeys)
-    return PiCameraSource(lambda: load_picamera2(number), options, name=f"camera picamera:{number}")
+    return PiCameraSource(lambda: load_picamera2(number), options, f"camera picamera:{number}")

@@ -14,7 +14,6 @@ Source: OpenCV modules/videoio/src/cap_v4l.cpp (for what each property does); V4
 """
 
 import os
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,7 +24,6 @@ import numpy as np
 from msgspec.structs import replace
 
 from edge.errors import SourceError
-from edge.params import PARAMS as RUNTIME
 from edge.sources.camera import CameraSource
 from edge.sources.live import PARAMS as LIVE
 from edge.sources.options import NoKeys, Options
@@ -134,11 +132,8 @@ class V4l2Source(CameraSource):
         *,
         make_capture: Callable[[str], Any] | None = None,
         find: Callable[[str], str] = find_device,
-        clock_ns: Callable[[], int] = time.monotonic_ns,
-        retry_s: float = RUNTIME.announced_s,
-        patience_s: float = LIVE.first_s,
     ) -> None:
-        super().__init__(f"camera v4l2:{where}", options, retry_s, clock_ns)
+        super().__init__(f"camera v4l2:{where}", options)
         self._where, self._find = where, find
         self._make_capture = make_capture or (lambda path: cv2.VideoCapture(path, cv2.CAP_V4L2))
         self.refused: list[str] = []
@@ -149,7 +144,7 @@ class V4l2Source(CameraSource):
                 f"{self.name}: no pixel format {options.format!r}; known: {', '.join(_FORMATS)}"
             )
         self._device = self._open()
-        self._check_rate(patience_s)
+        self._check_rate()
         self._period_ns = 1e9 / self.rate_hz if self.rate_hz else 0.0
 
     def measure_rate(self, least_hz: float, patience_s: float) -> float:

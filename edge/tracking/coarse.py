@@ -58,10 +58,10 @@ class CoarseFit:
         swollen = out * (np.median(tip.lattice.local_pitch_px) / max(np.hypot(*out.T).max(), 1e-9))
         self._starts = tip.lattice.rest_xy + np.concatenate([shifts, swollen[None], -swollen[None]])
 
-    def fit(self, blobs: NearestBlob, blob_xy: Array, guesses: list[Array]) -> tuple[Array, Mask]:
+    def fit(self, blobs: NearestBlob, guesses: list[Array]) -> tuple[Array, Mask]:
         """Motions (h, n, 2) px, and which pins have a blob (h, n); guesses (n, 2) px are more starts."""
         p, lattice = self._tip.params, self._tip.lattice
-        rest_xy, local_pitch = lattice.rest_xy, lattice.local_pitch_px
+        rest_xy, local_pitch, blob_xy = lattice.rest_xy, lattice.local_pitch_px, blobs.all_xy
         at = np.concatenate([np.stack(guesses), self._starts]) if guesses else self._starts
         gate_px, anywhere = p.gate * local_pitch, np.full(len(self._tip), np.inf)
         for degree in p.coarse_degrees:

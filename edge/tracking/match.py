@@ -11,18 +11,16 @@ assign       costs of pins and blobs -> the cheapest assignment
 
 import cython
 import numpy as np
+from cython.cimports.libc.math import sqrt
 
 from edge.types import Array, Index, Mask
 
 if cython.compiled:
     from cython.cimports.edge.tracking.outliers import LocalAffine
-    from cython.cimports.libc.math import HUGE_VAL, sqrt
 else:
-    from math import inf as HUGE_VAL  # noqa: N812
-    from math import sqrt
-
     from edge.tracking.outliers import LocalAffine
 
+HUGE_VAL = cython.declare(cython.double, float("inf"))
 UNMATCHED = cython.declare(cython.int, -1)
 SEED = cython.declare(cython.int, -2)
 
@@ -40,7 +38,8 @@ class NearestBlob:
     """
 
     n_blobs: cython.Py_ssize_t
-    xy: cython.double[:, ::1]
+    all_xy = cython.declare(object, visibility="readonly")  # (m, 2) px
+    xy: cython.double[:, ::1]  # the same
     table: cython.int[:, ::1]
     left: cython.double
     top: cython.double
@@ -56,7 +55,7 @@ class NearestBlob:
         if not (np.isfinite(origin_px).all() and np.isfinite(cells_per_px)):
             raise ValueError(f"finite origin and cells per px are wanted, not {origin_px}, {cells_per_px}")
         self.n_blobs = m
-        self.xy = np.array(xy, np.float64, order="C")
+        self.xy = self.all_xy = np.array(xy, np.float64, order="C")
         self.table = np.array(table, np.int32, order="C")
         self.left, self.top = origin_px
         self.cells_per_px = cells_per_px

@@ -45,14 +45,6 @@ class Identity:
 
 
 @dataclass(frozen=True, slots=True)
-class _BlobIndex:
-    """xy (m, 2) px of all blobs, and which is nearest to a place."""
-
-    xy: Array
-    nearest: NearestBlob
-
-
-@dataclass(frozen=True, slots=True)
 class Links:
     """Pairs (p, 2) of pins that are linked where their motion differs by less than limit_px (p,)."""
 
@@ -101,7 +93,7 @@ class Identifier:
             return Identity(np.full(len(self._tip), -1, np.int32), 0, 0.0)
         # A cell's diagonal is the radius of a pin: all of it is within a radius of a disc's centre in it.
         cell_px = self._tip.rest.pattern.pin_radius_px / np.sqrt(2)
-        blobs = _BlobIndex(blob_xy, _nearest_blob(blob_xy, self._low, self._high, cell_px))
+        blobs = _nearest_blob(blob_xy, self._low, self._high, cell_px)
         found, *others = self._search(blobs, guesses or [])
         again, certain = certain_match(found)
         best = max(found, again, key=lambda match: match.log_posterior)
@@ -109,7 +101,7 @@ class Identifier:
         confidence = self._confidence(best, _ahead(found, others))
         return Identity(np.where(certain, again.blob, -1), best.known_n, confidence)
 
-    def _search(self, blobs: _BlobIndex, guesses: list[Array]) -> list[Hypothesis]:
+    def _search(self, blobs: NearestBlob, guesses: list[Array]) -> list[Hypothesis]:
         """All hypotheses, the best first; ends with one to be trusted, or without another start."""
         p = self._tip.params
         tried: list[Hypothesis] = []
@@ -121,7 +113,7 @@ class Identifier:
                 break
         return tried
 
-    def _climb(self, blobs: _BlobIndex, found: Hypothesis, tried: list[Hypothesis]) -> None:
+    def _climb(self, blobs: NearestBlob, found: Hypothesis, tried: list[Hypothesis]) -> None:
         """Add a hypothesis and its alternatives by one lattice step, from the better one again and again."""
         tried.append(found)
         while True:
@@ -139,18 +131,18 @@ class Identifier:
         """
         if not best.known_n:
             return 0.0
-        found = float(np.dot(self._tip.params.found_weights, found_evidence(best)))
-        return best_of_two(ahead) * _logistic(found)
+        odds = float(np.dot(self._tip.params.found_weights, found_evidence(best)))  # their logarithm
+        return best_of_two(ahead) * float(0.5 + 0.5 * np.tanh(0.5 * odds))
 
-    def _starts(self, blobs: _BlobIndex, guesses: list[Array]) -> Iterator[tuple[Array, Mask]]:
+    def _starts(self, blobs: NearestBlob, guesses: list[Array]) -> Iterator[tuple[Array, Mask]]:
         """Motion (n, 2) and the pins (n,) to grow from: guesses unchanged, then coarse fits, best first."""
         for guess in guesses:
-            blob, _, known = blobs.nearest.match(guess[None], self._gate_px)
-            motion = blobs.xy[blob[0]] - self._tip.lattice.rest_xy
+            blob, _, known = blobs.match(guess[None], self._gate_px)
+            motion = blobs.all_xy[blob[0]] - self._tip.lattice.rest_xy
             seed = self._bridges.largest_piece(motion, known[0])
             if 2 * np.count_nonzero(seed) > len(seed):
                 yield motion, seed
-        motions, matched = self._coarse.fit(blobs.nearest, blobs.xy, guesses)
+        motions, matched = self._coarse.fit(blobs, guesses)
         best = np.argsort(-self._agree_n(motions, matched), kind="stable")
         seeds = [self._links.largest_piece(motions[h], matched[h]) for h in best]
         for h, seed in zip(best, seeds, strict=True):
@@ -161,21 +153,21 @@ class Identifier:
             if np.count_nonzero(wide) > np.count_nonzero(seed):
                 yield motions[h], wide
 
-    def _best_alternative(self, blobs: _BlobIndex, match: Hypothesis) -> Hypothesis:
+    def _best_alternative(self, blobs: NearestBlob, match: Hypothesis) -> Hypothesis:
         """The best other match among those one lattice step away from this one."""
         tip = self._tip
-        motion = blobs.xy[match.blob] - tip.lattice.rest_xy
+        motion = blobs.all_xy[match.blob] - tip.lattice.rest_xy
         predicted, _, gradient = tip.affine.predict(motion, match.known)
         steps = self._lattice_steps
         x, y = steps[..., :1] / tip.lattice.pitch_px, steps[..., 1:] / tip.lattice.pitch_px
         moved = steps + x * gradient[:, 0] + y * gradient[:, 1]
-        blob, _, known = blobs.nearest.match(tip.lattice.rest_xy + predicted + moved, self._gate_px)
+        blob, _, known = blobs.match(tip.lattice.rest_xy + predicted + moved, self._gate_px)
         known &= blob != np.where(match.known, match.blob, -1)
-        motion = blobs.xy[blob] - tip.lattice.rest_xy
+        motion = blobs.all_xy[blob] - tip.lattice.rest_xy
         h = int(self._agree_n(motion, known).argmax())
         larger = self._grow(blobs, motion[h], self._links.largest_piece(motion[h], known[h]))
         # It may have grown back into the match itself.
-        return larger if larger.differs(match) else Hypothesis(self._model, blobs.xy, blob[h], known[h])
+        return larger if larger.differs(match) else Hypothesis(self._model, blobs.all_xy, blob[h], known[h])
 
     def _agree_n(self, motions: Array, known: Mask) -> Index:
         """(h,) how many pins of each hypothesis (h, n, 2) px, (h, n) move as their neighbours predict."""
@@ -186,9 +178,9 @@ class Identifier:
             count[h] = np.count_nonzero(known[h] & agree)
         return count
 
-    def _grow(self, blobs: _BlobIndex, motion: Array, seed: Mask) -> Hypothesis:
-        blob, _, known = self._region.grow(blobs.nearest, motion, seed)
-        return Hypothesis(self._model, blobs.xy, blob, known)
+    def _grow(self, blobs: NearestBlob, motion: Array, seed: Mask) -> Hypothesis:
+        blob, _, known = self._region.grow(blobs, motion, seed)
+        return Hypothesis(self._model, blobs.all_xy, blob, known)
 
 
 def found_evidence(best: Hypothesis) -> tuple[float, float, float, float]:
@@ -214,11 +206,6 @@ def best_of_two(ahead: float) -> float:
     Likelihood ratio tests for model selection, Econometrica 57, 1989): a half if they tie.
     """
     return 0.5 + 0.5 * erf(ahead / sqrt(2))
-
-
-def _logistic(odds: float) -> float:
-    """Probability by the logarithm of the odds."""
-    return float(0.5 + 0.5 * np.tanh(0.5 * odds))
 
 
 def _ahead(best: Hypothesis, others: list[Hypothesis]) -> float:

@@ -63,6 +63,7 @@ PAPER = Palette(
 SAFE = replace(  # Okabe and Ito: orange, blue, bluish green, black
     PAPER, compressed=(0, 140, 230), expanded=(178, 114, 0), contact=(90, 110, 0), local=(60, 60, 60)
 )
+PALETTES = {"paper": PAPER, "safe": SAFE}
 
 
 def _share(area_change: Array) -> Array:
@@ -89,10 +90,8 @@ def _ramp(palette: Palette) -> NDArray[np.uint8]:
     return np.asarray(np.rint(255 * cv2.cvtColor(lab[None], cv2.COLOR_Lab2BGR)[0]), np.uint8)
 
 
-def cell_rgba(area_change: Array) -> list[tuple[float, float, float, float]]:
-    """The same as an overlay on the camera's image: r, g, b, opacity in 0..1; opacity shows the change."""
-    rgba = []
-    for s in _share(area_change).tolist():
-        b, g, r = PAPER.compressed if s >= 0 else PAPER.expanded
-        rgba.append((r / 255, g / 255, b / 255, 0.7 * abs(s)))
-    return rgba
+def cell_rgba(area_change: Array) -> Array:
+    """(n, 4) the same over the camera's image: r, g, b, opacity in 0..1; opacity shows the change."""
+    share = _share(area_change)[:, None]
+    bgr = np.where(share >= 0, PAPER.compressed, PAPER.expanded)
+    return np.hstack([bgr[:, ::-1] / 255, 0.7 * np.abs(share)])

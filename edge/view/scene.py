@@ -11,7 +11,7 @@ import numpy as np
 
 from edge.cells import cell_polygons
 from edge.types import Array, Frame, Image, Rest, Result
-from edge.view.palette import COLOUR_STEPS, PAPER, PARAMS, SAFE, Palette, cell_colours, cell_rgba
+from edge.view.palette import COLOUR_STEPS, PALETTES, PARAMS, Palette, cell_colours, cell_rgba
 from hostlink.wire import FIELDS
 from hostlink.wire.shown import live_charts, live_fields, page_numbers
 
@@ -22,14 +22,13 @@ CHART = ("time_s", *CHARTED, "latency_ms", "volume_px2", "shear_x_px", "shear_y_
 
 
 def hello(source: str, serial: str) -> dict[str, Any]:
-    """The data that the page needs once."""
     return {
         "source": source,
         "serial": serial,
         "chart": CHART,
         "charts": live_charts(FIELDS),
         "numbers": page_numbers(FIELDS),
-        "palettes": {"paper": _colours(PAPER), "safe": _colours(SAFE)},
+        "palettes": {name: _colours(palette) for name, palette in PALETTES.items()},
         "full_change": PARAMS.full_change,
         "local_gain": PARAMS.local_gain,
         "global_gain": PARAMS.global_gain,
@@ -101,7 +100,7 @@ def touch(result: Result, rest: Rest, wants: frozenset[str]) -> tuple[dict[str, 
             polygons = cell_polygons(cells)
             arrays["corners_n"] = ("u2", np.array([len(p) for p in polygons], "<u2").tobytes())
             arrays["corners"] = _f4(np.concatenate(polygons))
-            arrays["rgba"] = _f4(np.array(cell_rgba(features.area_change)))
+            arrays["rgba"] = _f4(cell_rgba(features.area_change))
     return header, arrays
 
 

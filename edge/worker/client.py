@@ -180,10 +180,8 @@ class WorkerClient:
 
     def _tare(self, force: bool) -> str:
         """Have a new rest frame taken; "" or why the previous one stays in use."""
-        if self._loop.measurement.in_contact and not force:
-            return "something touches the tip; let go, or force the tare"
         try:
-            outcome = self._loop.measurement.tare.ask(force).done.result()
+            outcome = self._loop.measurement.ask_tare(force).done.result()
         except RequestRefused as error:
             return str(error)
         return outcome.message if outcome.state is RestFrameState.REFUSED else ""

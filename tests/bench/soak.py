@@ -203,9 +203,8 @@ class Soak:
             name: faults.schedule(outcome.seed * 10 + i, until_s, kinds, length_s=length_s, pause_s=pause_s)
             for i, (name, kinds) in enumerate(KINDS.items())
         }
-        self.source = faults.FaultySource(
-            Paced(kept, rate_hz, loop=True), self.rows["camera"], self.clock, outcome.seed
-        )
+        paced = Paced(kept, speed=rate_hz / kept.rate_hz, loop=True)
+        self.source = faults.FaultySource(paced, self.rows["camera"], self.clock, outcome.seed)
         self.board = faults.FaultyBoard(self.rows["board"], self.clock)
         self.announced: defaultdict[FaultCode, list[tuple[float, float]]] = defaultdict(list)  # from, to
         self.registry = FaultRegistry()

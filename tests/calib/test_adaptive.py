@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.adaptive import PARAMS, AdaptivePlan, expected_inputs, letters_of
+from calib.adaptive import PARAMS, AdaptivePlan, letters_of
 from calib.capture import capture, pose_of, read_capture
 from calib.errors import RigError
-from calib.next_poses import choose
+from calib.next_poses import choose, predict_inputs
 from calib.protocols import SURFACE_HIGH, SURFACE_LOW
 from calib.rig import Pose
 from calib.rig.base import CLEAR
@@ -82,7 +82,7 @@ def test_inputs_are_expected_from_poses(mirrored: bool) -> None:
     inputs[:, FRAME_INPUTS.index("volume")] = depth.real**2
     inputs[:, FRAME_INPUTS.index("c00")] = (1.0 + 2.0j) * shear * depth + 0.3 * tilt
     inputs[:, FRAME_INPUTS.index("c02")] = tilt * shear * shear
-    expected = expected_inputs(letters[:60], inputs[:60], letters[60:])
+    expected = predict_inputs(letters[:60], inputs[:60], letters[60:])
     for name in ("volume", "c00", "c02"):
         column = FRAME_INPUTS.index(name)
         wrong = np.abs(expected[:, column] - inputs[60:, column]).max()

@@ -20,7 +20,6 @@ from calib.sim.camera import Camera
 from calib.sim.mechanics import ToolPose
 from calib.targets import Targets
 from edge.calibration import Calibration
-from edge.calibration.inputs import FRAME_INPUTS
 from edge.frame import Pipeline
 from edge.pins import take_rest
 from edge.types import Array, Image, Index, Rest
@@ -45,7 +44,7 @@ def _seen(values: dict[str, Array], form: tuple[int, int, bool]) -> dict[str, Ar
 def _found(form: tuple[int, int, bool], extract: Extract, values: dict[str, Array]) -> Axes:
     seen = _seen(values, form)
     y = seen["shear_x_mm"] + 1j * seen["shear_y_mm"]
-    return recognise_axes([recognise_handedness(SHEAR, extract.inputs, FRAME_INPUTS, y)])
+    return recognise_axes([recognise_handedness(SHEAR, extract.inputs, y)])
 
 
 def _errors(form: tuple[int, int, bool]) -> list[float]:

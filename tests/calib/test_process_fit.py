@@ -44,7 +44,7 @@ def _fitted(
     lossy = np.empty((len(y), 0, inputs.shape[1]), np.complex128) if lossy is None else lossy
     pose = np.arange(len(y), dtype=np.int32) if pose is None else pose
     fold = (pose % 10).astype(np.int32)
-    return fit_process(inputs, FRAME_INPUTS, [], y, symmetry, fold, lossy, all_round=True, pose=pose)
+    return fit_process(inputs, [], y, symmetry, fold, lossy, all_round=True, pose=pose)
 
 
 def _predicted(fitted: FittedProcess, inputs: Complex) -> tuple[Complex, Complex]:
@@ -53,7 +53,7 @@ def _predicted(fitted: FittedProcess, inputs: Complex) -> tuple[Complex, Complex
     learnt = (np.abs(psi @ fitted.factor.T) ** 2).sum(axis=1)
     value = psi @ fitted.weights
     assert fitted.across is not None
-    along, across = (one.variance(inputs, FRAME_INPUTS) for one in (fitted.noise, fitted.across))
+    along, across = (one.variance(inputs) for one in (fitted.noise, fitted.across))
     share = value.real**2 / np.abs(value) ** 2
     parts = share * along + (1 - share) * across, share * across + (1 - share) * along
     x, y = (s * np.sqrt(learnt + part) for s, part in zip(fitted.sigma, parts, strict=True))

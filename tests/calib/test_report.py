@@ -13,6 +13,7 @@ from calib.report.sections import Requirement
 from calib.rig.simulated import Simulation
 from calib.sim import Camera, Simulator, Tip, Tool, ToolPose
 from edge.frame import Pipeline
+from edge.geometry.parts import stack
 from edge.pins import take_rest
 from edge.types import Frame, Rest, Result
 from tests.support.synthetic import REST, make, targets
@@ -112,7 +113,7 @@ def test_slip_is_evaluated_against_the_true_motion() -> None:
         read_mm_s=np.array([0.0, 0.0, 0.0, 0.5, 0.7, 0.0, 0.0]),
         probability=np.array([0.0, 0.9, 0.0, 0.9, 1.0, 0.2, 0.1]),
     )
-    got = slip.outcome(slip.join([seen, seen]))
+    got = slip.outcome(stack([seen, seen]))
     assert got.false_percent == 50.0
     assert got.detected_percent == pytest.approx(200.0 / 3.0)
     assert got.glide_percent == 0.0

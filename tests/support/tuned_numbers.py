@@ -35,7 +35,7 @@ NOT_TUNED: dict[str, dict[str, str]] = {
     },
     "mathematics": {
         "calibration/checks": "_CELL_AREA", "cli/picture": "_AROUND", "pins/lens": "",
-        "features/several/fitted_contacts": "_HALF PINS_MIN EVIDENCE",
+        "features/several/fitted_contacts": "_HALF PINS_MIN",
         "features/several/contact_fit": "_NORMAL _ROOT_HALF",
         "features/params": "CELL_NOISE RING_NOISE MEDIAN_NOISE", "tracking/outliers": "_SIGMA_OF_MAD",
         "geometry/select": "SIGMA_OF_MAD", "features/pin_motion": "_ELLIPSE", "features/modes": "MODE_POWERS",

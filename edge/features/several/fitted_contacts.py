@@ -10,7 +10,10 @@ Rules
 - Shapes are compared on the same pins by the likelihood of their motion, its noise unknown: the logarithm
   of two likelihoods' ratio is n log of the ratio of squared errors, of n pins with two coordinates each.
 - The model's errors are alike among neighbours: a pin and its ring count as one. What the regions say is
-  overruled by as much evidence as pins are identified with.
+  overruled by as much evidence as pins are identified with. Where one region is split, a pin and its two
+  rings count as one: no contact presses just as a line does, and its error is alike over its whole region.
+- A contact has a direction if the line fitted to it is long. A region is blurred, and as long for a ball at
+  the rim of the tip as for a bar on a dome.
 - Two points are two contacts only if both press, and neither lies within the other's width: a pin that is
   seen in the wrong place within a broad contact looks like a narrow one.
 - What was decided is decided again where it may have changed. By the triangle inequality the root of a
@@ -28,15 +31,22 @@ import numpy as np
 from edge.features.params import CONTACTS_MAX, PARAMS
 from edge.features.several.contact_fit import FITS_MAX, ContactFit
 from edge.features.surface import Surface
-from edge.geometry.lattice import N_RING
+from edge.geometry.lattice import N_RING, N_TWO_RINGS
 from edge.types import Array, FittedContact, Mask, Tracks
 
 #: Two points as far from a region's middle, in its semi-axes, have its variance: a semi-axis is two sigmas.
 _HALF = 0.5
 #: Pins that a fit needs: as many as two contacts with the affine motion have parameters, two numbers each.
 PINS_MIN = 22
-#: This evidence of all pins overrules the regions, or makes a contact: a pin and its ring count as one.
-EVIDENCE = (N_RING + 1) * math.log(Tracks.LOW_CONFIDENCE / (1.0 - Tracks.LOW_CONFIDENCE))
+
+
+def _evidence(alike: int) -> float:
+    """As much as a pin is identified with, if the errors of a pin and so many neighbours are alike."""
+    return (alike + 1) * math.log(Tracks.LOW_CONFIDENCE / (1.0 - Tracks.LOW_CONFIDENCE))
+
+
+#: This evidence of all pins overrules the regions, or makes a contact; and this makes two of one region.
+EVIDENCE, _SPLITS = _evidence(N_RING), _evidence(N_TWO_RINGS)
 
 
 class Fits(IntEnum):
@@ -80,6 +90,7 @@ class FittedContacts:
         self._regions = regions
         self._pitch_px = surface.pitch_px
         self._close_px = PARAMS.close_pitch * surface.pitch_px
+        self._min_oriented_elongation = PARAMS.min_oriented_elongation
         self._middle, self._starts = np.asarray(regions.middle), np.zeros((2, 2))
         fit = self._fit
         self._fitted = [np.asarray(a) for a in (fit.place, fit.width, fit.total, fit.shear, fit.dipole)]
@@ -94,6 +105,7 @@ class FittedContacts:
         self._decision: _Decision | None = None
         self._moved = 0.0  # pitches, root of the squared distance from the motion that it is about
         self._pair: list[Array] | None = None  # of this frame's two regions
+        self._evidence = EVIDENCE  # that overrules them
 
     def forget(self) -> None:
         """The next frame does not follow the last one."""
@@ -120,29 +132,30 @@ class FittedContacts:
             for place, width, potential, shear, dipole in zip(*columns, strict=True)
         ]
 
-    def split(self, xy: Array, seen: Mask) -> float:
-        """Split a single long region that is two contacts.
+    def split(self, xy: Array, seen: Mask, ridge: Array, *, is_long: bool, wanted: bool) -> float:
+        """Split a single region that is two contacts: a long one, or a round one of two peaks.
 
         xy, seen  as of `fit`
+        ridge     (m, 2) px, its peaks
+        is_long   it is
+        wanted    the direction is, of a round one
         Returns   direction of the contact, rad; NaN: there are two, it is round, or too few pins are seen
         """
-        (x, y), long_px, angle = self._place_of(0), self._semi_axis[0], self._direction[0]
-        half_x, half_y = long_px * math.cos(angle), long_px * math.sin(angle)
+        (x, y), apart_px, angle = self._place_of(0), self._semi_axis[0], self._direction[0]
+        half_x, half_y = apart_px * math.cos(angle), apart_px * math.sin(angle)
         off_x, off_y = _HALF * half_x, _HALF * half_y
         self._start_at(x - off_x, y - off_y, x + off_x, y + off_y)
+        if len(ridge) == 2 and not is_long:
+            (x0, y0), (x1, y1) = ridge.tolist()
+            self._start_at(x0, y0, x1, y1)
+            x, y, half_x, half_y = 0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * (x1 - x0), 0.5 * (y1 - y0)
+            apart_px = math.hypot(x1 - x0, y1 - y0)
         # Two contacts farther apart than that would be two regions.
-        return self._divide(xy, seen, (x, y, half_x, half_y), is_line=long_px >= self._close_px)
-
-    def split_round(self, xy: Array, seen: Mask, ridge: Array) -> None:
-        """Split a single round region that is two contacts; ridge (m, 2) px: only two peaks may be two."""
-        if len(ridge) != 2:
-            return
-        (x0, y0), (x1, y1) = ridge.tolist()
-        if math.hypot(x1 - x0, y1 - y0) >= self._close_px:
-            return  # two so far apart would be two regions
-        self._start_at(x0, y0, x1, y1)
-        line_at = 0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * (x1 - x0), 0.5 * (y1 - y0)
-        self._divide(xy, seen, line_at, wanted=False)
+        is_one = apart_px >= self._close_px or not (is_long or len(ridge) == 2)
+        if is_one and not wanted:
+            return math.nan
+        direction = self._divide(xy, seen, (x, y, half_x, half_y), is_line=is_one, wanted=wanted)
+        return direction if wanted else math.nan
 
     def _divide(
         self,
@@ -150,8 +163,8 @@ class FittedContacts:
         seen: Mask,
         line_at: tuple[float, float, float, float],
         *,
-        is_line: bool = False,
-        wanted: bool = True,
+        is_line: bool,
+        wanted: bool,
     ) -> float:
         """Split the single region if it is two contacts that begin at `_starts`.
 
@@ -160,7 +173,7 @@ class FittedContacts:
         wanted   its direction is
         Returns  as of `split`
         """
-        fit, starts = self._fit, self._starts
+        fit, starts, self._evidence = self._fit, self._starts, _SPLITS
         if not self._take_pins(xy, seen, starts):
             return math.nan
         split, stays = self._last(True), self._last(False)
@@ -200,7 +213,7 @@ class FittedContacts:
         wanted    whether `fit` will be asked for the two, if they are two
         Returns   direction of the contact, rad; NaN: there are two, or too few pins are seen
         """
-        self._pair = None
+        self._pair, self._evidence = None, EVIDENCE
         fit, starts, (x0, y0), (x1, y1) = self._fit, self._starts, self._place_of(0), self._place_of(1)
         self._start_at(x0, y0, x1, y1)
         line_at = 0.5 * (x0 + x1), 0.5 * (y0 + y1), x1 - x0, y1 - y0
@@ -277,8 +290,12 @@ class FittedContacts:
         return bool(places) and self._regions.split(*places[0], *places[1])
 
     def _line_direction(self) -> float:
-        """rad, of the line fitted last."""
-        angle = math.atan2(self._dipole[0, 1], self._dipole[0, 0])
+        """rad, of the line fitted last; NaN: by its second moments it is nearly round."""
+        x, y = self._dipole[0, 0], self._dipole[0, 1]
+        long, wide = math.hypot(x, y) / math.sqrt(3.0), self._width[0]
+        if math.hypot(long, wide) < self._min_oriented_elongation * wide:
+            return math.nan
+        angle = math.atan2(y, x)
         return angle - math.pi * round(angle / math.pi)
 
     def _columns(self, n: int) -> list[Array]:
@@ -287,4 +304,4 @@ class FittedContacts:
 
     def _limit(self, error: float) -> float:
         """The error below which another shape has as much evidence as overrules one with this error."""
-        return error * math.exp(-EVIDENCE / self._fit.n_pins)
+        return error * math.exp(-self._evidence / self._fit.n_pins)

@@ -5,7 +5,7 @@
 // - Places are px of the camera's image, pixel centres on integers; `square` is the part of it that both panels
 //   show, so that one can be compared with the other.
 
-import { Chart, Line, arrow, fit, keys, number, remember, rgb, showState, SERIES, toast } from "./kit.js";
+import { Chart, Line, arrow, chartCanvas, fit, keys, number, remember, rgb, scheduler, showFaults, showState, toast } from "./kit.js";
 
 const $ = (id) => document.getElementById(id);
 const RING = "#ffc800";
@@ -15,7 +15,6 @@ let may = [];
 let scene = null; // the packet on the screen, with `bitmap`
 let rowsSeen = 0;
 let clock = null; // the server's clock and ours at the newest packet
-let drawn = false;
 let tares = null;
 let palette = remember("palette") === "safe" ? "safe" : "paper";
 
@@ -91,21 +90,7 @@ function makeCharts(calibrated) {
   $("charts").replaceChildren();
   charts = [...hello.charts, ...CHARTS].map((row) => {
     const what = (!calibrated && RAW[row.title]) || row;
-    const box = document.createElement("section");
-    box.className = "card chart";
-    box.innerHTML = `<h2><span></span></h2><canvas role="img"></canvas>`;
-    box.querySelector("span").innerHTML = `${what.title} <small>${what.unit}</small>`;
-    box.querySelector("canvas").setAttribute("aria-label", `${what.title}, ${what.unit}, last ten seconds`);
-    (what.names ?? []).forEach((name, k) => {
-      const key = document.createElement("span");
-      key.className = k ? "key dashed" : "key";
-      key.style.setProperty("--c", SERIES[k]);
-      key.textContent = name;
-      box.querySelector("h2").append(key);
-    });
-    box.hidden = true; // until there is a value
-    $("charts").append(box);
-    return { ...what, chart: new Chart(box.querySelector("canvas"), what) };
+    return { ...what, chart: new Chart(chartCanvas(what), what) };
   });
   charts.calibrated = calibrated;
 }
@@ -140,11 +125,11 @@ function placer(packet, width) {
   return { scale, x: (v) => (v - x0 + 0.5) * scale, y: (v) => (v - y0 + 0.5) * scale };
 }
 
+/** The colour of a change of area, [r, g, b]; of a lost pin's that of the edges. */
 function colourOf(change, colours) {
-  if (!Number.isFinite(change)) return rgb(colours.edge);
-  const last = colours.cells.length - 1;
+  if (!Number.isFinite(change)) return colours.edge;
   const share = (change / hello.full_change + 1) / 2;
-  return rgb(colours.cells[Math.round(Math.min(1, Math.max(0, share)) * last)]);
+  return colours.cells[Math.round(Math.min(1, Math.max(0, share)) * (colours.cells.length - 1))];
 }
 
 /** One polygon a pin: flat [x, y, x, y, ...], CSS px. */
@@ -175,7 +160,7 @@ function drawCells(g, packet, at, colours) {
     g.beginPath();
     corners.forEach(([, x, y], i) => (i ? g.lineTo(x, y) : g.moveTo(x, y)));
     g.closePath();
-    g.fillStyle = colourOf(change[pin], colours);
+    g.fillStyle = rgb(colourOf(change[pin], colours));
     g.fill();
     g.stroke();
   });
@@ -188,18 +173,22 @@ function drawSurface(g, packet, at, colours) {
   [sheet.width, sheet.height] = [n, n];
   const context = sheet.getContext("2d");
   const image = context.createImageData(n, n);
-  const last = colours.cells.length - 1;
   packet.arrays.surface.forEach((height, i) => {
-    if (!Number.isFinite(height)) return;
-    const share = (height / hello.full_change + 1) / 2;
-    const colour = colours.cells[Math.round(Math.min(1, Math.max(0, share)) * last)];
-    image.data.set([...colour, 255], 4 * i);
+    if (Number.isFinite(height)) image.data.set([...colourOf(height, colours), 255], 4 * i);
   });
   context.putImageData(image, 0, 0);
   g.imageSmoothingEnabled = true;
   g.imageSmoothingQuality = "high";
   const side = n * size * at.scale;
   g.drawImage(sheet, at.x(x0) - (size * at.scale) / 2, at.y(y0) - (size * at.scale) / 2, side, side);
+}
+
+/** Words in the middle of a panel. */
+function say(g, width, colour, message) {
+  g.fillStyle = colour;
+  g.font = "14px system-ui, sans-serif";
+  g.textAlign = "center";
+  g.fillText(message, width / 2, width / 2);
 }
 
 function drawTouch(packet) {
@@ -210,11 +199,7 @@ function drawTouch(packet) {
   if (surface) drawSurface(g, packet, at, colours);
   else if (change) drawCells(g, packet, at, colours);
   if (!pins) {
-    g.fillStyle = "#59626d";
-    g.font = "14px system-ui, sans-serif";
-    g.textAlign = "center";
-    const message = packet.taring ? "taking the rest frame: leave the tip untouched" : "no pins yet";
-    g.fillText(message, width / 2, width / 2);
+    say(g, width, "#59626d", packet.taring ? "taking the rest frame: leave the tip untouched" : "no pins yet");
     return;
   }
   if (motion) {
@@ -270,10 +255,7 @@ function drawCamera(packet) {
     g.imageSmoothingQuality = "high";
     g.drawImage(packet.bitmap, at.x(-0.5), at.y(-0.5), w * at.scale, h * at.scale);
   } else {
-    g.fillStyle = "#c3c9d0";
-    g.font = "14px system-ui, sans-serif";
-    g.textAlign = "center";
-    g.fillText(line.wants.has("image") ? "no image yet" : "image off, to spare the line", width / 2, width / 2);
+    say(g, width, "#c3c9d0", line.wants.has("image") ? "no image yet" : "image off, to spare the line");
   }
   const { pins } = packet.arrays;
   if (!pins) return;
@@ -304,7 +286,6 @@ function drawBar() {
 }
 
 function draw() {
-  drawn = true;
   if (!scene || !hello) return;
   drawTouch(scene);
   drawCamera(scene);
@@ -312,12 +293,7 @@ function draw() {
   for (const { chart } of charts) chart.draw(line.state === "live" ? now : clock.server);
 }
 
-function schedule() {
-  if (!drawn) return;
-  drawn = false;
-  requestAnimationFrame(draw);
-}
-drawn = true;
+const schedule = scheduler(draw);
 
 // ---- words ------------------------------------------------------------------------------------------------
 
@@ -326,13 +302,7 @@ function showWords(packet) {
   if (packet.recording?.fault) faults.push(`recording ended: ${packet.recording.fault}`);
   if (packet.recording?.dropped_n) faults.push(`recording: ${packet.recording.dropped_n} messages lost, the disk is too slow`);
   if (packet.sure === false) faults.push("pins cannot be identified: values are withheld");
-  const list = $("faults");
-  if (list.dataset.shown !== faults.join("\n")) {
-    list.dataset.shown = faults.join("\n");
-    list.replaceChildren(
-      ...faults.map((message) => Object.assign(document.createElement("li"), { textContent: message })),
-    );
-  }
+  showFaults(faults);
   const n = packet.contacts?.length ?? 0;
   $("felt_about").textContent = packet.taring
     ? "taking the rest frame"

@@ -3,7 +3,7 @@
 // - All that is drawn came over the link: mm in the tip's frame, x right and y down as in the camera's image.
 // - A finger's colour of touch is its contact's; how deep the skin is pressed in tints the whole tip.
 
-import { Chart, Line, SERIES, arrow, fit, keys, number, remember, rgb, showState, toast } from "./kit.js";
+import { Chart, Line, arrow, chartCanvas, fit, keys, number, remember, rgb, scheduler, showFaults, showState, toast } from "./kit.js";
 
 const $ = (id) => document.getElementById(id);
 const SHEAR_GAIN = 3; // a shear of 1 mm is a firm one; a tip is 10 mm and more in radius
@@ -31,7 +31,6 @@ let may = [];
 let packet = null;
 let clock = null;
 let chosen = null;
-let drawn = true;
 let palette = remember("palette") === "safe" ? "safe" : "paper";
 const cards = new Map(); // node -> {box, canvas, ...}
 const series = new Map(); // node -> {seen, charts}
@@ -39,27 +38,10 @@ const series = new Map(); // node -> {seen, charts}
 let rows = CHARTS; // all charts
 let charts = []; // their canvases
 
-function makeChart(what) {
-  const box = document.createElement("section");
-  box.className = "card chart";
-  box.innerHTML = `<h2><span>${what.title} <small>${what.unit}</small></span></h2><canvas role="img"></canvas>`;
-  box.querySelector("canvas").setAttribute("aria-label", `${what.title}, ${what.unit}, last ten seconds`);
-  (what.names ?? []).forEach((name, k) => {
-    const key = document.createElement("span");
-    key.className = k ? "key dashed" : "key";
-    key.style.setProperty("--c", SERIES[k]);
-    key.textContent = name;
-    box.querySelector("h2").append(key);
-  });
-  box.hidden = true; // until there is a value
-  $("charts").append(box);
-  return box.querySelector("canvas");
-}
-
 function makeCharts() {
   $("charts").replaceChildren();
   rows = [...hello.charts, ...CHARTS];
-  charts = rows.map(makeChart);
+  charts = rows.map(chartCanvas);
 }
 
 function seriesOf(node) {
@@ -194,18 +176,13 @@ function drawTip(canvas, state) {
 }
 
 function draw() {
-  drawn = true;
   if (!packet) return;
   for (const finger of packet.fingers) drawTip(cards.get(finger.node).canvas, finger.state);
   const now = line.state === "live" ? clock.server + (performance.now() - clock.here) / 1000 : clock.server;
   if (chosen !== null) for (const chart of seriesOf(chosen).charts) chart.draw(now);
 }
 
-function schedule() {
-  if (!drawn) return;
-  drawn = false;
-  requestAnimationFrame(draw);
-}
+const schedule = scheduler(draw);
 
 function showColours() {
   const colours = PALETTES[palette];
@@ -239,13 +216,7 @@ const line = new Line({
       takeRows(finger);
       showFinger(finger);
     }
-    const faults = fresh.faults.join("\n");
-    if ($("faults").dataset.shown !== faults) {
-      $("faults").dataset.shown = faults;
-      $("faults").replaceChildren(
-        ...fresh.faults.map((message) => Object.assign(document.createElement("li"), { textContent: message })),
-      );
-    }
+    showFaults(fresh.faults);
     document.body.dataset.packets = Number(document.body.dataset.packets ?? 0) + 1;
     schedule();
   },

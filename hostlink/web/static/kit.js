@@ -148,7 +148,7 @@ const LABEL_PX = 14; // from the middle of a label to that of the next one
 const INK = "#1b1f24";
 const MUTED = "#59626d";
 const GRID = "#e3e6ea";
-export const SERIES = ["#0060a8", "#c24a00", "#007a5a"]; // dark shades of Okabe and Ito's blue, vermilion, green
+const SERIES = ["#0060a8", "#c24a00", "#007a5a"]; // dark shades of Okabe and Ito's blue, vermilion, green
 const DASHES = [[], [6, 3], [2, 2]]; // distinguishable without colour too
 
 /** A strip chart: the last `seconds` of a few series over time, with axes. Values may be null or NaN: a gap. */
@@ -260,6 +260,38 @@ export class Chart {
   }
 }
 
+/** The canvas of a chart in a card with title and legend, among the page's charts; hidden until there is a value. */
+export function chartCanvas({ title, unit, names = [] }) {
+  const box = document.createElement("section");
+  box.className = "card chart";
+  box.innerHTML = `<h2><span>${title} <small>${unit}</small></span></h2><canvas role="img"></canvas>`;
+  names.forEach((name, k) => {
+    const key = document.createElement("span");
+    key.className = k ? "key dashed" : "key";
+    key.style.setProperty("--c", SERIES[k]);
+    key.textContent = name;
+    box.querySelector("h2").append(key);
+  });
+  box.hidden = true;
+  document.getElementById("charts").append(box);
+  const canvas = box.querySelector("canvas");
+  canvas.setAttribute("aria-label", `${title}, ${unit}, last ten seconds`);
+  return canvas;
+}
+
+/** A function that has `draw` called with the screen's next picture, once however often it was asked. */
+export function scheduler(draw) {
+  let due = false;
+  return () => {
+    if (due) return;
+    due = true;
+    requestAnimationFrame(() => {
+      due = false;
+      draw();
+    });
+  };
+}
+
 /** An arrow of a page's shear: filled, with a light rim so that it stands out from anything. */
 export function arrow(g, x0, y0, x1, y1, width, colour, halo) {
   const length = Math.hypot(x1 - x0, y1 - y0);
@@ -329,6 +361,14 @@ export function showState(state, message) {
   const box = document.getElementById("state");
   box.textContent = message;
   document.body.dataset.state = state;
+}
+
+/** The page's faults, one a line. */
+export function showFaults(faults) {
+  const list = document.getElementById("faults");
+  if (list.dataset.shown === faults.join("\n")) return;
+  list.dataset.shown = faults.join("\n");
+  list.replaceChildren(...faults.map((message) => Object.assign(document.createElement("li"), { textContent: message })));
 }
 
 /** A palette of the page, kept for the next time where the browser allows it. */

@@ -85,6 +85,7 @@ def test_a_long_contact_is_one_with_a_direction(degrees: float) -> None:
         (Tool("flat"), {"depth_mm": 4.0, "tilt_x_deg": 12.0, "tilt_y_deg": -9.0}, 1),
         (Tool("flat"), {"depth_mm": 3.0, "tilt_x_deg": 8.0, "shear_x_mm": 2.0}, 1),
         (Tool("edge", 1.5, 30.0), {"depth_mm": 2.0}, 1),
+        (Tool("edge", 1.5, -27.0), {"x_mm": 0.3, "y_mm": 0.6, "depth_mm": 0.4, "tilt_x_deg": -1.7}, 1),
         (Tool("two", 1.0, 25.0, 2.0), {"depth_mm": 2.0}, 1),
         (Tool("two", 1.0, 0.0, 4.0), {"depth_mm": 2.0}, 2),
         (Tool("two", 1.0, 40.0, 4.0), {"depth_mm": 1.5, "x_mm": 2.0, "y_mm": -3.0}, 2),

@@ -12,7 +12,7 @@ from can.interfaces.socketcan.socketcan import build_can_frame, dissect_can_fram
 
 from edge.link.medium import CAN_ERR_BUSOFF, CAN_ERR_RESTARTED, CanFrame, MediumFull
 from edge.link.sinks import CanFdSink
-from edge.link.socketcan import CAN_ERR_FLAG, SocketCanMedium, open_socket
+from edge.link.socketcan import SocketCanMedium, open_socket
 from hostlink.wire import FaultCode, State, unpack_state
 from tests.support.waiting import SOON_S, until
 
@@ -123,7 +123,7 @@ def test_an_error_frame_is_known_by_its_flag_and_a_restart_ends_bus_off(bus: Bus
     bus.kernel.send(build_can_frame(as_python_can(CanFrame(CAN_ERR_BUSOFF, bytes(8)))))
     assert bus.medium.read(SOON_S) == CanFrame(CAN_ERR_BUSOFF, bytes(8))
     assert not bus.medium.bus_off
-    assert dissect_can_frame(build_can_frame(can.Message(is_error_frame=True)))[0] & CAN_ERR_FLAG
+    assert dissect_can_frame(build_can_frame(can.Message(is_error_frame=True)))[0] & socket.CAN_ERR_FLAG
     bus.carrier.write_text("0\n")
     for kind, is_off in ((CAN_ERR_BUSOFF, True), (CAN_ERR_RESTARTED, False)):
         bus.error(kind)

@@ -147,7 +147,7 @@ def test_results_read_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     path = tmp_path / "a.mcap"
     square, none = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 4.0]]), np.full((3, 2), np.nan)
     monkeypatch.setattr(messages, "cell_polygons", lambda cells: [none, square])
-    monkeypatch.setattr(messages, "cell_rgba", lambda change: [(1.0, 0.0, 0.0, 0.5)] * 2)
+    monkeypatch.setattr(messages, "cell_rgba", lambda change: np.full((2, 4), [1.0, 0.0, 0.0, 0.5]))
     with Recorder(path, tip={"serial": "T-1"}, rate_hz=240) as recorder:
         recorder.finger = 2
         warm = State(sample=7, status=Status.OVER_TEMPERATURE, displacement_mm=1.5, force_n=float("nan"))

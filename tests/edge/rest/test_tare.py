@@ -332,7 +332,7 @@ def test_on_a_mostly_touched_recording_no_wrong_tare_is_accepted(finger: Finger)
 @pytest.fixture
 def pressed_for_ever(data_dir: Path) -> Iterator[Paced]:
     """A touch that is played again and again; its thread ends with the test."""
-    with contextlib.closing(Paced(open_source(str(data_dir / "press.mcap")), 30.0, loop=True)) as source:
+    with contextlib.closing(Paced(open_source(str(data_dir / "press.mcap")), loop=True)) as source:
         yield source
 
 

@@ -106,7 +106,8 @@ class Camera:
 def opened(camera: Camera, **options: Any) -> Iterator[PiCameraSource]:
     """A source of it; closed, its thread, which waits for a frame, has ended."""
     asked = Options(**({"width": SIZE[0], "height": SIZE[1]} | options))
-    source = PiCameraSource(lambda: camera, asked, retry_s=0.01, clock_ns=lambda: camera.now_ns)
+    times = {"retry_s": 0.01, "_clock_ns": staticmethod(lambda: camera.now_ns)}
+    source: PiCameraSource = type("QuickSource", (PiCameraSource,), times)(lambda: camera, asked)
     camera.free = False
     yield source
     source._closing.set()

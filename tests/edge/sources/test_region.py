@@ -65,7 +65,7 @@ def test_every_kind_of_source_takes_a_region(two_views: Path, tmp_path: Path) ->
     video_of(tmp_path / "a.avi", frame.image)
     for where in (tmp_path / "a.mcap", tmp_path / "a.avi", two_views, "sim:press"):
         source = open_source(f"{where}?roi=0,0,320,320&width=640&height=320")
-        live = source if isinstance(source, Paced) else Paced(source, 30.0)
+        live = source if isinstance(source, Paced) else Paced(source)
         shown = present(live.read(10.0))
         live.close()
         assert (shown.image[:, 320:] == shown.image[:, 319:320]).all(), where

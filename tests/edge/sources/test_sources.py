@@ -406,7 +406,6 @@ def test_replay_keeps_the_recordings_times_without_drift() -> None:
 @pytest.mark.parametrize(
     ("times_ns", "rate_hz", "options", "steps_ns", "paced_hz"),
     [
-        pytest.param([0, 5, 5, 5], 30.0, {"rate_hz": 1000.0}, [1_000_000] * 3, 1000.0, id="given rate"),
         pytest.param([0, 10_000_000, 50_000_000], 100.0, {"speed": 2.0}, [5_000_000, 20_000_000], 200.0,
                      id="twice the speed keeps the gaps"),
         pytest.param([9, 9, 9], 100.0, {}, [10_000_000] * 2, 100.0, id="a clock that stands still"),
@@ -450,7 +449,7 @@ def test_closing_ends_a_replay_at_once(times_ns: list[int], rest_n: int) -> None
 
 
 def test_a_replay_delivers_its_last_frame_and_ends() -> None:
-    paced = Paced(Listed([0, 1, 2], 1000.0), rate_hz=200.0)
+    paced = Paced(Listed([0, 1, 2], 1000.0), speed=0.2)
     sequences = [f.sequence for f in paced]
     assert sequences[-1] == 20
     assert paced.dropped_n + len(sequences) == 3

@@ -130,14 +130,11 @@ class Opened:
     def __init__(self, camera: FakeCamera, patience_s: float = SOON_S, **options: Any) -> None:
         self.camera = camera
         camera.free.set()  # while the rate is measured, frames come as they like
-        self.source = V4l2Source(
-            "0",
-            Options(**options),
-            make_capture=lambda path: FakeCapture(camera),
-            find=camera.find,
-            clock_ns=lambda: camera.clock_ns,
-            retry_s=0.001,
-            patience_s=patience_s,
+        clock_ns = staticmethod(lambda: camera.clock_ns)
+        times = {"retry_s": 0.001, "patience_s": patience_s, "_clock_ns": clock_ns}
+        made = type("QuickSource", (V4l2Source,), times)
+        self.source: V4l2Source = made(
+            "0", Options(**options), make_capture=lambda path: FakeCapture(camera), find=camera.find
         )
         camera.free.clear()
         camera.halted.clear()

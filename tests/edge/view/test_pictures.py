@@ -73,7 +73,7 @@ def test_colours_run_from_expanded_over_paper_to_compressed(palette: Palette) ->
     else:  # overlays are transparent where nothing changed
         nothing, enlarged = cell_rgba(np.array([0.0, 0.5]))
         assert nothing[3] == 0.0
-        assert enlarged == (*(level / 255 for level in reversed(palette.compressed)), 0.7)
+        assert enlarged.tolist() == [*(level / 255 for level in reversed(palette.compressed)), 0.7]
 
 
 def test_equal_changes_look_equal_to_both_sides() -> None:
