@@ -8,7 +8,7 @@ when the demand changes. A frame whose identities are not trusted yields no valu
 one skin, as mirrors show it, go that way each by itself, and are joined (`edge.views`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -116,9 +116,14 @@ class _View:
             cells = self.tessellator.cells(moved, plan.watched) if wanted else None
         except DegenerateLayout:  # the pins that remain span no plane: treat them as lost
             return Result(frame, tracks, None, None, uncalibrated(), searched)
-        if touched is None and self._touch is not self._extractor:
-            touched = self._touch.extract(moved, cells, _NOTHING).in_contact
+        seen = None
+        if self._touch is not self._extractor:  # a touch and each pin's motion are those since the tare
+            seen = self._touch.extract(moved, cells, _NOTHING, touched)
+            touched = seen.in_contact
         features = self._extractor.extract(moved, cells, plan.features, touched, frame.capture_ns)
+        if seen is not None:
+            features = replace(features, area_change=seen.area_change, displacement_px=seen.displacement_px)
+            features = replace(features, step_px=seen.step_px, longest_px=seen.longest_px)
         if self._calibration is None:
             reading = uncalibrated(features)
         else:
