@@ -24,7 +24,6 @@ from calib.fit import tip_of
 from calib.targets import Targets, join, read_targets, targets_of_capture
 from calib.unloaded import load_of, unloaded
 from edge.calibration import Calibration
-from edge.calibration.file import REST_SIGMA_PX
 from edge.errors import CalibrationError, NoPins
 from edge.geometry.parts import of_parts, parts_of, stack
 from edge.params import PARAMS as RUNTIME
@@ -185,8 +184,6 @@ def _without_rest(table: Path, targets: Targets, camera: _Camera) -> Dataset:
             message = f"of {counted(len(without_load), 'frame')} that the table says are without load"
         else:
             rest, message = _estimated(table, targets, camera)
-            sigma_px = np.full(len(rest), REST_SIGMA_PX)  # as the edge will read it from the file
-            rest = replace(rest, pins=replace(rest.pins, sigma_px=sigma_px))
     except NoPins as error:
         raise TableError(f"{table}: {error}; give --rest an image of the untouched tip") from None
     part = RestGroup(rest, targets, lambda: camera.frames(targets, rest))

@@ -149,9 +149,11 @@ def _cells_of_part(images: Sequence[Image], rest: Rest) -> tuple[Array, Array, A
 def aligned(calibration: Calibration, rest: Rest) -> Rest:
     """A calibration's rest pins, in its order, where this camera would see them. Raises CalibrationError."""
     matched, tracks = match_tip(calibration, rest)
-    xy = matched.since.xy_img if matched.since else moved_onto(calibration.rest, tracks)
+    if matched.since:
+        return replace(matched, pins=matched.since.pins, since=None)
+    xy = moved_onto(calibration.rest, tracks)
     pins = replace(matched.pins, xy_img=xy, sigma_px=calibration.rest.pins.sigma_px)
-    return replace(matched, pins=pins, since=None)
+    return replace(matched, pins=pins)
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,7 +35,7 @@ def match_tip(calibration: Calibration, rest: Rest) -> tuple[Rest, Tracks]:
         off, left = (np.nanmean((tracks.xy_img - places) ** 2) for places in (made_with.xy_img, xy))
         if off < 2.0 * left:  # a move that explains less than it leaves is the estimate's error
             xy = made_with.xy_img
-        since = replace(made_with, pins=replace(made_with.pins, xy_img=xy))
+        since = replace(made_with, pins=replace(matched.pins, xy_img=xy))  # with the noise of now
         matched = replace(matched, since=one_part(since, np.arange(len(xy), dtype=np.int32)))
     return matched, tracks
 
