@@ -26,12 +26,13 @@ from calib.unloaded import load_of, unloaded
 from edge.calibration import Calibration
 from edge.errors import CalibrationError, NoPins
 from edge.geometry.parts import of_parts, parts_of, stack
+from edge.params import PARAMS as RUNTIME
 from edge.rest.choice import aligned, choose_rest
 from edge.rest.tare import TareParams
-from edge.rest.tip_match import in_order_of
+from edge.rest.tip_match import match_tip
 from edge.sources.files import read_image
 from edge.sources.region import region_named
-from edge.types import Frame, Image, Lens, Region, Rest
+from edge.types import Complex, Frame, Image, Lens, Region, Rest, Tracks
 from hostlink.cli_types import counted
 
 RECORDING = ".mcap"
@@ -57,10 +58,12 @@ class Dataset:
     """Everything to fit to, or to evaluate on.
 
     rest_message  how the rest frame was found from the frames; "": it was given
+    estimated     whether no frame shows it
     """
 
     parts: tuple[RestGroup, ...]
     rest_message: str = ""
+    estimated: bool = False
 
     @property
     def rest(self) -> Rest:
@@ -82,7 +85,7 @@ class Dataset:
 
         Raises  CalibrationError: the frames show another tip
         """
-        seen = aligned if self.rest_message else in_order_of
+        seen = aligned if self.rest_message else _of_tip
         rests = [seen(calibration, p.rest) for p in self.parts]
         return self._with(rests).read_as(calibration.rest.pattern.on_surface)
 
@@ -98,7 +101,7 @@ class Dataset:
 
     def _with(self, rests: Sequence[Rest]) -> Dataset:
         parts = [replace(p, rest=rest) for p, rest in zip(self.parts, rests, strict=True)]
-        return Dataset(tuple(parts), self.rest_message)
+        return replace(self, parts=tuple(parts))
 
     def extract(self, pool: Executor, on_done: Callable[[int], None] = lambda n: None) -> Extract:
         """The edge's results for them; see `calib.extract.extract`."""
@@ -184,7 +187,8 @@ def _without_rest(table: Path, targets: Targets, camera: _Camera) -> Dataset:
             rest, message = _estimated(table, targets, camera)
     except NoPins as error:
         raise TableError(f"{table}: {error}; give --rest an image of the untouched tip") from None
-    return Dataset((RestGroup(rest, targets, lambda: camera.frames(targets, rest)),), message)
+    part = RestGroup(rest, targets, lambda: camera.frames(targets, rest))
+    return Dataset((part,), message, estimated=not without_load)
 
 
 def _estimated(table: Path, targets: Targets, camera: _Camera) -> tuple[Rest, str]:
@@ -235,6 +239,31 @@ def _rest(images: Sequence[Image], where: Path, camera: _Camera) -> Rest:
 
 def _must_be_same_tip(first: Path, rest: Rest, path: Path, other: Rest) -> None:
     try:
-        in_order_of(tip_of(rest), other)
+        _of_tip(tip_of(rest), other)
     except CalibrationError as error:
         raise TableError(f"{path}: shows another tip than {first}: {error}") from None
+
+
+def _of_tip(calibration: Calibration, rest: Rest) -> Rest:
+    """The rest frame in the order of a calibration's pins. Raises CalibrationError: another tip, a touch."""
+    matched, tracks = match_tip(calibration, rest)
+    if matched.since is None:
+        _check_deformation(calibration.rest, tracks)
+    return matched
+
+
+def _check_deformation(made_with: Rest, tracks: Tracks) -> None:
+    """Raises CalibrationError: no common shift, rotation and zoom explains the pins' places."""
+    residuals: list[Complex] = []
+    for rows, _ in parts_of(made_with):
+        seen = rows[tracks.seen[rows]]
+        z, w = made_with.xy_img[seen] @ (1, 1j), tracks.xy_img[seen] @ (1, 1j)
+        design = np.column_stack([z, np.ones_like(z)])
+        residuals.append(w - design @ np.linalg.lstsq(design, w, rcond=None)[0])
+    deformation = float(np.quantile(np.abs(np.concatenate(residuals)), 0.95))
+    deformation_max = RUNTIME.still_pitches * made_with.pattern.pitch_px
+    if deformation > deformation_max:
+        raise CalibrationError(
+            f"the pattern of pins is deformed by {deformation:.1f} px against the calibration's (limit "
+            f"{deformation_max:.1f}): something touches the tip, or it is another tip"
+        )

@@ -125,7 +125,8 @@ def measure(pipeline: Pipeline, image: Image, without: Pipeline | None = None) -
     if result is None or result.features is None:
         seen_n = 0 if result is None else result.tracks.n_seen
         return _NOTHING, _NO_CONTACT, 0.0, seen_n, False, False, 0, math.nan, us, _NO_LOSSES
-    tracks, features, pattern = result.tracks, result.features, pipeline.rest.pattern
+    tracks, features = result.tracks, result.features
+    pattern = (pipeline.rest.since or pipeline.rest).pattern
     contact, angle = _NO_CONTACT, math.nan
     if features.contacts:
         contact = contact_inputs(features.contacts[0], features, pattern)
@@ -202,12 +203,17 @@ def _chunk(rest: Rest, frames: Sequence[Path | Image]) -> list[Measured]:
     cv2.setNumThreads(1)  # one thread a process: the processes are the parallelism
     if _kept is None or not _same(_kept[0], rest):
         # Arrays received over a network are views of the message: a copy is aligned and writable.
-        pins = Pins(*(np.array(getattr(rest.pins, f.name), order="C") for f in fields(Pins)))
-        pattern = replace(rest.pattern, centre_img=np.array(rest.pattern.centre_img))
-        rest = replace(rest, pins=pins, pattern=pattern)
+        rest = replace(_copied(rest), since=_copied(rest.since) if rest.since else None)
         _kept = rest, Pipeline(rest, demand=DEMAND), Pipeline(rest, demand=DEMAND)
     _, pipeline, without = _kept
     return [measure(pipeline, read_like(f, rest) if isinstance(f, Path) else f, without) for f in frames]
+
+
+def _copied(rest: Rest) -> Rest:
+    pins = Pins(*(np.array(getattr(rest.pins, f.name), order="C") for f in fields(Pins)))
+    return replace(
+        rest, pins=pins, pattern=replace(rest.pattern, centre_img=np.array(rest.pattern.centre_img))
+    )
 
 
 def read_like(path: Path, rest: Rest) -> Image:
@@ -225,7 +231,8 @@ def read_like(path: Path, rest: Rest) -> Image:
 def _same(a: Rest, b: Rest) -> bool:
     if a.pattern.on_surface != b.pattern.on_surface:
         return False
-    return np.array_equal(a.xy_img, b.xy_img) and np.array_equal(a.pins.sigma_px, b.pins.sigma_px)
+    counted = np.array_equal((a.since or a).xy_img, (b.since or b).xy_img)
+    return counted and np.array_equal(a.xy_img, b.xy_img) and np.array_equal(a.pins.sigma_px, b.pins.sigma_px)
 
 
 def extract(

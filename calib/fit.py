@@ -169,6 +169,7 @@ def fit(
     extract: Extract,
     *,
     serial: str = "unnamed",
+    estimated: bool = False,
     mm_per_px: float | None,
     on_part: Callable[[float], None] = lambda groups: None,
     on_refused: Callable[[str], None] = lambda text: None,
@@ -178,6 +179,7 @@ def fit(
 ) -> tuple[Calibration, list[Choice]]:
     """Fit everything that the table has columns for.
 
+    estimated  whether no image showed the rest frame
     mm_per_px  scale on the tip; None: from contacts in known places, if there are any
     on_part    called with what was done since the last call, a part of a group of outputs; each that varies
                adds up to 1
@@ -190,7 +192,7 @@ def fit(
                depth or force does not grow with the press (`calib.press_axis`).
                CalibrationError: the rest frame is not a plausible tip
     """
-    sensor = sensor_of(rest, serial)
+    sensor = msgspec.structs.replace(sensor_of(rest, serial), estimated=estimated)
     _checked(sensor, mm_per_px, [], Data("", "", 0, ""))
     usable = _usable_frames(targets, extract, PARAMS.known_rows_min if search.known else PARAMS.rows_min)
     check_press(targets, extract)
@@ -215,13 +217,11 @@ def fit(
             f"{len(targets)} frames; nothing could be fitted"
         )
         raise FitError(refused[0] if refused else nothing)
-    order = [group.outputs for group in GROUPS]
-    choices.sort(key=lambda choice: order.index(choice.outputs))
+    choices.sort(key=lambda choice: [group.outputs for group in GROUPS].index(choice.outputs))
     scale = mm_per_px or _scale(targets, extract, rest)
     of_place = any(is_of_place(c.model) for c in choices)
     without = [c.without_contact for c in choices if c.without_contact] if of_place else None
-    models = [choice.model for choice in choices]
-    return _checked(sensor, scale, models, _data(targets, usable), without), choices
+    return _checked(sensor, scale, [c.model for c in choices], _data(targets, usable), without), choices
 
 
 def _data(targets: Targets, usable: Mask) -> Data:

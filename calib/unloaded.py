@@ -32,6 +32,8 @@ from edge.types import Array, Complex, Image, Rest, Tracks
 
 #: Values that say how hard the tip is pressed; the first that a table has is taken.
 LOADS = ("displacement_mm", "force_n")
+#: Values that move pins by themselves, not the more the harder the tip is pressed.
+ALONG = ("force_x_n", "torque_z_nmm")
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,6 +127,8 @@ def _at_no_load(motion: Complex, load: Array, values: Mapping[str, Array]) -> Co
         parts = [values[name] for name in group.outputs if name in values and name not in LOADS]
         if len(parts) == len(group.outputs) and np.isfinite(parts).all() and np.ptp(parts) > 0:
             column = np.asarray(np.array((1.0, 1j)[: len(parts)]) @ parts, np.complex128)
+            if group.outputs[0] in ALONG:
+                column = column / load
             column /= np.sqrt((np.abs(column) ** 2).mean())
             (vectors if len(parts) == 2 else scalars).append(column)
     load = np.maximum(load / np.sqrt((load**2).mean()), 1e-3)  # pressed less is as good as untouched

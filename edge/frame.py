@@ -8,7 +8,7 @@ when the demand changes. A frame whose identities are not trusted yields no valu
 one skin, as mirrors show it, go that way each by itself, and are joined (`edge.views`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,6 +31,7 @@ OF_CELLS = frozenset(f for f in Feature if f.cells)
 #: Their models may depend on the pins' motion alone: areas only say when a contact begins and ends.
 OF_MODES = frozenset(f for f in Feature if not f.areas)
 ALL = frozenset(Feature)
+_NOTHING = FeaturePlan(frozenset())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,11 +85,13 @@ class _View:
         self._capture_ns: int | None = None  # of the last frame that gave features
         self._refiner = CentroidRefiner(rest)
         self._tracker = Tracker(rest, self._refiner.found, self._refiner.predicted)
-        self.tessellator = Tessellator(rest)
-        still = Tracks.of(rest.xy_img, rest.pins.sigma_px, np.ones(len(rest), dtype=np.bool_))
-        known = rest if calibration is None else calibration.rest
-        self.rest_area_px2 = self.tessellator.cells(still).rest_area_px2
-        self._extractor = FeatureExtractor(rest, self.rest_area_px2, known.pattern.on_surface)
+        since = rest.since or rest
+        self._pattern, self.tessellator = since.pattern, Tessellator(since)
+        known, area_px2 = rest if calibration is None else calibration.rest, self.tessellator.rest_area_px2
+        self._extractor = self._touch = FeatureExtractor(since, area_px2, known.pattern.on_surface)
+        if rest.since:
+            still = Tracks.of(rest.xy_img, rest.pins.sigma_px, np.ones(len(rest), dtype=np.bool_))
+            self._touch = FeatureExtractor(rest, self.tessellator.cells(still).area_px2)
         self.demand: frozenset[Feature] = frozenset()
         self.plan = plan_of(self.demand, None)
 
@@ -105,7 +108,7 @@ class _View:
             t, extractor = tracks, self._extractor
             xy_img = extractor.less_offset(t.xy_img, t.sigma_px, drift.offset_of(self.rows))
             moved = Tracks(xy_img, t.sigma_px, t.seen, t.n_seen, t.confidence, t.autocorrelation)
-        touched = self._extractor.touched(moved, plan.areas, plan.watched) if plan.cells else None
+        touched = self._touch.touched(moved, plan.areas, plan.watched) if plan.cells else None
         if touched is not None:
             self.tessellator.keep(moved)
         try:
@@ -113,7 +116,14 @@ class _View:
             cells = self.tessellator.cells(moved, plan.watched) if wanted else None
         except DegenerateLayout:  # the pins that remain span no plane: treat them as lost
             return Result(frame, tracks, None, None, uncalibrated(), searched)
+        seen = None
+        if self._touch is not self._extractor:  # a touch and each pin's motion are those since the tare
+            seen = self._touch.extract(moved, cells, _NOTHING, touched)
+            touched = seen.in_contact
         features = self._extractor.extract(moved, cells, plan.features, touched, frame.capture_ns)
+        if seen is not None:
+            features = replace(features, area_change=seen.area_change, displacement_px=seen.displacement_px)
+            features = replace(features, step_px=seen.step_px, longest_px=seen.longest_px)
         if self._calibration is None:
             reading = uncalibrated(features)
         else:
@@ -121,7 +131,7 @@ class _View:
             interval_s = None  # which only a speed of slip needs
             if before_ns is not None and features.slip_px is not None:
                 interval_s = (frame.capture_ns - before_ns) * 1e-9
-            reading = self._calibration.apply(features, self._rest.pattern, interval_s, self.demand)
+            reading = self._calibration.apply(features, self._pattern, interval_s, self.demand)
         return Result(frame, tracks, cells, features, reading, searched)
 
     def _locate(self, image: Image) -> tuple[Tracks, bool]:
@@ -173,7 +183,8 @@ class Pipeline:
         parts = parts_of(rest)
         known = [None] * len(parts) if calibration is None else calibration.views
         self._views = [_View(own, rows, one) for (rows, own), one in zip(parts, known, strict=True)]
-        self._joined = None if len(parts) == 1 else JoinedViews(rest, [v.rest_area_px2 for v in self._views])
+        areas_px2 = [view.tessellator.rest_area_px2 for view in self._views]
+        self._joined = None if len(parts) == 1 else JoinedViews(rest, areas_px2)
         self.demand = demand
 
     @property

@@ -237,6 +237,7 @@ class Rest:
              has a lattice, cells and contacts of its own (`edge.geometry.parts`); None: there is one
     views    how the pins of each part appear, by its number
     beside_img (k, 2) px, pins of the other parts, where this is one of several; None: it is the whole
+    since    where the pins' motion counts from, None: from here, where a touch is seen anyway
     """
 
     pins: Pins
@@ -244,6 +245,7 @@ class Rest:
     part: Index | None = None
     views: tuple[PinPattern, ...] = ()
     beside_img: Array | None = None
+    since: Rest | None = None
 
     @property
     def xy_img(self) -> Array:

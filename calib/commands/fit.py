@@ -168,6 +168,7 @@ def _fitted(
             targets,
             extract,
             serial=serial,
+            estimated=data.estimated,
             mm_per_px=mm_per_px,
             on_part=lambda groups: bar.advance(task, groups),
             on_refused=lambda why: click.echo(f"not fitted: {why}", err=True),

@@ -172,6 +172,7 @@ class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
     ]
     lens: Lens | None = None  # whose distortion is removed from places, centre, radius and pitch here
     on_surface: bool = False  # they are dots on the skin's surface
+    estimated: bool = False  # the rest frame, from images that are all touched
 
 
 class Data(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from functools import partial
@@ -21,7 +21,7 @@ from edge.faults.pin_visibility import SEEN_REL
 from edge.link.sinks import open_sink
 from edge.params import ASTRAY_REL
 from edge.rest.sensor_match import mm_per_px, recognise
-from edge.rest.tip_match import in_order_of
+from edge.rest.tare import TareRefused
 from edge.runtime.board_monitor import HOT_DEGC, STORED_BYTES
 from edge.sensors import KnownSensor, known_sensors, missing_pins
 from edge.sources.camera import CameraSource
@@ -116,8 +116,8 @@ def sensor(rest: Rest, named: KnownSensor | None) -> Line:
     return Line("sensor", "ok", named.title + in_mm)
 
 
-def calibration(path: Path | None, rest: Rest | None) -> Iterator[Line]:
-    """Whether it belongs to this tip, its age, its residual."""
+def calibration(path: Path | None, rest: Rest | None, tare: Callable[[Calibration], Any]) -> Iterator[Line]:
+    """Whether the tip is tared with it, as the program does, its age, its residual."""
     if path is None:
         advice = "set [calibration] file, or upload one"
         yield Line("calibration", "warn", "none: calibrated values are invalid", advice)
@@ -136,10 +136,10 @@ def calibration(path: Path | None, rest: Rest | None) -> Iterator[Line]:
             advice = "clean lens and skin, light it evenly; is the skin torn?"
             yield Line("pins", level, finding, advice)
         try:
-            in_order_of(loaded, rest)
-        except CalibrationError as error:
-            advice = f"this file was made for tip {serial}; use the one of this tip"
-            yield Line("calibration", "fail", str(error), advice)
+            tare(loaded)
+        except TareRefused as error:
+            advice = f"let go; if nothing touches it, this file is another tip's: it was made for {serial}"
+            yield Line("calibration", "fail", error.problem, advice)
         else:
             yield Line("calibration", "ok", f"{path}: of this tip, {serial}")
     text = loaded.content.data.created

@@ -6,6 +6,7 @@ It changes nothing. A topic that cannot be checked because another failed is ski
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 
 import click
@@ -18,8 +19,8 @@ from edge.cli.progress import waiting
 from edge.config import Config
 from edge.errors import InputError, NoPins
 from edge.examples import example_calibration
-from edge.pins import take_rest
 from edge.rest.tare import PARAMS as TARE
+from edge.rest.tare import take_rest_frame
 from edge.types import FrameSource
 
 
@@ -65,7 +66,7 @@ def examine(
 ) -> list[Line]:
     """Run all checks, in the order of the data flow. `open_camera` may raise SourceError."""
     lines: list[Line] = []
-    rest = None
+    rest, tare, images = None, TARE, []
     try:
         source = open_camera()
     except InputError as error:
@@ -83,16 +84,15 @@ def examine(
         asked_hz = config.source.rate_hz or source.rate_hz
         lines += checks.camera(source, frames, config)
         if frames:
+            tare, images = TARE.of(source), [f.image for f in frames[: TARE.frames_n]]
             try:
-                rest = take_rest(
-                    [f.image for f in frames[: TARE.frames_n]], source.polarity, source.lens, source.region
-                )
+                rest = tare.take(images)
             except NoPins as error:
                 lines.append(Line("pins", "fail", str(error), "focus the lens, set [source] roi to the skin"))
             else:
                 lines += [*picture.pins(frames[-1], rest), checks.sensor(rest, sensor)]
             lines.append(picture.brightness(frames, rest))
-    lines += checks.calibration(calibration_path, rest)
+    lines += checks.calibration(calibration_path, rest, partial(take_rest_frame, images, tare))
     for spec in config.link.sinks:
         lines += checks.link(spec, machine)
     if not config.link.sinks:

@@ -46,7 +46,8 @@ def parts_of(rest: Rest) -> list[tuple[Index, Rest]]:
         rows = np.flatnonzero(part == k).astype(np.int32)
         pattern = replace(rest.views[k], on_surface=rest.pattern.on_surface)
         own = one_part(replace(rest, pattern=pattern), rows)
-        parts.append((rows, replace(own, beside_img=rest.xy_img[part != k])))
+        since = one_part(replace(rest.since, pattern=pattern), rows) if rest.since else None
+        parts.append((rows, replace(own, beside_img=rest.xy_img[part != k], since=since)))
     return parts
 
 

@@ -23,7 +23,7 @@ from edge.pins import detect
 from edge.pins.rest_frame import first_with_pins
 from edge.rest.tare import PARAMS as TARE
 from edge.rest.tare import TareParams, TareRefused, take_rest_frame
-from edge.rest.tip_match import SHARED_MIN, match_rest, near_rest
+from edge.rest.tip_match import SHARED_MIN, match_tip, moved_onto, near_rest
 from edge.tracking import Tracker
 from edge.types import Array, Frame, FrameSource, Image, Mask, Pins, Rest, Tracks
 from hostlink.wire import RestFrameReason
@@ -148,19 +148,11 @@ def _cells_of_part(images: Sequence[Image], rest: Rest) -> tuple[Array, Array, A
 
 def aligned(calibration: Calibration, rest: Rest) -> Rest:
     """A calibration's rest pins, in its order, where this camera would see them. Raises CalibrationError."""
-    made_with = calibration.rest
-    matched, tracks = match_rest(made_with, rest)
-    z, w = made_with.xy_img @ (1, 1j), tracks.xy_img @ (1, 1j)
-    best = tracks.seen
-    # A zoom is not fitted: a touch, or an error of the estimate, makes one rather than a camera.
-    for _ in range(5):
-        from_middle = z - z[best].mean()
-        turn = np.vdot(from_middle[best], w[best])
-        at = from_middle * turn / abs(turn) + w[best].mean()
-        off = np.where(tracks.seen, np.abs(w - at), np.inf)
-        best = off <= np.median(off[tracks.seen])
-    xy = np.column_stack([at.real, at.imag])
-    pins = replace(matched.pins, xy_img=xy, sigma_px=made_with.pins.sigma_px)
+    matched, tracks = match_tip(calibration, rest)
+    if matched.since:
+        return replace(matched, pins=matched.since.pins, since=None)
+    xy = moved_onto(calibration.rest, tracks)
+    pins = replace(matched.pins, xy_img=xy, sigma_px=calibration.rest.pins.sigma_px)
     return replace(matched, pins=pins)
 
 
@@ -212,7 +204,7 @@ def rest_if_touched(source: FrameSource, calibration: Calibration | None = None)
         return None
     images = [frame.image for frame in islice(source, TARE.frames_n)]
     try:
-        take_rest_frame(images, replace(TARE.of(source), steady_px=np.inf), calibration)
+        take_rest_frame(images, TARE.of(source), calibration)
     except TareRefused as error:
         if error.reason is not RestFrameReason.TOUCHED:
             return None

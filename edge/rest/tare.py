@@ -31,7 +31,7 @@ from edge.geometry.select import SIGMA_OF_MAD
 from edge.params import PARAMS as RUNTIME
 from edge.pins import take_rest
 from edge.rest.symmetry import symmetry_of
-from edge.rest.tip_match import SHARED_MIN, identified, match_rest, near_rest
+from edge.rest.tip_match import SHARED_MIN, identified, match_tip, near_rest
 from edge.types import FrameSource, Image, Lens, Pins, Polarity, Region, Rest, Tracks
 from hostlink.wire import RestFrameReason
 
@@ -50,8 +50,9 @@ class TareParams:
     region: Region | None = None  # that the images show
 
     def of(self, source: FrameSource) -> Self:
-        """The same for the images of a source."""
-        return replace(self, polarity=source.polarity, lens=source.lens, region=source.region)
+        """The same for the images of a source; only a live tip can be asked to keep still."""
+        found = replace(self, polarity=source.polarity, lens=source.lens, region=source.region)
+        return found if source.live else replace(found, steady_px=math.inf)
 
     def take(self, images: Sequence[Image]) -> Rest:
         """A rest frame, unchecked. Raises NoPins."""
@@ -88,8 +89,8 @@ def take_rest_frame(
 ) -> RestFrame:
     """The rest frame from a few images of the tip, checked.
 
-    calibration  gives the order of the pins, and the pins of the untouched tip
-    reference    last accepted rest frame; gives the untouched pins if there is no calibration
+    calibration  gives the order of the pins, and the pins of the untouched tip, unless it estimated them
+    reference    last accepted rest frame; gives the untouched pins if the calibration does not
     force        accept a frame with a touch, motion or lost pins, and report it; never another tip
     Raises       TareRefused
     """
@@ -107,13 +108,14 @@ def take_rest_frame(
 
     first, last = (near_rest(rest, images[k]) for k in (0, -1))
     check(_unsteady(first, last, params.steady_px))
+    matched = rest
     if calibration is not None:
         try:
-            matched, tracks = match_rest(calibration.rest, rest)
+            matched, tracks = match_tip(calibration, rest)
         except CalibrationError as error:
             raise TareRefused(Reason.OTHER_TIP, str(error)) from None
+    if calibration is not None and matched.since is None:
         check(_touch_shown(calibration.rest, tracks, "the calibration's"))
-        rest = matched
     elif reference is not None:
         check(_changed(reference, rest))
     else:
@@ -121,8 +123,8 @@ def take_rest_frame(
         if (symmetry := symmetry_of(rest)).in_contact:
             check(TareRefused(Reason.TOUCHED, f"something touches the tip ({symmetry.message})", LET_GO))
     if not problems:
-        return RestFrame(rest)
-    return RestFrame(rest, problems[0].reason, "; ".join(problem.problem for problem in problems))
+        return RestFrame(matched)
+    return RestFrame(matched, problems[0].reason, "; ".join(problem.problem for problem in problems))
 
 
 def _take(images: Sequence[Image], params: TareParams, calibration: Calibration | None) -> Rest:

@@ -4,26 +4,54 @@ A camera that was taken out and put back shifts and rotates all pins alike, a li
 best common shift, rotation and zoom is deformation: a touch, or another tip.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from edge.calibration import Calibration
 from edge.errors import CalibrationError
 from edge.geometry.neighbours import nearest_of
-from edge.geometry.parts import own_pins, parts_of, pins_joined, tracks_joined
+from edge.geometry.parts import one_part, own_pins, parts_of, pins_joined, tracks_joined
 from edge.params import PARAMS as RUNTIME
 from edge.pins import CentroidRefiner
 from edge.tracking import Tracker
-from edge.types import Complex, Image, Lens, Pins, Rest, Tracks
+from edge.types import Array, Image, Lens, Pins, Rest, Tracks
 
 #: Share of the pins of each of two rest frames of the same tip that the other has too.
 SHARED_MIN = RUNTIME.most_rel
 
 
 def in_order_of(calibration: Calibration, rest: Rest) -> Rest:
-    """The rest frame in the order of a calibration's pins. Raises CalibrationError: another tip, a touch."""
-    matched, tracks = match_rest(calibration.rest, rest)
-    _check_deformation(calibration.rest, tracks)
-    return matched
+    """The rest frame in the order of a calibration's pins. Raises CalibrationError: another tip."""
+    return match_tip(calibration, rest)[0]
+
+
+def match_tip(calibration: Calibration, rest: Rest) -> tuple[Rest, Tracks]:
+    """As `match_rest`; motion counts from the calibration's own pins, if these were estimated."""
+    made_with = calibration.rest
+    matched, tracks = match_rest(made_with, rest)
+    if calibration.content.sensor.estimated:
+        xy = moved_onto(made_with, tracks)
+        off, left = (np.nanmean((tracks.xy_img - places) ** 2) for places in (made_with.xy_img, xy))
+        if off < 2.0 * left:  # a move that explains less than it leaves is the estimate's error
+            xy = made_with.xy_img
+        since = replace(made_with, pins=replace(matched.pins, xy_img=xy))  # with the noise of now
+        matched = replace(matched, since=one_part(since, np.arange(len(xy), dtype=np.int32)))
+    return matched, tracks
+
+
+def moved_onto(made_with: Rest, tracks: Tracks) -> Array:
+    """(n, 2) px, a calibration's pins where this camera would see them, shifted and turned together."""
+    z, w = made_with.xy_img @ (1, 1j), tracks.xy_img @ (1, 1j)
+    best = tracks.seen
+    # A zoom is not fitted: a touch, or an error of the estimate, makes one rather than a camera.
+    for _ in range(5):
+        from_middle = z - z[best].mean()
+        turn = np.vdot(from_middle[best], w[best])
+        at = from_middle * turn / abs(turn) + w[best].mean()
+        off = np.where(tracks.seen, np.abs(w - at), np.inf)
+        best = off <= np.median(off[tracks.seen])
+    return np.column_stack([at.real, at.imag])
 
 
 def match_rest(made_with: Rest, rest: Rest) -> tuple[Rest, Tracks]:
@@ -109,21 +137,4 @@ def _check_shift(made_with: Rest, tracks: Tracks) -> None:
         raise CalibrationError(
             f"the pins are {shift:.1f} px from where the calibration has them (limit {shift_max:.1f}): "
             "the camera was moved, something touches the tip, or it is another tip"
-        )
-
-
-def _check_deformation(made_with: Rest, tracks: Tracks) -> None:
-    """Raises CalibrationError: no common shift, rotation and zoom explains the pins' places."""
-    residuals: list[Complex] = []
-    for rows, _ in parts_of(made_with):
-        seen = rows[tracks.seen[rows]]
-        z, w = made_with.xy_img[seen] @ (1, 1j), tracks.xy_img[seen] @ (1, 1j)
-        design = np.column_stack([z, np.ones_like(z)])
-        residuals.append(w - design @ np.linalg.lstsq(design, w, rcond=None)[0])
-    deformation = float(np.quantile(np.abs(np.concatenate(residuals)), 0.95))
-    deformation_max = RUNTIME.still_pitches * made_with.pattern.pitch_px
-    if deformation > deformation_max:
-        raise CalibrationError(
-            f"the pattern of pins is deformed by {deformation:.1f} px against the calibration's (limit "
-            f"{deformation_max:.1f}): something touches the tip, or it is another tip"
         )

@@ -25,7 +25,6 @@ def test_errors_are_those_of_the_truth_that_is_given(calibration: Calibration) -
     assert json.loads(json.dumps(exact)).keys() == exact.keys()
     assert exact["n_frames"] == 200
     assert exact["tilt_mae_deg"] == [None, None]
-    assert exact["torsion_mae_deg"] is not None
     assert exact["torsion_mae_deg"] < 0.2
     assert exact["frame_time_us_median"] == 1000.0
     values["displacement_mm"] = values["displacement_mm"] + 0.5
@@ -47,10 +46,8 @@ def test_direction_error_is_the_smaller_angle(calibration: Calibration) -> None:
 
 def test_refused_frames_are_counted_and_stay_in_the_errors(calibration: Calibration) -> None:
     extract, values = make(100, seed=7)
-    values["displacement_mm"] = values["displacement_mm"].copy()
-    values["displacement_mm"][:10] += 3.0
-    trusted = extract.trusted.copy()
-    trusted[:10] = False
+    values["displacement_mm"] = values["displacement_mm"] + 3.0 * (np.arange(100) < 10)
+    trusted = extract.trusted & (np.arange(100) >= 10)
     report = evaluate(calibration, targets(values), replace(extract, trusted=trusted))
     assert report["n_refused"] == 10
     assert report["displacement_mae_mm"] > 0.25
@@ -65,17 +62,10 @@ def test_a_frame_without_a_value_is_counted_and_not_averaged(calibration: Calibr
     without = replace(extract, inputs=inputs, trusted=trusted, in_contact=touched)
     report = evaluate(calibration, targets(values), without)
     assert report["n_without_value"]["displacement_mm"] == 1
-    assert report["n_refused"] == 1
-    assert report["n_read_untouched"] == 0
-    others = np.arange(50) != 3
-    of_others = evaluate(
-        calibration, targets(values).rows(np.flatnonzero(others)), extract.rows(np.flatnonzero(others))
-    )
-    assert (
-        report["displacement_mae_mm"]
-        == of_others["displacement_mae_mm"]
-        == report["accepted"]["displacement_mae_mm"]
-    )
+    assert (report["n_refused"], report["n_read_untouched"]) == (1, 0)
+    others, name = np.delete(np.arange(50), 3), "displacement_mae_mm"
+    of_others = evaluate(calibration, targets(values).rows(others), extract.rows(others))
+    assert report[name] == of_others[name] == report["accepted"][name]
 
 
 def test_a_pressed_frame_that_reads_untouched_is_counted_with_its_zeros(calibration: Calibration) -> None:

@@ -40,7 +40,6 @@ def test_the_errors_are_those_of_frames_that_were_not_fitted() -> None:
     calibration, _ = fit(REST, table.rows(kept), extract.rows(kept), mm_per_px=None)
     assert calibration.content.data.n_frames == 96
     assert report == evaluate(calibration, table.rows(held_out), extract.rows(held_out))
-    assert report["n_frames"] == 24
     assert report["displacement_mae_mm"] < 0.1
 
 

@@ -1,5 +1,6 @@
 """The untouched tip, estimated from frames that are all pressed."""
 
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -7,16 +8,19 @@ import pytest
 
 from calib.dataset import open_dataset
 from calib.errors import TableError
+from calib.fit import ModelKind, Search, fit
 from calib.sim.camera import Camera
-from calib.sim.mechanics import ToolPose
+from calib.sim.mechanics import Tool, ToolPose
 from calib.sim.simulator import Simulator
 from calib.sim.tip import Tip
 from calib.targets import read_targets
 from calib.unloaded import load_of, unloaded
+from edge.frame import Pipeline
 from edge.pins import take_rest
+from edge.rest.tare import take_rest_frame
 from edge.sources.files import read_image
 from edge.tracking import Tracker
-from edge.types import Array, Image, Rest
+from edge.types import Array, Frame, Image, Rest
 from tests.support.captures import write_table
 
 N = 40
@@ -37,11 +41,8 @@ def tip() -> Simulator:
 @pytest.fixture(scope="module")
 def pressed() -> list[Image]:
     one = tip()
-    rows = zip(*TRUTH.values(), strict=True)
-    return [
-        one.frame((ToolPose(depth_mm=d, tilt_x_deg=a, tilt_y_deg=b, shear_x_mm=x, shear_y_mm=y),)).image
-        for d, a, b, x, y in rows
-    ]
+    poses = [ToolPose(Tool(), 0.0, 0.0, *row) for row in zip(*TRUTH.values(), strict=True)]
+    return [one.frame((pose,)).image for pose in poses]
 
 
 def error_px(rest: Rest, true: Rest) -> float:
@@ -71,10 +72,22 @@ def test_without_a_load_far_from_it_or_with_few_frames_there_is_none(pressed: li
     assert unloaded(chosen, pressed[:4], {name: column[:4] for name, column in TRUTH.items()}) is None
 
 
-def test_a_table_of_pressed_frames_gets_the_estimate(pressed: list[Image], tmp_path: Path) -> None:
-    path = write_table(tmp_path, pressed, {"pose_z": TRUTH["displacement_mm"]})
-    data = open_dataset([path], tmp_path, None)
+def test_a_fit_to_pressed_frames_is_right_on_the_real_tip(pressed: list[Image], tmp_path: Path) -> None:
+    depth, untouched = TRUTH["displacement_mm"], tip().frame().image
+    data = open_dataset([write_table(tmp_path, pressed, {"pose_z": depth})], tmp_path, None)
     assert "in 40 frames extrapolated to no load" in data.rest_message
+    with ThreadPoolExecutor(1) as pool:
+        frames, search = data.extract(pool), Search(kinds=frozenset({ModelKind.POLYNOMIAL}))
+    fitted = fit(data.rest, data.targets, frames, estimated=data.estimated, mm_per_px=None, search=search)[0]
+    pipeline = Pipeline(take_rest_frame([untouched] * 8, calibration=fitted).rest, fitted)
+    read, name = [], "displacement_mm"
+    for image in [*pressed, untouched]:
+        pipeline.forget()
+        read.append(pipeline.process(Frame(image, 0, 0)).reading)
+    assert (
+        np.mean([abs(r.values[name] - d) < r.sigmas[name] for r, d in zip(read, depth, strict=False)]) > 0.6
+    )
+    assert read[-1].values[name] == 0.0
 
 
 def test_frames_the_table_calls_untouched_are_the_rest_frame(pressed: list[Image], tmp_path: Path) -> None:
@@ -87,8 +100,7 @@ def test_frames_the_table_calls_untouched_are_the_rest_frame(pressed: list[Image
 
 
 def test_a_table_without_pins_is_one_line(tmp_path: Path) -> None:
-    images = [np.zeros((240, 320), np.uint8)] * 2
-    path = write_table(tmp_path, images, {"pose_z": np.array([1.0, 2.0])})
+    path = write_table(tmp_path, [np.zeros((240, 320), np.uint8)] * 2, {"pose_z": np.array([1.0, 2.0])})
     with pytest.raises(TableError, match="give --rest an image of the untouched tip"):
         open_dataset([path], tmp_path, None)
 

@@ -77,10 +77,8 @@ def test_a_slightly_moved_camera_is_no_touch(
     frames: list[Frame], calibration: Calibration, turn_deg: float, zoom: float, tilt: float
 ) -> None:
     turn = np.vstack([cv2.getRotationMatrix2D((160, 160), turn_deg, zoom), [0.0, 0.0, 1.0]])
-    there, back = np.eye(3), np.eye(3)
-    there[:2, 2], back[:2, 2] = -160, 160
-    leaning = np.eye(3)
-    leaning[2, 0] = tilt
+    there, leaning, back = np.eye(3), np.eye(3), np.eye(3)
+    there[:2, 2], leaning[2, 0], back[:2, 2] = -160, tilt, 160
     way = back @ leaning @ there @ turn
     moved, touched = (
         [np.asarray(cv2.warpPerspective(image, way, (320, 320)), np.uint8) for image in images(frames, k)]
