@@ -54,9 +54,10 @@ from hostlink.interrupt import ENDING
 #: Features that models use; not slip, which needs a sequence.
 DEMAND = frozenset({Feature.DISPLACEMENT, Feature.SHEAR, Feature.TILT, Feature.TORSION, Feature.CONTACTS})
 REPEATS = 4  # of each image: a lost group is recovered from its edge inwards, one ring of pins each time
-#: Pins are removed to learn the effect of their loss: for each variant, whether all are on one side.
-ONE_SIDED = (True, False, True)
-LOSS_MIN, LOSS_MAX = 0.03, 0.45  # share of the pins
+#: Pins are removed to learn the effect of their loss: in each variant those of one side, any, or those of a
+#: spot, where the motion is large, because a touch that hides pins hides those.
+LOSSES = ("one side", "anywhere", "a spot", "a spot")
+LOSS_MIN, LOSS_MAX = 0.03, 0.45  # share of the pins; of a spot's, at least one
 CHUNK = 8  # frames a task: a tenth of a second, for a smooth progress bar and short waits
 CLUSTER_TIMEOUT_S = 10.0  # for a scheduler to answer
 IN_FLIGHT = 32  # tasks: images of 640x480 take 80 MB
@@ -95,7 +96,7 @@ class Extract:
 
 
 _NOTHING = np.full(len(FRAME_INPUTS), np.nan, dtype=np.complex128)
-_NO_LOSSES = np.full((len(ONE_SIDED), len(FRAME_INPUTS)), np.nan, dtype=np.complex128)
+_NO_LOSSES = np.full((len(LOSSES), len(FRAME_INPUTS)), np.nan, dtype=np.complex128)
 _NO_CONTACT = np.full(len(CONTACT_INPUTS), np.nan, dtype=np.complex128)
 Measured = tuple[Complex, Complex, float, int, bool, bool, int, float, float, Complex]
 
@@ -168,14 +169,23 @@ def contact_inputs(contact: ContactRegion, features: Features, pattern: PinPatte
 
 
 def _losses(tracks: Tracks, rest: Rest) -> Iterator[Tracks]:
-    """The frame with pins lost, anywhere or on one side; the same from run to run."""
+    """The frame with pins lost, as `LOSSES` says; the same from run to run."""
     rng = np.random.default_rng(zlib.crc32(np.ascontiguousarray(tracks.xy_img).tobytes()))
     place = rest.xy_img - rest.pattern.centre_img
-    for one_sided in ONE_SIDED:
-        share = rng.uniform(LOSS_MIN, LOSS_MAX)
-        turn = rng.uniform(0.0, 2.0 * math.pi)
-        along = place @ (math.cos(turn), math.sin(turn)) if one_sided else rng.uniform(size=len(place))
-        seen = tracks.seen & (along < np.quantile(along, 1.0 - share))
+    motion = np.where(tracks.seen, ((tracks.xy_img - rest.xy_img) ** 2).sum(axis=1), 0.0)
+    for kind in LOSSES:
+        lost_n = rng.uniform(LOSS_MIN, LOSS_MAX) * len(place)
+        if kind == "anywhere":
+            order = rng.permutation(len(place))
+        elif kind == "one side":
+            turn = rng.uniform(0.0, 2.0 * math.pi)
+            order = np.argsort(place @ (math.cos(turn), math.sin(turn)))
+        else:
+            lost_n = (LOSS_MAX * len(place)) ** rng.uniform()
+            middle = place[rng.choice(len(place), p=motion / motion.sum())]
+            order = np.argsort(np.hypot(*(place - middle).T))
+        seen = tracks.seen.copy()
+        seen[order[: round(lost_n)]] = False
         xy, sigma = tracks.xy_img.copy(), tracks.sigma_px.copy()
         xy[~seen], sigma[~seen] = np.nan, np.nan
         yield Tracks.of(xy, sigma, seen, tracks.confidence)

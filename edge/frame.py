@@ -138,7 +138,7 @@ class _View:
         """Where each pin is, and whether the whole image was searched for them."""
         if self._tracker.held:
             self._refiner.read(image)
-            tracks = self._tracker.follow()
+            tracks = self._tracker.follow(again=lambda: self._refiner.read(image))
             if tracks.confidence >= Tracks.LOW_CONFIDENCE:
                 return tracks, False
         return self._tracker.identify(own_pins(detect(image, self._rest.pattern), self._rest)), True

@@ -19,6 +19,8 @@ Loops that store take their arrays as local names: the C compiler then knows tha
 are, and does not look their address up again after every store.
 """
 
+from collections.abc import Callable
+
 import cython
 import numpy as np
 from cython.cimports.libc.math import sqrt
@@ -87,7 +89,8 @@ class Follower:
     baseline_share: cython.double  # of the pins, seen lately
     doubted_n: cython.Py_ssize_t  # pins that a search did not find where a blob is, the fewest since
     # These belong to the frame in hand.
-    found: cython.const[cython.double][:, ::1]
+    found: cython.double[:, ::1]
+    leapt: cython.uchar[::1]  # out of the window that was read
     sigma: cython.const[cython.double][::1]
     brightness: cython.const[cython.double][::1]
     found_xy: Copies
@@ -143,7 +146,7 @@ class Follower:
         self.expected = expected
         self.now, self.residual = np.empty((n, 2)), np.empty(2 * n, np.float32)
         self.predicted, self.known = np.empty((2, 2 * n), np.float32)
-        self.last_seen, self.seen = np.empty(n, np.uint8), np.empty(n, np.uint8)
+        self.last_seen, self.seen, self.leapt = np.empty((3, n), np.uint8)
         xy, sigma, seen = np.empty((n, 2)), np.empty(n), np.empty(n, np.bool_)
         self.results = Copies(xy), Copies(sigma), Copies(seen)
         self.result_xy, self.result_sigma, self.result_seen = xy, sigma, seen.view(np.uint8)
@@ -165,9 +168,12 @@ class Follower:
         """(n, 2) px, where each pin was in the last frame that was accepted."""
         return np.array(self.last)
 
-    def follow(self) -> tuple[Array, Array, Mask, int, float, bool, bool]:
+    def follow(
+        self, again: Callable[[], object] | None = None
+    ) -> tuple[Array, Array, Mask, int, float, bool, bool]:
         """Evaluate one frame, and make it the last one if the identities are held in it.
 
+        again    writes `found` once more, what is found at `expected`; None: it cannot
         Returns  (n, 2) px and (n,) px, place and sigma of the seen pins, NaN elsewhere; (n,) bool, seen,
                  perhaps read-only; how many are seen; the autocorrelation of the residuals, 0 if no pin is
                  lost; whether each pin went on to its own place and not its neighbour's, of which most pins
@@ -182,22 +188,33 @@ class Follower:
         if self._follow_short_steps(self.found):
             return self.found_xy.take(), self.found_sigma.take(), self.all_seen, n, 0.0, True, True
         self._recall()
-        self._find_residuals(self.found)
-        self._keep_apart(self.found, HUGE_VAL)
-        self._filter(self.found, True)
-        seen_n = self._place(self.found, self.sigma)
+        seen_n = self._evaluate()
         self.share = cython.cast(cython.double, seen_n) / n
         strayed = leapt = self._is_median_beyond(self.now, self.leap2)
         if leapt:
             strayed = self._is_median_beyond(self.now, self.gate2)
         goes_on = 2.0 * self.share >= 1.0 and not strayed
         is_held = goes_on and not self._is_too_few(leapt)
+        if again is not None and is_held and seen_n < n:
+            leapt_n = self._count_leapt()
+            is_held = leapt_n <= (1.0 - self.full_share_min) * n
+            if is_held and leapt_n:
+                seen_n = self._follow_leapt(again, seen_n)
+                self.share = cython.cast(cython.double, seen_n) / n
         self.baseline_share += (self.share - self.baseline_share) / self.baseline_frames
         self.step_most = HUGE_VAL
         if is_held:
             self._accept()
         xy, sigma, seen = [copies.take() for copies in self.results]
         return xy, sigma, seen, seen_n, self.autocorrelation, goes_on, is_held
+
+    @cython.cfunc
+    def _evaluate(self) -> cython.Py_ssize_t:
+        """Which pins are seen, and where all are; how many are seen."""
+        self._find_residuals(self.found)
+        self._keep_apart(self.found, HUGE_VAL)
+        self._filter(self.found, True)
+        return self._place(self.found, self.sigma)
 
     def accept(self) -> None:
         """Make the frame that was followed the last one, though few pins are seen: a search found no more."""
@@ -460,6 +477,37 @@ class Follower:
                     self.residual[2 * i + d] = cython.cast(cython.float, left)
                     self.now[i, d] = self.rest[i, d] + self.predicted[2 * i + d] + left
                     self.result_xy[i, d] = NAN
+        return seen_n
+
+    @cython.cfunc
+    def _count_leapt(self) -> cython.Py_ssize_t:
+        """How many pins were seen and are not, because their neighbours went too far for their windows."""
+        leapt_n: cython.Py_ssize_t = 0
+        for i in range(self.n):
+            x = self.now[i, 0] - self.expected[i, 0]
+            y = self.now[i, 1] - self.expected[i, 1]
+            is_far = x * x + y * y > self.leap2 * self.pitch2[i]
+            self.leapt[i] = is_far and self.last_seen[i] and not self.seen[i]
+            leapt_n += self.leapt[i]
+        return leapt_n
+
+    @cython.cfunc
+    def _follow_leapt(self, again: Callable[[], object], seen_n: cython.Py_ssize_t) -> cython.Py_ssize_t:
+        """Read the pins that leapt where their neighbours predict them, from a group's edge inwards; how many
+        pins are seen. If not all are found, none is: the blobs of those that are may be others'.
+        """
+        before_n: cython.Py_ssize_t = 0
+        leapt = missing = np.array(self.leapt, np.bool_)
+        while missing.any() and seen_n > before_n:
+            np.asarray(self.expected)[missing] = np.asarray(self.now)[missing]
+            again()
+            before_n, seen_n = seen_n, self._evaluate()
+            self._count_leapt()  # of whom the pins found just now tell
+            leapt = leapt | np.array(self.leapt, np.bool_)
+            missing = leapt & (np.asarray(self.seen) == 0)
+        if missing.any():
+            np.asarray(self.found)[leapt] = NAN
+            seen_n = self._evaluate()
         return seen_n
 
     @cython.cfunc

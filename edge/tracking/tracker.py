@@ -8,6 +8,7 @@ counts as lost, not as moved: it moves with its neighbours until it is found aga
 None until `identify` finds the identities again with high confidence.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -49,10 +50,11 @@ class Tracker:
         """(n, 2) px, where each pin is expected in the next frame; None: identities are not held."""
         return self._expected if self.held else None
 
-    def follow(self, pins: Pins | None = None) -> Tracks:
+    def follow(self, pins: Pins | None = None, again: Callable[[], object] | None = None) -> Tracks:
         """Check what was found at the predicted places.
 
-        pins  row i is pin i; NaN where nothing was found; None: those in `found`
+        pins   row i is pin i; NaN where nothing was found; None: those in `found`
+        again  reads the same image at the predicted places, for pins that leapt out of their windows
         The confidence is that of the search that found the identities; none: too few pins, or all of them too
         far off, and the whole frame is to be searched.
         """
@@ -60,7 +62,7 @@ class Tracker:
             found = self._found
             found.xy_img[:], found.sigma_px[:] = pins.xy_img, pins.sigma_px
             found.brightness[:] = pins.brightness
-        xy, sigma, seen, seen_n, autocorrelation, goes_on, is_held = self._follower.follow()
+        xy, sigma, seen, seen_n, autocorrelation, goes_on, is_held = self._follower.follow(again)
         tracks = Tracks(xy, sigma, seen, seen_n, self._confidence, autocorrelation)
         self.held = is_held
         if is_held:

@@ -2,7 +2,7 @@
 
 Five models, each fitted to four fifths of the 600 frames and evaluated on the rest, so that each frame counts
 once; a share of 200 frames is known to 3 %. Sorted into thirds by what was read, by what was true, and by
-sigma; and with pins taken away at random or on one side.
+sigma; and with pins taken away at random, on one side, or in a spot near the contact.
 
 A reading is the mean of what is likely given the pins, not given the truth: what slips is read towards the
 mean, so that among the largest true shears errors are larger than sigma, among the middle ones smaller.
@@ -18,7 +18,7 @@ import click
 import numpy as np
 
 from calib.evaluate import predict
-from calib.extract import ONE_SIDED, Extract, executor
+from calib.extract import LOSSES, Extract, executor
 from calib.fit import fit
 from calib.targets import Targets
 from edge.calibration.inputs import FRAME_INPUTS
@@ -39,7 +39,7 @@ def evaluated(
     train, test = rows
     calibration, _ = fit(rest, targets.rows(train), seen.rows(train), mm_per_px=None)
     part = seen.rows(test)
-    losses = (replace(part, inputs=part.lossy[:, k]) for k in range(len(ONE_SIDED)))
+    losses = (replace(part, inputs=part.lossy[:, k]) for k in range(len(LOSSES)))
     return [predict(calibration, variant) for variant in (part, *losses)]
 
 
@@ -101,8 +101,8 @@ def whole_table(truth: Table, values: Table, sigmas: Table) -> list[dict[str, ob
 def loss_table(truth: Table, seen: Extract, found: list[tuple[Table, Table]]) -> list[dict[str, object]]:
     """A row for each value, kind of loss and third of the gap."""
     table: list[dict[str, object]] = []
-    for one_sided in (False, True):
-        which = [k for k, side in enumerate(ONE_SIDED) if side is one_sided]
+    for kind in sorted(set(LOSSES)):
+        which = [k for k, lost in enumerate(LOSSES) if lost == kind]
         gap = np.concatenate([seen.lossy[:, k, GAP].real for k in which])
         for rows in thirds(gap):
             low, high = np.nanmin(gap[rows]), np.nanmax(gap[rows])
@@ -114,7 +114,7 @@ def loss_table(truth: Table, seen: Extract, found: list[tuple[Table, Table]]) ->
                 if not known.any():
                     continue
                 table.append({
-                    "pins lost": "one side" if one_sided else "anywhere",
+                    "pins lost": kind,
                     "gap in the tip's circle": f"{100 * low:.0f} to {100 * high:.0f} %", "value": name,
                     "mean error over that of the whole tip":
                         round(float(error[known].mean() / whole[known].mean()), 2),

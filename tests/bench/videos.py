@@ -146,15 +146,11 @@ def untouched(images: Sequence[Image]) -> Rest:
     """The rest frame from where the tip stays most of the time."""
     first = take_rest(images[:TARE_FRAMES])
     tracks = [result.tracks for result in run(images, first)]
-    mean = np.array(
-        [
-            np.nanmean(t.xy_img - first.xy_img, axis=0) if t.confidence >= 0.5 else (np.inf, np.inf)
-            for t in tracks
-        ]
-    )
-    usable = np.flatnonzero(np.isfinite(mean[:, 0]))
-    apart = np.hypot(*(mean[usable, None] - mean[usable]).transpose(2, 0, 1))
-    middle = usable[int(np.sum(apart < 1.0, axis=1).argmax())]
+    xy = np.array([t.xy_img for t in tracks if t.confidence >= Tracks.LOW_CONFIDENCE])
+    usable = np.flatnonzero([t.confidence >= Tracks.LOW_CONFIDENCE for t in tracks])
+    alike = np.array([np.nanmean(np.hypot(*(xy - one).T), axis=0) for one in xy]) < 1.0
+    stays = [row[k : k + TARE_FRAMES].all() for k, row in enumerate(alike)]
+    middle = usable[int((alike.sum(axis=1) * stays).argmax())]
     return take_rest(images[middle : middle + TARE_FRAMES])
 
 

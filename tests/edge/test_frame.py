@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from calib.sim import Camera, Tip
+from calib.sim import Camera, Simulator, Tip, ToolPose
 from edge.calibration import Calibration
 from edge.calibration.checks import outputs_of
 from edge.calibration.file import Polynomial
@@ -52,6 +52,14 @@ def test_values_follow_the_truth_and_no_slip_outlasts_a_gap(
     after_gap: Any = pipeline.process(frames[-1])
     assert (last.searched, after_gap.searched) == (False, True)
     assert after_gap.features.slip_probability == 0.0 < last.features.slip_probability
+
+
+def test_no_pin_is_lost_in_the_first_image_of_a_fast_touch() -> None:
+    tip = Simulator(Camera(tip=Tip(127, "hex", pin_radius_mm=0.8), size_px=(240, 240)))
+    pipeline = Pipeline(take_rest([tip.frame(()).image]))
+    for poses in ((), (ToolPose(depth_mm=2.39, shear_x_mm=-0.13, shear_y_mm=-0.58),)):
+        tracks = pipeline.process(tip.frame(poses)).tracks
+        assert (tracks.n_seen, tracks.confidence >= 0.99) == (127, True)
 
 
 def test_moments_of_contacts_are_computed_for_models_that_depend_on_them(
