@@ -12,12 +12,12 @@ Rules
   identified with, a dot and its ring counting as one (`fitted_contacts` has the measure).
 - Each contact must press, and its core must lie apart from the others': the error of one that is sheared
   looks like a second one within it, which pulls.
-- One line is preferred to several points unless they have as much evidence against it.
+- One line is preferred to several points unless they have as much evidence against it. A single point is
+  no line: a sheared one looks like it, too.
 - Dots that are lost count in nothing but the search.
 """
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
@@ -83,13 +83,8 @@ class DotContacts:
         places, least = self._without_needless(places, least)
         self._fit_points(places)
         found = [self._region(i) for i in range(len(places))]
-        line = self._line(places if len(places) > 1 else tried, len(places), least)
-        if line is None:
-            return tuple(sorted(found, key=lambda contact: -contact.peak))
-        if len(places) > 1:
-            return (line,)
-        # A sheared contact resembles a line, too, but lies where a point does.
-        return (replace(found[0], orientation_rad=line.orientation_rad, elongation=line.elongation),)
+        line = self._line(places, least) if len(places) > 1 else None
+        return tuple(sorted(found, key=lambda contact: -contact.peak)) if line is None else (line,)
 
     def _fit_points(self, starts: Array) -> tuple[Array, float]:
         """Places, px, of points that were begun there, and the squared error."""
@@ -97,9 +92,9 @@ class DotContacts:
         error = self._fit.fit_points(starts, len(starts))
         return np.asarray(self._fit.place)[: len(starts)].copy(), error
 
-    def _is_better(self, error: float, other: float, more: int = 1) -> bool:
-        """Whether a shape has the evidence for so many points more than another has, by their errors."""
-        ratio = math.exp(-more * EVIDENCE / self._fit.n_pins)
+    def _is_better(self, error: float, other: float, evidence: float = EVIDENCE) -> bool:
+        """Whether a shape has the evidence against another, by their errors."""
+        ratio = math.exp(-evidence / self._fit.n_pins)
         return error + self._floor < (other + self._floor) * ratio
 
     def _without_needless(self, places: Array, least: float) -> tuple[Array, float]:
@@ -116,15 +111,15 @@ class DotContacts:
             places, least = fewer, error
         return places, least
 
-    def _line(self, starts: Array, n: int, least: float) -> ContactRegion | None:
-        """One long contact instead of n with that squared error; None: they stand. Begun between `starts`."""
+    def _line(self, starts: Array, least: float) -> ContactRegion | None:
+        """One long contact instead of several with that squared error; None: they stand."""
         far = np.hypot(*(starts[:, None] - starts).transpose(2, 0, 1))
         a, b = np.unravel_index(int(far.argmax()), far.shape)
         # k points that share a line evenly leave half of one's part beyond the first and the last.
         reach = 0.5 * len(starts) / (len(starts) - 1)
         (x, y), (half_x, half_y) = 0.5 * (starts[a] + starts[b]), reach * (starts[b] - starts[a])
         error = self._fit.fit_line(x, y, half_x, half_y)
-        stays = not self._is_better(error, least) if n == 1 else self._is_better(least, error, n - 1)
+        stays = self._is_better(least, error, (len(starts) - 1) * EVIDENCE)
         return None if stays or not self._fit.height[0] > 0.0 else self._region(0, is_line=True)
 
     def _most_explained(self, left: Array) -> Array:
