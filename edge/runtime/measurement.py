@@ -8,8 +8,6 @@ import logging
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from edge.calibration import Calibration
 from edge.config import Config
 from edge.drift import Drift, DriftParams
@@ -216,11 +214,10 @@ class Measurement:
         self, frames: Sequence[Frame], calibration: Calibration | None, force: bool = False
     ) -> RestFrame:
         """The rest frame that these images give; it is not used yet. Raises TareRefused."""
-        tare, live = self._config.tare, self._source.live
-        steady_px = tare.steady_px if live else np.inf  # only a live tip can be asked to keep still
-        params = TareParams(tare.frames_n, steady_px).of(self._source)
+        tare, force = self._config.tare, force or not self._source.live
+        params = TareParams(tare.frames_n, tare.steady_px).of(self._source)
         images = [frame.image for frame in frames]
-        return take_rest_frame(images, params, calibration, self._reference, force=force or not live)
+        return take_rest_frame(images, params, calibration, self._reference, force=force)
 
     def _fall_back(self, frames: Sequence[Frame], error: TareRefused) -> tuple[Calibration, RestFrame]:
         """A calibration of this tip, where the first choice was another's. Raises TareRefused: none is."""
