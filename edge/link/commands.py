@@ -1,13 +1,11 @@
 """A master's commands and a host's requests, as each kind of link brings them, and how answers go back."""
 
-from __future__ import annotations
-
 import time
 from collections import Counter
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from edge.link.medium import CanFrame
-from edge.link.object_server import Aborted
+from edge.link.object_server import Aborted, ObjectServer
 from edge.link.params import PARAMS
 from edge.link.sdo_server import DOWNLOAD_MAX, TOO_LONG, SdoServer
 from edge.link.sinks import CanSink, SerialSink
@@ -15,14 +13,23 @@ from hostlink.wire import Abort, CorruptFrame, Kind, Message, ObjectReply, Objec
 from hostlink.wire.nmt import NmtState
 from hostlink.wire.serial import CHUNK_MAX
 
-if TYPE_CHECKING:
-    from edge.link.node import Node
+
+class Commanded(Protocol):
+    """A node, as its commands see it."""
+
+    number: int
+    state: NmtState
+    objects: ObjectServer
+
+    def command(self, number: int) -> None: ...
+
+    def sync(self) -> None: ...
 
 
 class CanCommands:
     """CANopen's messages to the node at a CAN bus."""
 
-    def __init__(self, sink: CanSink, node: Node) -> None:
+    def __init__(self, sink: CanSink, node: Commanded) -> None:
         self._node, self._ids = node, sink.ids
         self._request = sink.ids.of(Kind.SDO_REQUEST, node.number)
         response = sink.ids.of(Kind.SDO_RESPONSE, node.number)
@@ -57,7 +64,7 @@ class CanCommands:
 class SerialCommands:
     """The same at the end of a serial line, where requests and replies are `hostlink.wire.serial`'s."""
 
-    def __init__(self, sink: SerialSink, node: Node) -> None:
+    def __init__(self, sink: SerialSink, node: Commanded) -> None:
         self._line, self._node = sink, node
         self._sent_n = Counter[Message]()
         self._answered: tuple[int, bytes] | None = None
