@@ -54,8 +54,8 @@ from hostlink.interrupt import ENDING
 #: Features that models use; not slip, which needs a sequence.
 DEMAND = frozenset({Feature.DISPLACEMENT, Feature.SHEAR, Feature.TILT, Feature.TORSION, Feature.CONTACTS})
 REPEATS = 4  # of each image: a lost group is recovered from its edge inwards, one ring of pins each time
-#: Pins are removed to learn the effect of their loss: in each variant those of one side, any, or those of a
-#: spot, where the motion is large, because a touch that hides pins hides those.
+#: Pins are removed to learn the effect of their loss. A spot lies where the motion is large, because a touch
+#: that hides pins hides those.
 LOSSES = ("one side", "anywhere", "a spot", "a spot")
 LOSS_MIN, LOSS_MAX = 0.03, 0.45  # share of the pins; of a spot's, at least one
 CHUNK = 8  # frames a task: a tenth of a second, for a smooth progress bar and short waits

@@ -32,7 +32,7 @@ from edge.types import Array, Complex, Image, Rest, Tracks
 
 #: Values that say how hard the tip is pressed; the first that a table has is taken.
 LOADS = ("displacement_mm", "force_n")
-#: Values that move pins by themselves, not the more the harder the tip is pressed.
+#: These move the pins by themselves; a shear in mm moves them the more, the harder the tip is pressed.
 ALONG = ("force_x_n", "torque_z_nmm")
 
 

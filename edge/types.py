@@ -237,7 +237,8 @@ class Rest:
              has a lattice, cells and contacts of its own (`edge.geometry.parts`); None: there is one
     views    how the pins of each part appear, by its number
     beside_img (k, 2) px, pins of the other parts, where this is one of several; None: it is the whole
-    since    where the pins' motion counts from, None: from here, where a touch is seen anyway
+    since    the frame from which models count motion, if a calibration estimated it; None: this one, by
+             which a touch is judged in any case
     """
 
     pins: Pins

@@ -320,7 +320,7 @@ class ContactFinder:
         self._place_radius_axis = PARAMS.place_radius_axis
         self._contact_sigma, self._min_area_change = PARAMS.contact_sigma, PARAMS.min_area_change
         self._min_oriented_elongation = PARAMS.min_oriented_elongation
-        # That of its region, if a region is blurred by as much as the contact is wide.
+        # A contact of that elongation has such a region, if the region is blurred by the contact's width.
         self._min_fitted_elongation = sqrt(0.5 * (self._min_oriented_elongation**2 + 1.0))
 
     def forget(self) -> None:

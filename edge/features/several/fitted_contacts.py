@@ -45,7 +45,7 @@ def _evidence(alike: int) -> float:
     return (alike + 1) * math.log(Tracks.LOW_CONFIDENCE / (1.0 - Tracks.LOW_CONFIDENCE))
 
 
-#: This evidence of all pins overrules the regions, or makes a contact; and this makes two of one region.
+#: The first evidence of all pins overrules the regions, or makes a contact; the second splits a region.
 EVIDENCE, _SPLITS = _evidence(N_RING), _evidence(N_TWO_RINGS)
 
 
