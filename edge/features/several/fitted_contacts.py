@@ -105,7 +105,6 @@ class FittedContacts:
         self._decision: _Decision | None = None
         self._moved = 0.0  # pitches, root of the squared distance from the motion that it is about
         self._pair: list[Array] | None = None  # of this frame's two regions
-        self._evidence = EVIDENCE  # that overrules them
 
     def forget(self) -> None:
         """The next frame does not follow the last one."""
@@ -173,12 +172,12 @@ class FittedContacts:
         wanted   its direction is
         Returns  as of `split`
         """
-        fit, starts, self._evidence = self._fit, self._starts, _SPLITS
+        fit, starts = self._fit, self._starts
         if not self._take_pins(xy, seen, starts):
             return math.nan
         split, stays = self._last(True), self._last(False)
         if split is not None:
-            stands = self._stands(split, fit.fit_points(starts, 2))
+            stands = self._stands(split, fit.fit_points(starts, 2), _SPLITS)
             if stands and self._make_two(self._pair_places()):
                 return math.nan
         if stays is not None and not wanted and self._stands(stays, fit.last_error(0)):
@@ -199,7 +198,7 @@ class FittedContacts:
             return math.nan
         # A line may have to be looked for elsewhere than in the region's middle: a sheared ball's.
         (x, y), (_, _, half_x, half_y) = self._fitted[0][0].tolist(), line_at
-        if pair >= self._limit(fit.fit_line(x, y, half_x, half_y, math.inf, True)):
+        if pair >= self._limit(fit.fit_line(x, y, half_x, half_y, math.inf, True), _SPLITS):
             return self._line_direction()
         if not self._make_two(places):
             return direction
@@ -213,7 +212,7 @@ class FittedContacts:
         wanted    whether `fit` will be asked for the two, if they are two
         Returns   direction of the contact, rad; NaN: there are two, or too few pins are seen
         """
-        self._pair, self._evidence = None, EVIDENCE
+        self._pair = None
         fit, starts, (x0, y0), (x1, y1) = self._fit, self._starts, self._place_of(0), self._place_of(1)
         self._start_at(x0, y0, x1, y1)
         line_at = 0.5 * (x0 + x1), 0.5 * (y0 + y1), x1 - x0, y1 - y0
@@ -253,10 +252,12 @@ class FittedContacts:
         last = self._decision
         return last if last is not None and last.overruled == overruled else None
 
-    def _stands(self, last: _Decision, error: float) -> bool:
+    def _stands(self, last: _Decision, error: float, evidence: float = EVIDENCE) -> bool:
         """Whether it would be decided again, by its shape's error, whatever the others' errors are now."""
         alternative = max(last.alternative - self._moved, 0.0) ** 2
-        return error < self._limit(alternative) if last.overruled else alternative >= self._limit(error)
+        if last.overruled:
+            return error < self._limit(alternative, evidence)
+        return alternative >= self._limit(error)
 
     def _decide(self, overruled: bool, least: float) -> None:
         """Keep what was decided, and the least squared error of the shapes that were decided against."""
@@ -302,6 +303,6 @@ class FittedContacts:
         """The fields of `FittedContact`, of the n points fitted last."""
         return [column[:n].copy() for column in self._fitted]
 
-    def _limit(self, error: float) -> float:
+    def _limit(self, error: float, evidence: float = EVIDENCE) -> float:
         """The error below which another shape has as much evidence as overrules one with this error."""
-        return error * math.exp(-self._evidence / self._fit.n_pins)
+        return error * math.exp(-evidence / self._fit.n_pins)
