@@ -122,8 +122,8 @@ class _View:
             touched = seen.in_contact
         features = self._extractor.extract(moved, cells, plan.features, touched, frame.capture_ns)
         if seen is not None:
-            features = replace(features, area_change=seen.area_change, displacement_px=seen.displacement_px)
-            features = replace(features, step_px=seen.step_px, longest_px=seen.longest_px)
+            names = ("area_change", "displacement_px", "step_px", "longest_px")
+            features = replace(features, **{name: getattr(seen, name) for name in names})
         if self._calibration is None:
             reading = uncalibrated(features)
         else:

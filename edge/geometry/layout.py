@@ -42,7 +42,7 @@ def affine_terms(xy: Array, centre: Array, scale: float) -> Array:
 
 def circle_of(xy: Array, radius: float) -> tuple[Array, float]:
     """Middle (2,) and radius of the smallest circle round discs of one radius at places (n, 2)."""
-    centre, _ = cv2.minEnclosingCircle(xy.astype(np.float32))  # in single precision
+    centre, _ = cv2.minEnclosingCircle(xy.astype(np.float32))  # It is in single precision.
     size = np.hypot(*(xy - centre).T)
     on_it = size >= (1.0 - 1e-5) * size.max()
     rows = np.insert((xy - centre)[on_it] / max(size.max(), 1e-9), 2, 1.0, axis=1)

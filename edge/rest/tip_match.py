@@ -21,11 +21,6 @@ from edge.types import Array, Image, Lens, Pins, Rest, Tracks
 SHARED_MIN = RUNTIME.most_rel
 
 
-def in_order_of(calibration: Calibration, rest: Rest) -> Rest:
-    """The rest frame in the order of a calibration's pins. Raises CalibrationError: another tip."""
-    return match_tip(calibration, rest)[0]
-
-
 def match_tip(calibration: Calibration, rest: Rest) -> tuple[Rest, Tracks]:
     """As `match_rest`; motion counts from the calibration's own pins, if these were estimated."""
     made_with = calibration.rest
@@ -35,7 +30,7 @@ def match_tip(calibration: Calibration, rest: Rest) -> tuple[Rest, Tracks]:
         off, left = (np.nanmean((tracks.xy_img - places) ** 2) for places in (made_with.xy_img, xy))
         if off < 2.0 * left:  # a move that explains less than it leaves is the estimate's error
             xy = made_with.xy_img
-        since = replace(made_with, pins=replace(matched.pins, xy_img=xy))  # with the noise of now
+        since = replace(made_with, pins=replace(matched.pins, xy_img=xy))  # The noise is that of now.
         matched = replace(matched, since=one_part(since, np.arange(len(xy), dtype=np.int32)))
     return matched, tracks
 

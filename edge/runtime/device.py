@@ -21,7 +21,7 @@ class LoopDevice:
     def __init__(self, loop: Loop, serial_number: str, store: CalibrationStore | None = None) -> None:
         self._loop, self._serial_number, self._store = loop, serial_number, store
         self._started_s = time.monotonic()
-        self._extra = loop.measurement.demand & {Feature.SURFACE}  # which no node can switch
+        self._extra = loop.measurement.demand & {Feature.SURFACE}  # No node can switch it.
 
     def describe(self) -> Mapping[str, int | float | str | bytes]:
         statistics, calibration = self._loop.statistics(), self._loop.measurement.calibration

@@ -502,7 +502,7 @@ class Follower:
             np.asarray(self.expected)[missing] = np.asarray(self.now)[missing]
             again()
             before_n, seen_n = seen_n, self._evaluate()
-            self._count_leapt()  # of whom the pins found just now tell
+            self._count_leapt()  # The pins that were found just now tell of more.
             leapt = leapt | np.array(self.leapt, np.bool_)
             missing = leapt & (np.asarray(self.seen) == 0)
         if missing.any():

@@ -28,7 +28,7 @@ from calib.simulated_calibration import calibrate_simulated
 from edge.calibration import Calibration
 from edge.frame import Pipeline
 from edge.pins import take_rest
-from edge.rest.tip_match import in_order_of
+from edge.rest.tip_match import match_tip
 from edge.types import Array, Feature, Frame, Image, Tracks
 from tests.bench.output import show, write_json, writes_results
 
@@ -185,7 +185,7 @@ def measure(camera: Camera, calibration: Calibration | None, name: str, seed: in
     start = camera.project(_deformed(camera.tip, ()).tips_mm)
     images, frames = play(camera, name, seed, touched=True)
     rest = take_rest(images)
-    pipeline = Pipeline(rest if calibration is None else in_order_of(calibration, rest), calibration)
+    pipeline = Pipeline(rest if calibration is None else match_tip(calibration, rest)[0], calibration)
     unsure = swapped = count = 0
     place_error, depth_error = [], []
     for shown in frames:

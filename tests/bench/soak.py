@@ -45,7 +45,7 @@ from edge.link.node import Node
 from edge.link.settings import SettingsFile
 from edge.link.sinks import CanFdSink, opener
 from edge.pins import take_rest
-from edge.rest.tip_match import in_order_of
+from edge.rest.tip_match import match_tip
 from edge.runtime.board_monitor import BoardMonitor
 from edge.runtime.device import LoopDevice
 from edge.runtime.loop import Loop
@@ -176,7 +176,7 @@ def undisturbed(scene: SceneSource, calibration: Calibration) -> np.ndarray:
     """(n, 3) VALUES of each frame of the scene, without faults."""
     frames = list(scene)
     pipeline = Pipeline(
-        in_order_of(calibration, take_rest([f.image for f in frames[:8]])), calibration, frozenset(Feature)
+        match_tip(calibration, take_rest([f.image for f in frames[:8]]))[0], calibration, frozenset(Feature)
     )
     values = np.empty((len(frames), 3))
     for i, frame in enumerate(frames):

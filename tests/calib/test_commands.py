@@ -16,7 +16,7 @@ from edge.calibration import Calibration
 from edge.errors import ConfigError
 from edge.frame import Pipeline
 from edge.pins import take_rest
-from edge.rest.tip_match import in_order_of
+from edge.rest.tip_match import match_tip
 from edge.sensors import load_sensor
 from hostlink.output_file import WriteError
 from tests.support.commands import Done, run_calib
@@ -127,7 +127,7 @@ def test_a_simulated_sensor_is_calibrated_by_one_command(tmp_path: Path) -> None
     calibration = Calibration.load(path)
     assert calibration.content.sensor.serial == "simulated tactip-127"
     tip = Simulator(camera_of(load_sensor("tactip-127")), seed=99)
-    pipeline = Pipeline(in_order_of(calibration, take_rest([tip.frame().image])), calibration)
+    pipeline = Pipeline(match_tip(calibration, take_rest([tip.frame().image]))[0], calibration)
     for depth_mm in (1.0, 2.5):
         pipeline.forget()
         pose = ToolPose(Tool("sphere", 3.0), depth_mm=depth_mm, x_mm=2.0)

@@ -16,7 +16,7 @@ from edge.calibration.file import Polynomial
 from edge.drift import Drift, DriftParams
 from edge.frame import Pipeline
 from edge.pins import take_rest
-from edge.rest.tip_match import in_order_of
+from edge.rest.tip_match import match_tip
 from edge.sources import open_source
 from edge.types import Array, Feature, Frame, Image, Rest
 from tests.bench.hazards import measure
@@ -43,7 +43,7 @@ def calibration(data_dir: Path) -> Calibration:
 def test_values_follow_the_truth_and_no_slip_outlasts_a_gap(
     frames: list[Frame], rest: Rest, calibration: Calibration
 ) -> None:
-    pipeline = Pipeline(in_order_of(calibration, rest), calibration)
+    pipeline = Pipeline(match_tip(calibration, rest)[0], calibration)
     last: Any = [pipeline.process(frame) for frame in frames][-1]
     values, truth = last.reading.values, last.frame.truth
     assert values["displacement_mm"] == pytest.approx(truth["depth_mm"], abs=0.15)
@@ -72,7 +72,7 @@ def test_moments_of_contacts_are_computed_for_models_that_depend_on_them(
     others = [model for model in calibration.content.models if "contact_x_mm" not in outputs_of(model)]
     of_moments = Calibration(msgspec.structs.replace(calibration.content, models=[*others, place]))
     for given, wanted in ((None, True), (calibration, False), (of_moments, True)):
-        pipeline = Pipeline(rest if given is None else in_order_of(given, rest), given)
+        pipeline = Pipeline(rest if given is None else match_tip(given, rest)[0], given)
         last: Any = [pipeline.process(frame) for frame in frames][-1]
         assert [np.isfinite(c.curl_moment_px).all() for c in last.features.contacts] == [wanted]
     assert np.isfinite(last.reading.contacts[0, :2]).all()
@@ -82,7 +82,7 @@ def test_moments_of_contacts_are_computed_for_models_that_depend_on_them(
 def test_motion_alone_gives_the_same_values_without_cells(
     frames: list[Frame], rest: Rest, calibration: Calibration, dark: int
 ) -> None:
-    few, tip = frozenset({Feature.DISPLACEMENT, Feature.SHEAR}), in_order_of(calibration, rest)
+    few, tip = frozenset({Feature.DISPLACEMENT, Feature.SHEAR}), match_tip(calibration, rest)[0]
     every, alone = Pipeline(tip, calibration), Pipeline(tip, calibration, few)
     unwatched = Pipeline(tip, calibration)
     unwatched.watch(False)
@@ -110,13 +110,13 @@ def test_friction_and_slip_margin_come_with_the_forces(
 ) -> None:
     """A shear at constant depth: what is held grows."""
     gripping = _with_friction(calibration)
-    pipeline = Pipeline(in_order_of(gripping, rest), gripping, frozenset({Feature.FORCE}))
+    pipeline = Pipeline(match_tip(gripping, rest)[0], gripping, frozenset({Feature.FORCE}))
     assert "slip_margin" not in pipeline.process(frames[0]).reading.values
     last = [pipeline.process(frame).reading.values for frame in frames[1:]][-1]
     load = np.hypot(last["force_x_n"], last["force_y_n"]) / last["force_n"]
     assert last["friction"] == pytest.approx(load, rel=0.3)
     assert last["slip_margin"] == pytest.approx(max(0.0, 1 - load / last["friction"]), abs=0.1)
-    without = Pipeline(in_order_of(gripping, rest), gripping, frozenset({Feature.SHEAR}))
+    without = Pipeline(match_tip(gripping, rest)[0], gripping, frozenset({Feature.SHEAR}))
     assert not [v for v in map(without.process, frames) if "slip_margin" in v.reading.values]
 
 

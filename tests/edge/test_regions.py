@@ -19,7 +19,7 @@ from edge.frame import Pipeline
 from edge.geometry.parts import parts_of
 from edge.pins import take_rest
 from edge.rest.choice import rest_of_source
-from edge.rest.tip_match import in_order_of
+from edge.rest.tip_match import match_tip
 from edge.sources import open_source
 from edge.types import Frame, FrameSource, Image, Rest, Tracks
 from tests.support.captures import write_table
@@ -156,7 +156,7 @@ def test_parts_follow_the_pins_into_a_calibration_s_order_and_a_chosen_rest(fold
     order = np.random.default_rng(1).permutation(len(rest))
     order = order[np.argsort(-rest.part[order], kind="stable")]  # the other view is the calibration's first
     tip = replace(only(rest, order), part=1 - rest.part[order], views=rest.views[::-1])
-    matched = in_order_of(tip_of(tip), rest)
+    matched = match_tip(tip_of(tip), rest)[0]
     assert matched.part is not None
     assert (matched.part == 1 - rest.part[order]).all()
     results: list[Any] = [Pipeline(one).process(frames[7]) for one in (matched, rest)]
@@ -164,7 +164,7 @@ def test_parts_follow_the_pins_into_a_calibration_s_order_and_a_chosen_rest(fold
     assert areas[0] == pytest.approx(areas[1][order], rel=1e-9)
     moved = [result.features.displacement_px for result in results]
     assert moved[0] == pytest.approx(moved[1][order], abs=0.01)
-    assert in_order_of(tip_of(replace(rest, part=None)), rest).part is None  # it was fitted to one view
+    assert match_tip(tip_of(replace(rest, part=None)), rest)[0].part is None  # it was fitted to one view
     assert rest_of_source(_source(folder, *SEAM), "auto").rest.part is not None
     assert rest_of_source(_source(folder, SEAM[0]), "0").rest.part is None
 

@@ -138,13 +138,13 @@ def play() -> None:
     from edge.frame import Pipeline
     from edge.link.state_packer import StatePacker
     from edge.pins import take_rest
-    from edge.rest.tip_match import in_order_of
+    from edge.rest.tip_match import match_tip
     from tests.bench.frames import calibration_of, scene
     from tests.edge.calibration.test_evaluation import INPUTS, MODELS
 
     frames = scene("two", 61, (320, 240))[: REST_FRAMES + 40]
     calibration: Calibration = calibration_of(frames)
-    rest = in_order_of(calibration, take_rest([frame.image for frame in frames[:REST_FRAMES]]))
+    rest = match_tip(calibration, take_rest([frame.image for frame in frames[:REST_FRAMES]]))[0]
     pipeline = Pipeline(rest, calibration)
     for frame in [*frames, frames[0], dataclasses.replace(frames[-1], image=frames[0].image * 0), frames[-1]]:
         result = pipeline.process(frame)

@@ -26,7 +26,7 @@ from edge.examples import example_file
 from edge.frame import Pipeline
 from edge.pins import take_rest
 from edge.recording.writer import Recorder
-from edge.rest.tip_match import in_order_of
+from edge.rest.tip_match import match_tip
 from edge.runtime.loop import Loop
 from edge.runtime.statistics import LoopStatistics, StatisticsCollector
 from edge.sensors import load_sensor
@@ -138,7 +138,7 @@ def test_replay_prints_what_was_held_and_sent(data_dir: Path) -> None:
 def calibrated(example: str, frames: list[Frame]) -> Pipeline:
     """The pipeline of an example's tip, with its calibration."""
     calibration = Calibration.load(example_file(example, ".json"))
-    return Pipeline(in_order_of(calibration, take_rest([frame.image for frame in frames[:8]])), calibration)
+    return Pipeline(match_tip(calibration, take_rest([frame.image for frame in frames[:8]]))[0], calibration)
 
 
 def test_the_simulator_has_a_calibration() -> None:

@@ -12,7 +12,7 @@ from edge.calibration import Calibration
 from edge.errors import NoPins
 from edge.pins import take_rest
 from edge.rest.choice import aligned, choose_rest, rest_of_source
-from edge.rest.tip_match import in_order_of
+from edge.rest.tip_match import match_tip
 from edge.sources import open_source
 from edge.sources.files import read_image
 from edge.types import Image, Rest
@@ -69,7 +69,7 @@ def rest_of(data_dir: Path, how: str, calibration: Calibration | None = None) ->
 def test_a_calibration_s_rest_pins_are_moved_onto_a_touched_image(data_dir: Path) -> None:
     calibration = Calibration.load(data_dir / "hex127_flat.json")
     images = [frame.image for frame in open_source(str(data_dir / "press_shear.mcap"))]
-    true = in_order_of(calibration, take_rest(images[:8]))
+    true = match_tip(calibration, take_rest(images[:8]))[0]
     for rest in (rest_of(data_dir, "none", calibration), rest_of(data_dir, "0", calibration)):
         assert np.hypot(*(rest.xy_img - true.xy_img).T).max() < 0.3
     shifted = np.roll(images[0], (3, -2), (0, 1))

@@ -9,7 +9,7 @@ from calib.fit import tip_of
 from calib.sim import Camera, Simulator, Tip
 from edge.errors import CalibrationError
 from edge.pins import take_rest
-from edge.rest.tip_match import in_order_of
+from edge.rest.tip_match import match_tip
 from edge.types import Rest
 from tests.support.layouts import only
 
@@ -26,20 +26,20 @@ def hexagonal() -> Rest:
 @pytest.mark.parametrize("other", [Tip(91, "hex"), Tip(127, "rings"), Tip(121, "square")])
 def test_another_tip_of_the_same_image_size_is_refused(hexagonal: Rest, other: Tip) -> None:
     with pytest.raises(CalibrationError, match=r"another tip|belongs to another one"):
-        in_order_of(tip_of(hexagonal), rest_of(other))
+        match_tip(tip_of(hexagonal), rest_of(other))
 
 
 def test_another_image_size_or_pins_that_moved_together_are_refused(hexagonal: Rest) -> None:
     with pytest.raises(CalibrationError, match="made at 240x240, the images are 320x240"):
-        in_order_of(tip_of(hexagonal), rest_of(Tip(127, "hex"), size=(320, 240)))
+        match_tip(tip_of(hexagonal), rest_of(Tip(127, "hex"), size=(320, 240)))
     by_px = np.array([0.55 * hexagonal.pattern.pitch_px, 0.0])
     moved = replace(hexagonal, pins=replace(hexagonal.pins, xy_img=hexagonal.xy_img + by_px))
     with pytest.raises(CalibrationError, match=r"pins are \d+\.\d px from where|another tip"):
-        in_order_of(tip_of(hexagonal), moved)
+        match_tip(tip_of(hexagonal), moved)
 
 
 def test_a_rest_frame_that_misses_a_few_pins_is_accepted(hexagonal: Rest) -> None:
     fewer = only(hexagonal, np.arange(len(hexagonal)) % 20 > 0)
-    own = in_order_of(tip_of(hexagonal), fewer)
+    own = match_tip(tip_of(hexagonal), fewer)[0]
     assert len(own) == 127
     np.testing.assert_allclose(own.xy_img, hexagonal.xy_img, atol=0.01)
