@@ -70,15 +70,17 @@ def match_rest(made_with: Rest, rest: Rest) -> tuple[Rest, Tracks]:
     # A pin that was not found is put where the calibration's pin would have moved with the others.
     xy = np.where(seen[:, None], tracks.xy_img, made_with.xy_img + np.nanmedian(moved, axis=0))
     sigma = np.where(seen, tracks.sigma_px, made_with.pattern.pin_radius_px)
-    # Brightness is that of the present images; a pin that was not found gets the median.
-    brightness = np.full(len(made_with), np.median(rest.pins.brightness))
+    # Pins are read as the present images show them; one that was not found looks like the median.
     nearest = nearest_of(rest.xy_img, xy)[1][:, 0]
-    brightness[seen] = rest.pins.brightness[nearest[seen]]
+    radius, brightness = (
+        np.where(seen, column[nearest], np.median(column))
+        for column in (rest.pins.radius_px, rest.pins.brightness)
+    )
     views = tuple(
         rest.pattern if rest.part is None else rest.views[np.bincount(rest.part[nearest[rows]]).argmax()]
         for rows, _ in parts_of(made_with)
     )
-    pins = Pins(xy, sigma, made_with.pins.radius_px, brightness)
+    pins = Pins(xy, sigma, radius, brightness)
     return Rest(pins, rest.pattern, made_with.part, views if made_with.part is not None else ()), tracks
 
 

@@ -38,8 +38,9 @@ def test_another_image_size_or_pins_that_moved_together_are_refused(hexagonal: R
         match_tip(tip_of(hexagonal), moved)
 
 
-def test_a_rest_frame_that_misses_a_few_pins_is_accepted(hexagonal: Rest) -> None:
-    fewer = only(hexagonal, np.arange(len(hexagonal)) % 20 > 0)
-    own = match_tip(tip_of(hexagonal), fewer)[0]
-    assert len(own) == 127
+def test_a_rest_frame_that_misses_a_few_pins_is_accepted_and_sets_their_sizes(hexagonal: Rest) -> None:
+    kept = np.arange(len(hexagonal)) % 20 > 0
+    large = replace(hexagonal, pins=replace(hexagonal.pins, radius_px=1.1 * hexagonal.pins.radius_px))
+    own = match_tip(tip_of(large), only(hexagonal, kept))[0]
     np.testing.assert_allclose(own.xy_img, hexagonal.xy_img, atol=0.01)
+    assert (own.pins.radius_px[kept] == hexagonal.pins.radius_px[kept]).all()
