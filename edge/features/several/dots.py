@@ -120,7 +120,7 @@ class DotContacts:
         (x, y), (half_x, half_y) = 0.5 * (starts[a] + starts[b]), reach * (starts[b] - starts[a])
         error = self._fit.fit_line(x, y, half_x, half_y)
         stays = self._is_better(least, error, (len(starts) - 1) * EVIDENCE)
-        return None if stays or not self._fit.height[0] > 0.0 else self._region(0, is_line=True)
+        return None if stays else self._region(0, is_line=True)
 
     def _most_explained(self, left: Array) -> Array:
         """(2,) px, where one contact more would explain most of the motion that is left."""
@@ -133,6 +133,7 @@ class DotContacts:
         fit = self._fit
         core, place = np.asarray(fit.core)[:n], np.asarray(fit.place)[:n] / self._pitch_px
         height = np.asarray(fit.height)[:n]
+        height = height * np.sign(height[np.abs(height).argmax()])
         far = np.hypot(*(place[:, None] - place).transpose(2, 0, 1))
         far[np.diag_indices(n)] = np.inf
         return bool((height > _MODEL_REL * height.max()).all() and (far > core[:, None] + core).all())
@@ -142,12 +143,13 @@ class DotContacts:
         fit, pitch_px = self._fit, self._pitch_px
         place, shear = np.asarray(fit.place)[i].copy(), np.asarray(fit.shear)[i].copy()
         width, core, half = fit.width[i], fit.core[i], np.asarray(fit.dipole)[i].copy()
+        height = abs(fit.height[i])
         length = float(np.hypot(*half)) if is_line else 0.0
         return ContactRegion(
             xy_img=place + pitch_px * shear,
             weighted_img=place + pitch_px * shear,
-            peak=2.0 * fit.height[i] / width**2,
-            area_px2=2.0 * math.pi * fit.height[i] * pitch_px**2,  # as the load and the contact grow
+            peak=2.0 * height / width**2,
+            area_px2=2.0 * math.pi * height * pitch_px**2,  # as the load and the contact grow
             orientation_rad=_angle(half) if is_line else math.nan,
             elongation=1.0 + length / core,
             ridge_img=place[None],
@@ -155,7 +157,7 @@ class DotContacts:
             divergence_moment_px=pitch_px * shear,
             curl_moment_px=pitch_px * shear,
             # A bonded layer's dent is its own: others' potentials reach far beyond theirs.
-            fitted=FittedContact(place, core, fit.height[i] ** 0.5, shear, np.zeros(2)),
+            fitted=FittedContact(place, core, height**0.5, shear, np.zeros(2)),
         )
 
 

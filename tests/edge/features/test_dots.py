@@ -24,12 +24,12 @@ def dots() -> DotContacts:
 
 
 def contacts(
-    dots: DotContacts, tools: Sequence[Ball | Bar], lost: Sequence[int] = ()
+    dots: DotContacts, tools: Sequence[Ball | Bar], lost: Sequence[int] = (), *, outwards: float = 1.0
 ) -> tuple[ContactRegion, ...]:
     noise = NOISE_PX * np.random.default_rng(1).standard_normal(REST.xy_img.shape)
     seen = np.ones(len(REST), np.bool_)
     seen[list(lost)] = False
-    xy = GEL.project(GEL.caps_mm(tools)) + noise
+    xy = REST.xy_img + outwards * (GEL.project(GEL.caps_mm(tools)) - REST.xy_img) + noise
     xy[~seen] = REST.xy_img[~seen]
     return dots.find(xy, seen)
 
@@ -41,6 +41,7 @@ def off_mm(found: Sequence[ContactRegion], balls: Sequence[Ball]) -> float:
     return float(away.min(axis=0).max() * GEL.pitch_mm / REST.pattern.pitch_px)
 
 
+@pytest.mark.parametrize("outwards", [1.0, -1.0])  # a skin that is compressed goes inwards
 @pytest.mark.parametrize(
     "balls",
     [
@@ -51,14 +52,14 @@ def off_mm(found: Sequence[ContactRegion], balls: Sequence[Ball]) -> float:
         [Ball(3.0, 2.0, 2.0, (1.2, -0.9), 5.0)],
     ],
 )
-def test_as_many_contacts_as_balls_and_each_in_its_place(dots: DotContacts, balls: list[Ball]) -> None:
-    found = contacts(dots, balls)
+def test_each_ball_is_a_contact_in_its_place(dots: DotContacts, balls: list[Ball], outwards: float) -> None:
+    found = contacts(dots, balls, outwards=outwards)
     assert len(found) == len(balls)
     assert off_mm(found, balls) < 0.6
     assert [contact.peak for contact in found] == sorted((c.peak for c in found), reverse=True)
     assert found[0].fitted is not None
     if any(shear := balls[0].shear_mm):
-        assert found[0].fitted.shear @ np.array(shear) > 0.0
+        assert outwards * found[0].fitted.shear @ np.array(shear) > 0.0
 
 
 @pytest.mark.parametrize(("radius_mm", "depth_mm"), [(2.0, 1.0), (0.3, 0.6)])
