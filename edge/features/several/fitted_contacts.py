@@ -67,7 +67,7 @@ class FrameRegions(Protocol):
 
     def split(self, x0: float, y0: float, x1: float, y1: float) -> bool: ...
 
-    def join(self) -> None: ...
+    def join(self, i: int, j: int) -> None: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,7 +220,7 @@ class FittedContacts:
             return math.nan
         joined, stays = self._last(True), self._last(False)
         if joined is not None and self._stands(joined, fit.fit_line(*line_at)):
-            self._regions.join()
+            self._regions.join(0, 1)
             return self._line_direction()
         if stays is not None and not wanted and self._stands(stays, fit.last_error(2)):
             return math.nan
@@ -234,7 +234,7 @@ class FittedContacts:
             self._decide(False, fit.least)
             return math.nan
         self._decide(True, pair_least)
-        self._regions.join()
+        self._regions.join(0, 1)
         return self._line_direction()
 
     def _take_pins(self, xy: Array, seen: Mask, places: Array) -> bool:
