@@ -9,11 +9,13 @@ apart thus make one hill of grown cells. But their motions add up, and what one 
 
 Rules
 - A contact more is taken as long as the likelihood of the motion grows by as much evidence as pins are
-  identified with, a dot and its ring counting as one (`fitted_contacts` has the measure).
+  identified with, a dot and its ring counting as one (`fitted_contacts` has the measure). Of several alike
+  none may have it alone: the first ones are taken together.
 - Each contact must press, and its core must lie apart from the others': the error of one that is sheared
   looks like a second one within it, which pulls.
-- One line is preferred to several points unless they have as much evidence against it. A single point is
-  no line: a sheared one looks like it, too.
+- One line is preferred to several points unless they have as much evidence against it, and as much as splits
+  a region if there is no real valley between two of their cores. A single point is no line: a sheared one
+  looks like it, too.
 - Dots that are lost count in nothing but the search.
 """
 
@@ -23,7 +25,7 @@ import numpy as np
 
 from edge.features.params import PARAMS
 from edge.features.several.contact_fit import FITS_MAX, ContactFit
-from edge.features.several.fitted_contacts import EVIDENCE, PINS_MIN
+from edge.features.several.fitted_contacts import EVIDENCE, PINS_MIN, SPLITS
 from edge.features.surface import Surface
 from edge.geometry.layout import affine_terms
 from edge.types import Array, ContactRegion, FittedContact, Mask
@@ -72,12 +74,14 @@ class DotContacts:
         left[~seen] = 0.0
         least = float((left * left).sum())
         self._floor = _MODEL_REL**2 * least
-        places = np.empty((0, 2))
-        while len(places) < FITS_MAX:
-            tried, error = self._fit_points(np.vstack([places, self._most_explained(left)]))
-            if not self._is_better(error, least):
+        places = tried = np.empty((0, 2))
+        while len(tried) < FITS_MAX:
+            tried, error = self._fit_points(np.vstack([tried, self._most_explained(left)]))
+            if self._is_better(error, least, (len(tried) - len(places)) * EVIDENCE):
+                places, least = tried, error
+            elif len(places):
                 break
-            places, least, left = tried, error, fit.left_over()
+            left = fit.left_over()
         if not len(places):
             return ()
         places, least = self._without_needless(places, least)
@@ -113,14 +117,19 @@ class DotContacts:
 
     def _line(self, starts: Array, least: float) -> ContactRegion | None:
         """One long contact instead of several with that squared error; None: they stand."""
-        far = np.hypot(*(starts[:, None] - starts).transpose(2, 0, 1))
+        far, core = np.hypot(*(starts[:, None] - starts).transpose(2, 0, 1)), np.asarray(self._fit.core)
         a, b = np.unravel_index(int(far.argmax()), far.shape)
         # k points that share a line evenly leave half of one's part beyond the first and the last.
         reach = 0.5 * len(starts) / (len(starts) - 1)
         (x, y), (half_x, half_y) = 0.5 * (starts[a] + starts[b]), reach * (starts[b] - starts[a])
-        error = self._fit.fit_line(x, y, half_x, half_y)
-        stays = self._is_better(least, error, (len(starts) - 1) * EVIDENCE)
-        return None if stays else self._region(0, is_line=True)
+        i, j = np.triu_indices(len(starts), 1)
+        apart2 = (far[i, j] / self._pitch_px) ** 2 / (core[i] ** 2 + core[j] ** 2)
+        is_parted = bool((2.0 * np.exp(-0.25 * apart2) < 1.0 - PARAMS.shallow_rel).all())
+        errors = [self._fit.fit_line(x, y, half_x, half_y, math.inf, even) for even in (True, False)]
+        if errors[0] < errors[1]:
+            self._fit.fit_line(x, y, half_x, half_y, math.inf, True)
+        evidence = (len(starts) - 1) * (EVIDENCE if is_parted else SPLITS)
+        return None if self._is_better(least, min(errors), evidence) else self._region(0, is_line=True)
 
     def _most_explained(self, left: Array) -> Array:
         """(2,) px, where one contact more would explain most of the motion that is left."""

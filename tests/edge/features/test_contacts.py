@@ -27,14 +27,13 @@ def contacts(rest: Rest, motion: Array, noise: float = 0.05, seed: int = 0) -> t
 @pytest.mark.parametrize("at", [(0.0, 0.0), (31.0, -14.0), (-60.0, 52.0)])
 def test_one_push_is_one_contact_in_its_place(pins: int, at: tuple[float, float]) -> None:
     rest = tip(pins)
-    found = contacts(rest, push(rest, at, 1.5 * rest.pattern.pitch_px, 0.2))
-    assert len(found) == 1
-    assert np.hypot(*(found[0].xy_img - CENTRE - at)) < 0.1 * rest.pattern.pitch_px
+    (found,) = contacts(rest, push(rest, at, 1.5 * rest.pattern.pitch_px, 0.2))
+    assert np.hypot(*(found.xy_img - CENTRE - at)) < 0.1 * rest.pattern.pitch_px
     # A cell's area averages over the bump: 0.37.
-    assert found[0].peak == pytest.approx(0.38, rel=0.08)
-    assert len(found[0].ridge_img) == 1
-    assert found[0].elongation < 1.3
-    assert np.isnan(found[0].orientation_rad)
+    assert found.peak == pytest.approx(0.38, rel=0.08)
+    assert len(found.ridge_img) == 1
+    assert found.elongation < 1.3
+    assert np.isnan(found.orientation_rad)
 
 
 def test_dots_that_a_tool_drags_along_do_not_draw_its_contact_aside() -> None:
@@ -70,8 +69,7 @@ def test_a_flat_contact_is_one_with_an_area(pins: int, two_sides: float) -> None
 def test_a_long_contact_is_one_with_a_direction(degrees: float) -> None:
     rest = tip(331)
     (found,) = contacts(rest, bar(rest, np.deg2rad(degrees), 8.0 * 19.0, 19.0, 0.3))
-    off = (np.rad2deg(found.orientation_rad) - degrees + 90.0) % 180.0 - 90.0
-    assert abs(off) < 3.0
+    assert abs((np.rad2deg(found.orientation_rad) - degrees + 90.0) % 180.0 - 90.0) < 3.0
     assert found.elongation > 3.0
 
 
