@@ -425,6 +425,7 @@ class ContactFinder:
     def _rise(self, seen: Mask, i: cython.Py_ssize_t, j: cython.Py_ssize_t) -> float:
         """Share of the motion along the way from i to j that leads to its middle, less that which leads away.
 
+        It is interpolated from the seen pins within a pitch.
         Source  Franke and Nielson, "Smooth interpolation of large sets of scattered data", 1980
         """
         mask: cython.const[cython.uchar][::1] = seen
@@ -435,12 +436,11 @@ class ContactFinder:
         for k in range(2 * half):
             share = (k + 0.5) / (2.0 * half)
             total = motion = 0.0
-            for p in range(
-                self._rest.shape[0]
-            ):  # what is interpolated is that of the seen pins within a pitch
-                distance = hypot(self._rest[p, 0] - x0 - share * way_x, self._rest[p, 1] - y0 - share * way_y)
-                if mask[p] and distance < self._pitch_px:
-                    w = (self._pitch_px / max(distance, _VARIANCE_MIN) - 1.0) ** 2
+            for p in range(self._rest.shape[0]):
+                dx, dy = self._rest[p, 0] - x0 - share * way_x, self._rest[p, 1] - y0 - share * way_y
+                near2 = (dx * dx + dy * dy) / (self._pitch_px * self._pitch_px)
+                if near2 < 1.0 and mask[p]:
+                    w = (1.0 / max(sqrt(near2), _VARIANCE_MIN) - 1.0) ** 2
                     total += w
                     motion += w * (self._xy[p, 0] - self._rest[p, 0]) * way_x
                     motion += w * (self._xy[p, 1] - self._rest[p, 1]) * way_y
