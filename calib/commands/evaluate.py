@@ -47,7 +47,7 @@ def evaluate_command(calibration_path: Path, as_json: bool, **frames: Any) -> No
 def print_report(report: dict[str, Any], of: str) -> None:
     """A report of `calib.evaluate.evaluate` as a table."""
     table = Table(title=f"Mean absolute errors: {of}")
-    for name in ("value", "all frames", "accepted frames", "unit"):
+    for name in ("value", "all frames", "accepted", "within sigma", "unit"):
         table.add_column(name, justify="left" if name in ("value", "unit") else "right")
     for row in error_rows(report):
         table.add_row(*row)
