@@ -103,6 +103,12 @@ def fit_command(
         raise CalibrationError(
             f"{prior}: is of {len(known)} views, the frames show {len(views)}; see --region"
         )
+    wanted = {name for group in groups_of(views[0].targets) for name in group.outputs}
+    if prior and not wanted & {name for of_view in known for outputs in of_view for name in outputs}:
+        raise CalibrationError(
+            f"{prior}: has no model of {', '.join(sorted(wanted))}, the truth of these frames; give the "
+            "calibration of a tip that has one, or leave --prior out"
+        )
     fitted: list[_Fitted] = []
     for k, view in enumerate(views):
         if len(views) > 1:
