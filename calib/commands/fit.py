@@ -99,16 +99,8 @@ def fit_command(
     known = [_known_of_view(prior, view.content) for view in Calibration.load(prior).views] if prior else [{}]
     skin = None if sensor_name is None else load_sensor(sensor_name).tip.skin
     views = given.open().read_as(on_surface=skin == "surface").views()
-    if len(known) not in (1, len(views)):
-        raise CalibrationError(
-            f"{prior}: is of {len(known)} views, the frames show {len(views)}; see --region"
-        )
-    wanted = {name for group in groups_of(views[0].targets) for name in group.outputs}
-    if prior and not wanted & {name for of_view in known for outputs in of_view for name in outputs}:
-        raise CalibrationError(
-            f"{prior}: has no model of {', '.join(sorted(wanted))}, the truth of these frames; give the "
-            "calibration of a tip that has one, or leave --prior out"
-        )
+    if prior:
+        _check_prior(prior, known, views)
     fitted: list[_Fitted] = []
     for k, view in enumerate(views):
         if len(views) > 1:
@@ -220,6 +212,20 @@ def _known_of_view(prior: Path, content: CalibrationFile) -> dict[tuple[str, ...
     if left:
         click.echo(f"{prior}: {', '.join(left)}: a curve does not carry over to another tip", err=True)
     return known
+
+
+def _check_prior(prior: Path, known: list[dict[tuple[str, ...], KnownModel]], views: list[Dataset]) -> None:
+    """Raises CalibrationError: it is of other views, or of values that these frames tell nothing of."""
+    if len(known) not in (1, len(views)):
+        raise CalibrationError(
+            f"{prior}: is of {len(known)} views, the frames show {len(views)}; see --region"
+        )
+    wanted = [name for group in groups_of(views[0].targets) for name in group.outputs]
+    if not any(name in outputs for of_view in known for outputs in of_view for name in wanted):
+        raise CalibrationError(
+            f"{prior}: has no model of {', '.join(wanted)}, the truth of these frames; give the calibration "
+            "of a tip that has one, or leave --prior out"
+        )
 
 
 def _print_axes(axes: Axes) -> None:
