@@ -141,8 +141,8 @@ def fit_noise(
     logs = expected + psi @ change
     low, high = float(logs.min()), float(logs.max())
     if before:  # so few cannot show that a frame is read better than most
-        low = float(logs.mean()) if constant else min(low, before.low + shift)
         high = max(high, before.high + shift)
+        low = min(float(logs.mean()), high) if constant else min(low, before.low + shift)
     return NoiseModel(terms, weights + change, low, high, math.exp(float(np.clip(logs, low, high).mean())))
 
 

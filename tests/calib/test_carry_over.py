@@ -124,10 +124,13 @@ def test_a_touch_lighter_than_any_of_few_frames_is_less_certain_by_how_much_ligh
         assert flagged or abs(value - true) < 5.0 * sigma
 
 
-def test_the_effect_of_lost_pins_is_carried_over_to_few_frames() -> None:
+def test_noise_and_effect_of_lost_pins_are_carried_over_to_few_frames() -> None:
+    """Noise only as far as the other tip's frames reached, beyond which its polynomial may be anything."""
     content = _first().content
     lost = Lost(scale=1.0, gap_power=2.0, volume_power=-1.0, gap_max=3.0)
-    models = [msgspec.structs.replace(m, lost=lost) for m in content.models if isinstance(m, Process)]
+    noise = {"noise_terms": [[], ["c00", "c00*"]], "noise_weights": [0.0, 5e4], "noise_range": (0.0, 1.0)}
+    changed = {"lost": lost, "across_weights": []} | noise
+    models = [msgspec.structs.replace(m, **changed) for m in content.models if isinstance(m, Process)]
     prior = Calibration.of(msgspec.structs.replace(content, models=models), "prior")
     calibration = _carried(prior, *_second(12, 1))
     for before, after in zip(prior.content.models, calibration.content.models, strict=True):
@@ -135,6 +138,7 @@ def test_the_effect_of_lost_pins_is_carried_over_to_few_frames() -> None:
         assert isinstance(after, Process)
         assert after.lost is not None
         assert after.lost.gap_max == lost.gap_max
+        assert max(after.sigma) < 1.0
         ratio = np.mean(np.square(before.sigma)) / np.mean(np.square(after.sigma))
         assert after.lost.scale == pytest.approx(lost.scale + np.log(ratio), abs=0.01)
 

@@ -84,8 +84,9 @@ def test_a_pressed_frame_that_reads_untouched_is_counted_with_its_zeros(calibrat
 def test_the_table_has_a_row_for_each_known_figure(calibration: Calibration) -> None:
     extract, values = make(50, seed=8)
     report = evaluate(calibration, targets(values), extract)
-    rows = {name: (every, accepted, unit) for name, every, accepted, _, unit in error_rows(report)}
-    assert rows["depth"] == (f"{report['displacement_mae_mm']:.4g}",) * 2 + ("mm",)
+    rows = {row[0]: row[1:] for row in error_rows(report)}
+    within = f"{report['sigma_coverage_68_each']['displacement_mm']:.0%}"
+    assert rows["depth"] == (f"{report['displacement_mae_mm']:.4g}",) * 2 + (within, "mm")
     assert "tilt about x" not in rows
 
 

@@ -280,6 +280,16 @@ def test_presses_that_read_as_untouched_are_counted() -> None:
     assert not list(fit_warnings(targets(values), replace(extract, in_contact=touched | True), []))
 
 
+def test_odd_truth_is_warned_of() -> None:
+    extract, _ = make(40)
+    force, tilt = np.linspace(5.0, 500.0, 40), np.linspace(-0.4, 0.4, 40)
+    odd = {"displacement_mm": np.full(40, 2.0), "force_n": force, "tilt_x_deg": tilt, "torsion_deg": 0.0 * tilt}
+    lines = "; ".join(fit_warnings(targets(odd), extract, []))
+    assert "_mm is not fitted: it is 2 in all" in lines
+    assert "force_n reaches 500 N, a sample holds 65 N" in lines
+    assert lines.count("radians") == 1
+
+
 @pytest.mark.parametrize("sticks", [True, False])
 def test_a_fit_notices_that_shear_is_a_direction(sticks: bool) -> None:
     extract, values = make(100)
