@@ -146,7 +146,11 @@ class _Seen:
             picture.clipped(self.frame, rest),
             np.concatenate([picture.holes(rest), left_out(self.frame.image, rest)]),
             [[int(number) for number in roi] for roi in rois],
-            [title, *text],
+            [
+                title,
+                *text,
+                "ring: a pin, red if clipped; cross: a spot that fits no pin, or a place without one",
+            ],
         )
 
 
