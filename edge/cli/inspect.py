@@ -149,7 +149,7 @@ class _Seen:
             [
                 title,
                 *text,
-                "ring: a pin, red if clipped; cross: a spot that fits no pin, or a place without one",
+                "ring: a pin, red if clipped; cross: a spot that is no pin, or a place without one",
             ],
         )
 

@@ -206,10 +206,9 @@ def rest_if_touched(source: FrameSource, calibration: Calibration | None = None)
     try:
         take_rest_frame(images, TARE.of(source), calibration)
     except TareRefused as error:
-        if error.reason is RestFrameReason.OTHER_TIP:
-            raise CalibrationError(f"{source.name}: {error}") from None
-        if error.reason is RestFrameReason.NO_PIN_PATTERN:
-            raise SourceError(f"{source.name}: {error}") from None
+        if error.reason in (RestFrameReason.OTHER_TIP, RestFrameReason.NO_PIN_PATTERN):
+            foreign = error.reason is RestFrameReason.OTHER_TIP
+            raise (CalibrationError if foreign else SourceError)(f"{source.name}: {error}") from None
         if error.reason is not RestFrameReason.TOUCHED:
             return None
         given = rest_of_source(source, "auto", calibration)

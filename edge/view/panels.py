@@ -183,11 +183,8 @@ def save_pins_overlay(
 def _written(text: Sequence[str], width: int) -> Canvas:
     """Lines of text on paper, broken where a narrow picture would make them too small to read."""
     capital = 10.0
-    text = [
-        part
-        for line in text
-        for part in wrap(line, max(20, int(1.1 * width / capital)), subsequent_indent="    ")
-    ]
+    most = max(20, int(1.1 * width / capital))
+    text = [part for line in text for part in wrap(line, most, subsequent_indent="    ")]
     paper = np.full((round((len(text) + 1) * 2 * capital), width, 3), PAPER.paper, np.uint8)
     for n, line in enumerate(text, 1):
         _text(paper, (capital, 2 * n * capital), line, capital, PAPER.ink)
