@@ -327,9 +327,10 @@ def _usable_frames(targets: Targets, extract: Extract, rows_min: int) -> Mask:
         if len(new):
             why.append(f"{message} in {len(new)} (first: {targets.frames[new[0]].name})")
     if usable.sum() < rows_min:
+        fewer = f" ({PARAMS.known_rows_min} with --prior)" if rows_min > PARAMS.known_rows_min else ""
         raise FitError(
             f"{targets.where}: {int(usable.sum())} of {len(targets)} frames can be used, at least "
-            f"{rows_min} are needed" + "".join(f"; {message}" for message in why)
+            f"{rows_min}{fewer} are needed" + "".join(f"; {message}" for message in why)
         )
     return usable
 

@@ -260,7 +260,8 @@ def print_choices(choices: list[Choice], of: str) -> None:
     table = Table(title=f"{of}: what was fitted", box=box.SIMPLE, padding=0, pad_edge=False)
     table.caption = (
         "Errors are rms over the cross-validation, in the value's unit. Up to the limit a model is as good "
-        "as the best; the smallest of these is chosen."
+        "as the best; the smallest of these is chosen. Sigma is a typical frame's; a reading's own "
+        "is larger where few frames were near it."
     )
     for name in ("value", "model chosen", "terms", "error", "limit", "best of each kind", "sigma"):
         table.add_column(name, no_wrap=name != "model chosen")

@@ -192,7 +192,7 @@ def _shuffled(n: int) -> dict[str, Array]:
 @pytest.mark.parametrize(
     ("values", "expected"),
     [
-        (make(9)[1], r"^table\.csv: 9 of 9 frames can be used, at least 12 are needed$"),
+        (make(9)[1], r"^table\.csv: 9 of 9 frames can be used, at least 12 \(6 with --prior\) are needed$"),
         ({"displacement_mm": np.full(40, 2.0)}, r"^table\.csv: .*no column varies.*over its 40 frames"),
         (_shuffled(60), r"^table\.csv: .*displacement_mm cannot be predicted from these frames.*image_"),
     ],
@@ -210,8 +210,8 @@ def test_the_reasons_of_unusable_frames_are_reported() -> None:
     touched[2:10] = False
     few = replace(extract, trusted=trusted, in_contact=touched)
     assert one_line(FitError, fit, REST, targets(values), few, mm_per_px=None) == (
-        "table.csv: 2 of 20 frames can be used, at least 12 are needed; pins not identified in 15 "
-        "(first: image_5.png); nothing touches in 3 (first: image_2.png)"
+        "table.csv: 2 of 20 frames can be used, at least 12 (6 with --prior) are needed; pins not identified "
+        "in 15 (first: image_5.png); nothing touches in 3 (first: image_2.png)"
     )
 
 
