@@ -7,7 +7,7 @@ import numpy as np
 from calib.extract import Extract
 from calib.targets import Targets
 from edge.calibration import Calibration
-from edge.calibration.file import UNTOUCHED
+from edge.calibration.file import UNTOUCHED, Curve
 from edge.calibration.inputs import FRAME_INPUTS
 from edge.types import Array, Complex, Mask
 
@@ -48,6 +48,7 @@ def evaluate(calibration: Calibration, targets: Targets, extract: Extract) -> di
     n_refused         frames whose pins were not identified with certainty: the edge sends no values
     n_read_untouched  pressed frames in which the edge saw no touch: it sends zeros, and no tilt
     n_without_value   of the frames with truth, those without a value; by name of the value
+    n_beyond_range    frames whose truth is beyond what was calibrated: the edge sends its end, `SATURATED`
     *_mae_*, ...      mean errors over all frames that have a value, including refused ones
     accepted          the same over the frames whose values the edge would have sent
 
@@ -64,10 +65,23 @@ def evaluate(calibration: Calibration, targets: Targets, extract: Extract) -> di
             for name, truth in targets.values.items()
             if name in values
         },
+        "n_beyond_range": _beyond_range(calibration, targets),
         **_errors(values, sigmas, targets, everything),
         "frame_time_us_median": round(float(np.median(extract.time_us)), 1),
         "accepted": _errors(values, sigmas, targets, extract.trusted),
     }
+
+
+def _beyond_range(calibration: Calibration, targets: Targets) -> dict[str, int]:
+    """Frames by the value whose truth is further beyond its calibrated range than sigma."""
+    found = {}
+    for model in calibration.content.models:
+        if isinstance(model, Curve):
+            continue
+        for name, (low, high), sigma in zip(model.outputs, model.valid, model.sigma, strict=True):
+            truth = targets.values.get(name, np.empty(0))
+            found[name] = int(((truth < low - sigma) | (truth > high + sigma)).sum())
+    return {name: n for name, n in found.items() if n}
 
 
 def pressed(targets: Targets) -> Mask:

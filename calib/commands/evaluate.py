@@ -53,6 +53,9 @@ def print_report(report: dict[str, Any], of: str) -> None:
         table.add_row(*row)
     Console().print(table)
     click.echo(counts_line(report))
+    if beyond := report["n_beyond_range"]:
+        found = ", ".join(f"{name} {n}" for name, n in beyond.items())
+        click.echo(f"frames beyond the calibrated range (its end is sent, flagged SATURATED): {found}")
     missing = {name: n for name, n in report["n_without_value"].items() if n}
     if missing:
         click.echo(
