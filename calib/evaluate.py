@@ -65,23 +65,23 @@ def evaluate(calibration: Calibration, targets: Targets, extract: Extract) -> di
             for name, truth in targets.values.items()
             if name in values
         },
-        "n_beyond_range": _beyond_range(calibration, targets),
+        "n_beyond_range": _beyond_range(calibration, targets, extract.in_contact),
         **_errors(values, sigmas, targets, everything),
         "frame_time_us_median": round(float(np.median(extract.time_us)), 1),
         "accepted": _errors(values, sigmas, targets, extract.trusted),
     }
 
 
-def _beyond_range(calibration: Calibration, targets: Targets) -> dict[str, int]:
-    """Frames by the value whose truth is further beyond its calibrated range than sigma."""
+def _beyond_range(calibration: Calibration, targets: Targets, touched: Mask) -> dict[str, int]:
+    """Touched frames by the value whose truth is further beyond its calibrated range than sigma."""
     found = {}
     for model in calibration.content.models:
         if isinstance(model, Curve):
             continue
         for name, (low, high), sigma in zip(model.outputs, model.valid, model.sigma, strict=True):
-            truth = targets.values.get(name, np.empty(0))
+            truth = targets.values.get(name, np.zeros(len(targets)))[touched]
             found[name] = int(((truth < low - sigma) | (truth > high + sigma)).sum())
-    return {name: n for name, n in found.items() if n}
+    return {name: n for name, n in found.items() if n and name in targets.values}
 
 
 def pressed(targets: Targets) -> Mask:
