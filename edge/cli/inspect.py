@@ -146,11 +146,7 @@ class _Seen:
             picture.clipped(self.frame, rest),
             np.concatenate([picture.holes(rest), left_out(self.frame.image, rest)]),
             [[int(number) for number in roi] for roi in rois],
-            [
-                title,
-                *text,
-                "ring: a pin, red if clipped; cross: a spot that is no pin, or a place without one",
-            ],
+            [title, *text, "ring: a pin, red if clipped; cross: a spot left out, or a place without a pin"],
         )
 
 
