@@ -355,7 +355,7 @@ class FeatureExtractor:
         if self._plan.torsion:
             torsion = motion.torsion()
         if self._plan.slip:
-            self._slip.update(motions, changes, now_px)
+            self._slip.update(motions, changes, now_px, capture_ns)
             slip, probability, of_twist = self._slip.slip_px, self._slip.probability, self._slip.of_twist
         if self._plan.vibration:
             rms, to_hz = self._vibration.update(motion.motion, motion.pins, motion.n_pins, now_px, capture_ns)

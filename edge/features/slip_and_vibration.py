@@ -89,7 +89,7 @@ Rms = tuple[float | None, float | None]
 class Slip:
     """Slip of one touch, frame by frame.
 
-    slip_px      expected rms over the contact's pins of the motion that no load explains, per frame
+    slip_px      expected rms over the contact's pins of the motion that no load explains since the last frame
     probability  0..1 that more than a third of the contact's area slides
     of_twist     the same of a twist alone
     """
@@ -117,28 +117,29 @@ class Slip:
 
     def forget(self) -> None:
         """Drop the frames before this one: contact lost, identities lost, or slip not demanded."""
-        past: list[tuple[Array, Array]] = []
+        past: list[tuple[Array, Array, int]] = []
         self._past, self._presses = past, False
         self.slip_px = 0.0
         self._forget_path()
 
-    def update(self, motion_px: Array, area_change: Array, sigma_px: float) -> None:
+    def update(self, motion_px: Array, area_change: Array, sigma_px: float, at_ns: cython.longlong) -> None:
         """Compare with the frame `slip_span_frames` before this one, or with the oldest since the touch.
 
         motion_px    (n, 2) float64, that of the pins, in an array that stays as it is
         area_change  (n,) float64, relative, since rest; NaN where lost, or unknown; it stays, too
         sigma_px     noise of one coordinate of one pin in one frame
+        at_ns        when it was taken; 0: frames come evenly
         """
         self.slip_px = 0.0
         if self._past:
-            self._compare(area_change, sigma_px)
+            self._compare(area_change, sigma_px, at_ns)
         if len(self._past) == self._span:
             del self._past[0]
-        self._past.append((motion_px, area_change))
+        self._past.append((motion_px, area_change, at_ns))
 
-    def _compare(self, area_change: Array, sigma_px: float) -> None:
+    def _compare(self, area_change: Array, sigma_px: float, at_ns: cython.longlong) -> None:
         """Compare with the oldest frame that is kept."""
-        motion_px, change = self._past[0]
+        motion_px, change, begun_ns = self._past[0]
         used = self._motion.fit_step(motion_px)
         n = self._motion.n_pins
         noise = self._sigmas * CELL_NOISE * sigma_px / self._pitch_px * sqrt(2.0 * n)
@@ -157,7 +158,11 @@ class Slip:
         free = 2 * used - 6  # two components, each with three unknowns
         if free >= 4:
             unexplained = self._motion.left_px2 - 2.0 * (sigma_px * sigma_px) * free
-            self.slip_px = self.probability * sqrt(max(unexplained, 0.0) / used) / len(self._past)
+            n_past = len(self._past)
+            before_ns: cython.longlong = self._past[n_past - 1][2]
+            span_ns: cython.double = at_ns - begun_ns
+            of_step = (at_ns - before_ns) / span_ns if span_ns > 0.0 else 1.0 / n_past
+            self.slip_px = self.probability * sqrt(max(unexplained, 0.0) / used) * of_step
 
     def _forget_path(self) -> None:
         """Begin a new path with the next frame."""

@@ -75,8 +75,7 @@ def test_python_control_loop_moves_on_valid_live_samples_alone(request: pytest.F
                 node.send(sample(next(numbers), mm, status))
                 assert moved.acquire(timeout=SOON_S)
 
-    sender = threading.Thread(target=send)
-    sender.start()
+    (sender := threading.Thread(target=send)).start()
     with pytest.raises(SystemExit, match=r"no sample for 5 s"):  # silence ends it
         exec(patiently(code("A control loop", "python").replace("can:can0", bus)), {"print": note})
     sender.join(SOON_S)
