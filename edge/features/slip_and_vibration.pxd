@@ -19,7 +19,7 @@ cdef class Slip:
     cdef double[:, ::1] _across
     cdef double[::1] _of_core, _of_around  # motion x, y, and its moment
     cdef double[::1] _noise_s  # of the core's drag and twist, and around it, for pins of one sigma
-    cdef double _noise_q, _lag
+    cdef double _noise_q, _lag, _gap_ns
     cdef const double[:, :, ::1] _curves
     cdef int[::1] _n_path  # here and below: of the drag, and of the twist
     cdef double[::1] _spacing, _probable

@@ -61,6 +61,7 @@ from cython.cimports.libc.math import exp, fabs, hypot, isnan, sqrt, tan
 
 from edge.features.params import CELL_NOISE, PARAMS
 from edge.features.pin_motion import PinMotion
+from edge.params import PARAMS as RUNTIME
 from edge.types import Array, Index, Rest
 
 if cython.compiled:
@@ -99,6 +100,7 @@ class Slip:
         self._n, self._motion = n, motion
         self._rest = np.ascontiguousarray(rest.xy_img, np.float64)
         self._span, self._pressing_rel = PARAMS.slip_span_frames, PARAMS.slip_pressing_rel
+        self._gap_ns = self._span * RUNTIME.announced_s * 1e9  # so much passes only where the clock was set
         self._begin = np.empty((n, 2))
         self._core, self._around = np.empty(n, np.int32), np.empty(n, np.int32)
         self._n_core, self._n_around = 0, 0
@@ -128,7 +130,7 @@ class Slip:
         motion_px    (n, 2) float64, that of the pins, in an array that stays as it is
         area_change  (n,) float64, relative, since rest; NaN where lost, or unknown; it stays, too
         sigma_px     noise of one coordinate of one pin in one frame
-        at_ns        when it was taken; 0: frames come evenly
+        at_ns        when it was taken; 0, or more than 0.1 s apart: frames come evenly
         """
         self.slip_px = 0.0
         if self._past:
@@ -161,7 +163,7 @@ class Slip:
             n_past = len(self._past)
             before_ns: cython.longlong = self._past[n_past - 1][2]
             span_ns: cython.double = at_ns - begun_ns
-            of_step = (at_ns - before_ns) / span_ns if span_ns > 0.0 else 1.0 / n_past
+            of_step = (at_ns - before_ns) / span_ns if 0.0 < span_ns < self._gap_ns else 1.0 / n_past
             self.slip_px = self.probability * sqrt(max(unexplained, 0.0) / used) * of_step
 
     def _forget_path(self) -> None:
