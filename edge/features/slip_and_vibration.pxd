@@ -10,6 +10,7 @@ cdef class Slip:
     cdef const double[:, ::1] _rest
     cdef double _pressing_rel, _sigmas, _prior_odds, _pitch_px, _tip_radius_px
     cdef list _past  # motion of the last frames since the touch, their area changes, the results' own, and times
+    cdef readonly bint unseen
     cdef bint _begun, _presses  # _presses: in the frame before
     cdef double[:, ::1] _begin  # motion where the path begins, a mean of _n_begin frames
     cdef int[::1] _core  # rows of the contact's pins, and of those around it
@@ -27,7 +28,7 @@ cdef class Slip:
     cdef double[::1] _weight_of, _curve  # of a path's points
     cdef double[::1] _square  # of each share: of the path's distance from its curve, in sigmas
 
-    cpdef void forget(self) noexcept
+    cpdef void forget(self, bint touched=*) noexcept
     cpdef void update(self, object motion_px, object area_change, double sigma_px, long long at_ns) except *
     cdef void _compare(self, object area_change, double sigma_px, long long at_ns) except *
     cdef void _forget_path(self) noexcept

@@ -35,6 +35,8 @@ Rules of slip
 - While all of a contact's cells increase, or all decrease, by more than by noise and than it turns, it is
   pressed or released, which moves its pins too: after two such frames no slip is reported, and the path
   begins anew. A single one may be noise, of a contact of three pins: the probability stays.
+- A touch that goes on after a gap, or after slip was not demanded, may slide already, and its curve would
+  not show it: nothing is known until it turns back, or is pressed or released.
 - A contact that slides as a whole at constant load moves no pin: the last share stays. The steady gliding of
   a large smooth plane has no speed for a camera behind the skin.
 
@@ -93,6 +95,7 @@ class Slip:
     slip_px      expected rms over the contact's pins of the motion that no load explains since the last frame
     probability  0..1 that more than a third of the contact's area slides
     of_twist     the same of a twist alone
+    unseen       the path did not begin with the touch, and may be one of a contact that slid already
     """
 
     def __init__(self, rest: Rest, motion: PinMotion) -> None:
@@ -117,12 +120,13 @@ class Slip:
         self._sigmas, self._prior_odds = PARAMS.contact_sigma, PARAMS.slip_prior_odds
         self.forget()
 
-    def forget(self) -> None:
-        """Drop the frames before this one: contact lost, identities lost, or slip not demanded."""
+    def forget(self, touched: cython.bint = False) -> None:
+        """Drop the frames before: identities lost, or slip not demanded; touched: while something touched."""
         past: list[tuple[Array, Array, int]] = []
         self._past, self._presses = past, False
         self.slip_px = 0.0
         self._forget_path()
+        self.unseen = touched
 
     def update(self, motion_px: Array, area_change: Array, sigma_px: float, at_ns: cython.longlong) -> None:
         """Compare with the frame `slip_span_frames` before this one, or with the oldest since the touch.
@@ -130,7 +134,7 @@ class Slip:
         motion_px    (n, 2) float64, that of the pins, in an array that stays as it is
         area_change  (n,) float64, relative, since rest; NaN where lost, or unknown; it stays, too
         sigma_px     noise of one coordinate of one pin in one frame
-        at_ns        when it was taken; 0, or more than 0.1 s apart: frames come evenly
+        at_ns        when it was taken; 0, or more than 0.1 s apart: the frames came evenly
         """
         self.slip_px = 0.0
         if self._past:
@@ -168,7 +172,7 @@ class Slip:
 
     def _forget_path(self) -> None:
         """Begin a new path with the next frame."""
-        self._begun = False
+        self._begun = self.unseen = False
         for k in range(2):
             self._n_path[k] = 0
             self._spacing[k] = 0.0
