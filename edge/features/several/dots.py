@@ -12,8 +12,8 @@ Rules
   identified with, a dot and its ring counting as one (`fitted_contacts` has the measure).
 - Each contact must press, and its core must lie apart from the others': the error of one that is sheared
   looks like a second one within it, which pulls.
-- One line is preferred to several points unless they have as much evidence against it. A single point is
-  no line: a sheared one looks like it, too.
+- One line is preferred to several points unless each two of them have as much evidence against it, where
+  both shapes err: no edge presses evenly. A single point is no line: a sheared one looks like it, too.
 - Dots that are lost count in nothing but the search.
 """
 
@@ -82,6 +82,8 @@ class DotContacts:
             return ()
         places, least = self._without_needless(places, least)
         self._fit_points(places)
+        if min(np.asarray(fit.height)[: len(places)]) <= 0.0:  # Skin that is pulled has no contact.
+            return ()
         found = [self._region(i) for i in range(len(places))]
         line = self._line(places, least) if len(places) > 1 else None
         return tuple(sorted(found, key=lambda contact: -contact.peak)) if line is None else (line,)
@@ -119,7 +121,8 @@ class DotContacts:
         reach = 0.5 * len(starts) / (len(starts) - 1)
         (x, y), (half_x, half_y) = 0.5 * (starts[a] + starts[b]), reach * (starts[b] - starts[a])
         error = self._fit.fit_line(x, y, half_x, half_y)
-        stays = self._is_better(least, error, (len(starts) - 1) * EVIDENCE)
+        evidence = math.comb(len(starts), 2) * EVIDENCE
+        stays = self._is_better(least + self._floor, error + self._floor, evidence)
         return None if stays or not self._fit.height[0] > 0.0 else self._region(0, is_line=True)
 
     def _most_explained(self, left: Array) -> Array:
