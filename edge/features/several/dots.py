@@ -128,7 +128,7 @@ class DotContacts:
         errors = [self._fit.fit_line(x, y, half_x, half_y, math.inf, even) for even in (True, False)]
         if errors[0] < errors[1]:
             self._fit.fit_line(x, y, half_x, half_y, math.inf, True)
-        # What splits a region allows for the shapes' errors, which are alike there; else both shapes have them.
+        # What splits a region allows for the errors of both shapes, which are alike there.
         evidence, floor = (EVIDENCE, self._floor) if is_parted else (SPLITS, 0.0)
         stays = self._is_better(least + floor, min(errors) + floor, (len(starts) - 1) * evidence)
         return None if stays else self._region(0, is_line=True)
