@@ -214,10 +214,12 @@ def test_the_reasons_of_unusable_frames_are_reported() -> None:
     trusted, touched = np.zeros(20, dtype=np.bool_), np.ones(20, dtype=np.bool_)
     trusted[:5] = True
     touched[2:10] = False
-    few = replace(extract, trusted=trusted, in_contact=touched)
+    half = extract.seen_n // (1 + (np.arange(20) == 1))
+    few = replace(extract, trusted=trusted, in_contact=touched, seen_n=half)
     assert one_line(FitError, fit, REST, targets(values), few, mm_per_px=None) == (
-        "table.csv: 2 of 20 frames can be used, at least 12 are needed; pins not identified in 15 "
-        "(first: image_5.png); nothing touches in 3 (first: image_2.png)"
+        "table.csv: 1 of 20 frames can be used, at least 12 are needed; pins not identified in 15 "
+        "(first: image_5.png); more than 45% of the pins lost in 1 (first: image_1.png); nothing "
+        "touches in 3 (first: image_2.png)"
     )
 
 
