@@ -60,7 +60,7 @@ cdef class ContactFinder:
     cdef list _copies  # of each contact: of each of these
     cdef Py_ssize_t _n_before  # regions of the last frame, before any was split or joined
     cdef double _pitch_px, _shallow_rel, _visibility_radius_px, _place_radius_px, _place_radius_axis, _contact_sigma
-    cdef double _min_area_change, _min_oriented_elongation, _min_fitted_elongation
+    cdef double _min_area_change, _min_oriented_elongation, _min_fitted_elongation, _min_cut_elongation
 
     cpdef void forget(self) except *
     cpdef tuple find(self, object seen, double sigma_px, bint moments=*, int fits=*)

@@ -326,6 +326,9 @@ class ContactFinder:
         self._place_radius_axis = PARAMS.place_radius_axis
         self._contact_sigma, self._min_area_change = PARAMS.contact_sigma, PARAMS.min_area_change
         self._min_oriented_elongation = PARAMS.min_oriented_elongation
+        # A neighbour may cut a round region in half: half of a disc is so much longer than wide.
+        half_disc = 1.0 / sqrt(1.0 - 64.0 / (9.0 * np.pi**2))
+        self._min_cut_elongation = max(half_disc, self._min_oriented_elongation)
         # A contact of that elongation has such a region, if the region is blurred by the contact's width.
         self._min_fitted_elongation = sqrt(0.5 * (self._min_oriented_elongation**2 + 1.0))
 
@@ -385,7 +388,7 @@ class ContactFinder:
             return (self._describe(0, direction, moments, fitted),)
         contacts = []
         for i in range(regions.n_contacts):
-            is_long = regions.elongation[i] >= self._min_oriented_elongation
+            is_long = regions.elongation[i] >= self._min_cut_elongation
             contacts.append(self._describe(i, regions.direction[i] if is_long else NAN, moments, fitted))
         return tuple(contacts)
 

@@ -229,9 +229,10 @@ class FittedContacts:
         self._pair = self._columns(2) if wanted else None
         if stays is not None and self._stands(stays, pair):
             return math.nan
-        line = fit.fit_line(*line_at, self._limit(pair))
-        if line >= self._limit(pair):
-            self._decide(False, fit.least)
+        limit = self._limit(pair)
+        line, line_least = fit.fit_line(*line_at, limit), fit.least
+        if line >= limit and fit.fit_line(*line_at, limit, True) >= limit:
+            self._decide(False, min(line_least, fit.least))
             return math.nan
         self._decide(True, pair_least)
         self._regions.join(0, 1)
