@@ -10,6 +10,8 @@ from calib.fit import Choice
 from calib.ridge import error_of_mean
 from calib.targets import Targets
 from calib.unloaded import LOADS
+from edge.calibration.inputs import FRAME_INPUTS
+from edge.types import Rest
 from hostlink.wire.fields import FIELDS
 
 
@@ -20,6 +22,19 @@ def fit_warnings(targets: Targets, extract: Extract, choices: Sequence[Choice]) 
     for choice in choices:
         if choice.outputs == ("shear_x_mm", "shear_y_mm"):
             yield from _direction_alone(choice)
+
+
+def rest_is_elsewhere(rest: Rest, extract: Extract) -> Iterator[str]:
+    """Whether the rest frame's pins stand so far to one side of all frames' that they may be others."""
+    motion = extract.inputs[extract.in_contact, FRAME_INPUTS.index("c00")]
+    motion = motion[np.isfinite(motion)]
+    pitch_px = rest.pattern.pitch_px
+    off_px = abs(motion.mean()) * rest.pattern.tip_radius_px if motion.size else 0.0
+    if off_px > 0.5 * pitch_px:
+        yield (
+            f"the pins of all frames are {off_px:.1f} px to one side of the rest frame's in the mean, their "
+            f"pitch is {pitch_px:.1f}: was the camera moved, is it another tip, or did all drags go one way?"
+        )
 
 
 def _odd_truth(targets: Targets, extract: Extract, choices: Sequence[Choice]) -> Iterator[str]:

@@ -17,7 +17,7 @@ from calib.commands.options import PATH, Frames, frames_options, overwrite_optio
 from calib.dataset import Dataset
 from calib.extract import Extract, executor
 from calib.fit import Choice, Prefer, Search, fit, groups_of, of_views
-from calib.fit_warnings import fit_warnings
+from calib.fit_warnings import fit_warnings, rest_is_elsewhere
 from calib.hold_out import evaluate_held_out
 from calib.skin import extract_of_dots
 from calib.targets import Targets
@@ -174,7 +174,8 @@ def _fitted(
             search=search,
             pool=pool,
         )
-    return _Fitted(calibration, choices, _warned(list(fit_warnings(targets, extract, choices))), held_out)
+    warnings = [*rest_is_elsewhere(data.rest, extract), *fit_warnings(targets, extract, choices)]
+    return _Fitted(calibration, choices, _warned(warnings), held_out)
 
 
 def _of_its_skin(given: Frames, data: Dataset, skin: str | None) -> tuple[Dataset, Targets, Extract]:
