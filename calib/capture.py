@@ -253,7 +253,8 @@ def read_rows(path: Path) -> list[dict[str, str]]:
     try:
         found = read_table(table, sorted(("recording", "sequence", "role", *POSE_COLUMNS)), once=COLUMNS)
     except TableError as error:
-        raise CaptureError(f"{error}; not a table of a capture, make it anew with --resume") from None
+        way_out = f"move it away; if {path.name} is a capture, --resume makes it anew"
+        raise CaptureError(f"{error}; not a table of a capture: {way_out}") from None
     places: dict[tuple[str, int], int] = {}
     for row in found.rows:
         part, sequence = row.cells["recording"], row.cells["sequence"]

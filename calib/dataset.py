@@ -28,6 +28,7 @@ from edge.errors import CalibrationError, NoPins
 from edge.geometry.parts import of_parts, parts_of, stack
 from edge.params import PARAMS as RUNTIME
 from edge.rest.choice import aligned, choose_rest
+from edge.rest.symmetry import symmetry_of
 from edge.rest.tare import TareParams
 from edge.rest.tip_match import match_tip
 from edge.sources.files import read_image
@@ -79,6 +80,14 @@ class Dataset:
 
     def __len__(self) -> int:
         return sum(len(part.targets) for part in self.parts)
+
+    @property
+    def touched_rests(self) -> list[tuple[str, str]]:
+        """Where a rest frame that was photographed does not look untouched, and why."""
+        if self.estimated:
+            return []
+        found = [(part.targets.where, symmetry_of(part.rest)) for part in self.parts]
+        return [(where, symmetry.message) for where, symmetry in found if symmetry.in_contact]
 
     def seen_by(self, calibration: Calibration) -> Dataset:
         """The same data with the rest pins in the calibration's order, which replace a chosen rest frame.

@@ -7,7 +7,7 @@ import numpy as np
 from calib.extract import Extract
 from calib.targets import Targets
 from edge.calibration import Calibration
-from edge.calibration.file import UNTOUCHED
+from edge.calibration.file import UNTOUCHED, Curve
 from edge.calibration.inputs import FRAME_INPUTS
 from edge.types import Array, Complex, Mask
 
@@ -48,6 +48,7 @@ def evaluate(calibration: Calibration, targets: Targets, extract: Extract) -> di
     n_refused         frames whose pins were not identified with certainty: the edge sends no values
     n_read_untouched  pressed frames in which the edge saw no touch: it sends zeros, and no tilt
     n_without_value   of the frames with truth, those without a value; by name of the value
+    n_beyond_range    frames whose truth is beyond what was calibrated: the edge sends its end, `SATURATED`
     *_mae_*, ...      mean errors over all frames that have a value, including refused ones
     accepted          the same over the frames whose values the edge would have sent
 
@@ -64,10 +65,23 @@ def evaluate(calibration: Calibration, targets: Targets, extract: Extract) -> di
             for name, truth in targets.values.items()
             if name in values
         },
+        "n_beyond_range": _beyond_range(calibration, targets, extract.in_contact),
         **_errors(values, sigmas, targets, everything),
         "frame_time_us_median": round(float(np.median(extract.time_us)), 1),
         "accepted": _errors(values, sigmas, targets, extract.trusted),
     }
+
+
+def _beyond_range(calibration: Calibration, targets: Targets, touched: Mask) -> dict[str, int]:
+    """Touched frames by the value whose truth is further beyond its calibrated range than sigma."""
+    found = {}
+    for model in calibration.content.models:
+        if isinstance(model, Curve):
+            continue
+        for name, (low, high), sigma in zip(model.outputs, model.valid, model.sigma, strict=True):
+            truth = targets.values.get(name, np.zeros(len(targets)))[touched]
+            found[name] = int(((truth < low - sigma) | (truth > high + sigma)).sum())
+    return {name: n for name, n in found.items() if n and name in targets.values}
 
 
 def pressed(targets: Targets) -> Mask:
@@ -145,36 +159,40 @@ def _rounded(value: float) -> float:
     return round(value, 4)
 
 
-#: Figures of a report: name, key, index in a list, unit.
+#: Figures of a report: name, key, index in a list, unit, the value whose sigma is for it.
 _FIGURES = (
-    ("depth", "displacement_mae_mm", None, "mm"),
-    ("tilt about x", "tilt_mae_deg", 0, "deg"),
-    ("tilt about y", "tilt_mae_deg", 1, "deg"),
-    ("shear along x", "shear_mae_mm", 0, "mm"),
-    ("shear along y", "shear_mae_mm", 1, "mm"),
-    ("shear, magnitude", "shear_magnitude_mae_mm", None, "mm"),
-    ("shear, direction, mean", "shear_direction_mean_deg", None, "deg"),
-    ("shear, direction, median", "shear_direction_median_deg", None, "deg"),
-    ("torsion", "torsion_mae_deg", None, "deg"),
-    ("normal force", "force_mae_n", None, "N"),
-    ("force along x", "force_xy_mae_n", 0, "N"),
-    ("force along y", "force_xy_mae_n", 1, "N"),
-    ("torque", "torque_mae_nmm", None, "Nmm"),
-    ("contact area", "contact_area_mae_mm2", None, "mm2"),
-    ("place of contact", "contact_place_mean_mm", None, "mm"),
-    ("depth of contact", "contact_depth_mae_mm", None, "mm"),
-    ("share of errors within sigma", "sigma_coverage_68", None, ""),
+    ("depth", "displacement_mae_mm", None, "mm", "displacement_mm"),
+    ("tilt about x", "tilt_mae_deg", 0, "deg", "tilt_x_deg"),
+    ("tilt about y", "tilt_mae_deg", 1, "deg", "tilt_y_deg"),
+    ("shear along x", "shear_mae_mm", 0, "mm", "shear_x_mm"),
+    ("shear along y", "shear_mae_mm", 1, "mm", "shear_y_mm"),
+    ("shear, magnitude", "shear_magnitude_mae_mm", None, "mm", ""),
+    ("shear, direction, mean", "shear_direction_mean_deg", None, "deg", ""),
+    ("shear, direction, median", "shear_direction_median_deg", None, "deg", ""),
+    ("torsion", "torsion_mae_deg", None, "deg", "torsion_deg"),
+    ("normal force", "force_mae_n", None, "N", "force_n"),
+    ("force along x", "force_xy_mae_n", 0, "N", "force_x_n"),
+    ("force along y", "force_xy_mae_n", 1, "N", "force_y_n"),
+    ("torque", "torque_mae_nmm", None, "Nmm", "torque_z_nmm"),
+    ("contact area", "contact_area_mae_mm2", None, "mm2", "contact_area_mm2"),
+    ("place of contact", "contact_place_mean_mm", None, "mm", ""),
+    ("depth of contact", "contact_depth_mae_mm", None, "mm", "contact_depth_mm"),
+    ("share of errors within sigma", "sigma_coverage_68", None, "", ""),
 )
 
 
-def error_rows(report: dict[str, Any]) -> list[tuple[str, str, str, str]]:
-    """A report of `evaluate` as a table: figure, error over all frames, over the accepted ones, unit."""
-    rows = []
-    for name, key, place, unit in _FIGURES:
+def error_rows(report: dict[str, Any]) -> list[tuple[str, str, str, str, str]]:
+    """A report of `evaluate` as a table.
+
+    Returns  figure, error over all frames, over the accepted ones, share of these within sigma, unit
+    """
+    rows, within = [], report["accepted"]["sigma_coverage_68_each"]
+    for name, key, place, unit, value in _FIGURES:
         both = (report[key], report["accepted"][key])
         every, accepted = both if place is None else (both[0][place], both[1][place])
         if every is not None:
-            rows.append((name, f"{every:.4g}", "-" if accepted is None else f"{accepted:.4g}", unit))
+            share = f"{within[value]:.0%}" if value in within else ""
+            rows.append((name, f"{every:.4g}", "-" if accepted is None else f"{accepted:.4g}", share, unit))
     return rows
 
 

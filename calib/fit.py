@@ -332,9 +332,10 @@ def _usable_frames(targets: Targets, extract: Extract, pins_n: int, rows_min: in
         if len(new):
             why.append(f"{message} in {len(new)} (first: {targets.frames[new[0]].name})")
     if usable.sum() < rows_min:
+        fewer = f" ({PARAMS.known_rows_min} with --prior)" if rows_min > PARAMS.known_rows_min else ""
         raise FitError(
             f"{targets.where}: {int(usable.sum())} of {len(targets)} frames can be used, at least "
-            f"{rows_min} are needed" + "".join(f"; {message}" for message in why)
+            f"{rows_min}{fewer} are needed" + "".join(f"; {message}" for message in why)
         )
     return usable
 
@@ -516,10 +517,8 @@ def _start_processes(problem: _Problem, search: Search, pool: Executor | None) -
             motion=problem.seen.motion,
         )
         calls: dict[ModelKind, Callable[[], FittedProcess]] = {}
-        # Too few poses to decide a weight for each input are better told by another tip's model.
         # Fewer poses decide a weight for all modes, if they repeat.
-        enough = PARAMS.process_rows_min if poses == len(y) else PARAMS.rows_min
-        if poses >= (ENOUGH if group.outputs in search.known else enough):
+        if poses >= (PARAMS.process_rows_min if poses == len(y) else PARAMS.rows_min):
             calls[ModelKind.PROCESS] = partial(call, problem.inputs, terms_max=search.terms_max)
         if len(y) >= PARAMS.known_rows_min and group.outputs in search.known:
             known = search.known[group.outputs].in_the_image(problem.inputs)
@@ -659,6 +658,7 @@ def _best(
         squares = np.abs(one.held_out - y) ** 2
         candidate = as_candidate(kind, len(one.terms), squares, problem.share, one.pin_noise)
         tried.append((candidate, one.terms, one.held_out))
+    tried = _with_a_prior(tried, y, problem.share)
     if not tried:
         return FitError(f"{whole.where}: {' and '.join(outputs)}: no model of the kinds that are wanted")
     best, _, predicted = min(tried, key=lambda t: t[0].rms)
@@ -723,6 +723,20 @@ def _on_rows(tried: _Tried, rows: Mask, y: Complex, share: Array) -> _Tried:
 def _explained(candidate: Candidate, y: Complex) -> float:
     """Share of the variance that a model explains on held-out frames."""
     return 1.0 - candidate.rms**2 / float((np.abs(y - y.mean()) ** 2).mean())
+
+
+def _with_a_prior(tried: list[_Tried], y: Complex, share: Array) -> list[_Tried]:
+    """The models without a process of few poses of their own, if another tip's model is as good as the best.
+
+    So few do not decide a weight for each input, and such a process may look better than it is.
+    """
+    carried = next((t for t in tried if t[0].name == ModelKind.CARRIED), None)
+    if carried is None or share.sum() >= ENOUGH:
+        return tried
+    best, _, predicted = min(tried, key=lambda t: t[0].rms)
+    if not _as_good(carried, best, predicted, y, share):
+        return tried
+    return [t for t in tried if t[0].name != ModelKind.PROCESS]
 
 
 def _sufficient(tried: list[_Tried], y: Complex, share: Array, prefer: Prefer) -> list[_Tried]:

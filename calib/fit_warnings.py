@@ -1,6 +1,7 @@
 """Warnings of a fit, found from the truth: presses that were not felt, and drags that slid."""
 
-from collections.abc import Iterable, Iterator
+import math
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -9,14 +10,38 @@ from calib.fit import Choice
 from calib.ridge import error_of_mean
 from calib.targets import Targets
 from calib.unloaded import LOADS
+from hostlink.wire.fields import FIELDS
 
 
-def fit_warnings(targets: Targets, extract: Extract, choices: Iterable[Choice]) -> Iterator[str]:
+def fit_warnings(targets: Targets, extract: Extract, choices: Sequence[Choice]) -> Iterator[str]:
     """A sentence for each thing that the frames do not show."""
+    yield from _odd_truth(targets, extract, choices)
     yield from _not_felt(targets, extract)
     for choice in choices:
         if choice.outputs == ("shear_x_mm", "shear_y_mm"):
             yield from _direction_alone(choice)
+
+
+def _odd_truth(targets: Targets, extract: Extract, choices: Sequence[Choice]) -> Iterator[str]:
+    """Columns in another unit or place, it seems, and those that are not fitted because nothing varies."""
+    fitted = {name for choice in choices for name in choice.outputs}
+    most = {field.name: field.high for field in FIELDS if field.unit == "N"}
+    sizes = {name: float(np.nanmax(np.abs(values))) for name, values in targets.values.items()}
+    for name, values in targets.values.items():
+        size, limit = sizes[name], most.get(name, math.inf)
+        if size > limit:
+            yield f"{name} reaches {size:.3g} N, a sample holds {limit:g} N; is the table in N, not in g?"
+        if name not in fitted and size > 0.0 and np.nanmin(values) == np.nanmax(values):
+            yield f"{name} is not fitted: it is {values[0]:.3g} in all frames; take several values"
+    for name in targets.values.keys() & LOADS:
+        touched = targets.values[name][extract.in_contact]
+        low, high = float(np.nanmin(touched, initial=0.0)), float(np.nanmax(touched, initial=0.0))
+        if low < -0.5 * high:
+            yield f"{name} is {low:.3g} to {high:.3g} in touched frames; are columns exchanged?"
+    for name in ("tilt", "torsion"):
+        angle = max((size for full, size in sizes.items() if full.startswith(name)), default=0.0)
+        if 0.0 < angle < math.radians(45.0):
+            yield f"no {name} of the table exceeds {angle:.2g} deg; is it in degrees, not in radians?"
 
 
 def _not_felt(targets: Targets, extract: Extract) -> Iterator[str]:

@@ -129,18 +129,20 @@ def fit_noise(
     terms = before.terms if before else [[], *(() if constant else NOISE_TERMS)]
     psi = frame_terms(inputs, terms).real
     weights = before.weights if before else np.zeros(len(terms))
-    times = np.exp(np.clip(psi @ weights, -60.0, 60.0))
+    # Beyond the other tip's frames its polynomial says nothing, and may be off by powers of ten.
+    expected = np.clip(psi @ weights, before.low, before.high) if before else np.zeros(len(psi))
+    times = np.exp(np.clip(expected, -60.0, 60.0))
     change = np.zeros(len(terms))
     if before and constant:
         change[0] = max(0.0, *_fit_log_variance(psi[:, :1], squares, learnt, times, share))
     else:
         change += _fit_log_variance(psi, squares, learnt, times, share)
     shift = float((psi @ change).mean())
-    logs = psi @ (weights + change)
+    logs = expected + psi @ change
     low, high = float(logs.min()), float(logs.max())
     if before:  # so few cannot show that a frame is read better than most
-        low = float(logs.mean()) if constant else min(low, before.low + shift)
         high = max(high, before.high + shift)
+        low = min(float(logs.mean()), high) if constant else min(low, before.low + shift)
     return NoiseModel(terms, weights + change, low, high, math.exp(float(np.clip(logs, low, high).mean())))
 
 

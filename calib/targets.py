@@ -154,7 +154,7 @@ def _possible(text: str, where: str, name: str) -> float:
     """A number that a fingertip, or for a depth the arm that presses it, can give."""
     value, unit = number(text, where), COLUMNS[name][1]
     if abs(value) > (_MOST_REACH_MM if name in _DEPTHS else MOST[unit]):
-        raise TableError(f"{where}: {value:g} {unit} is not possible")
+        raise TableError(f"{where}: {value:g} {unit} is not possible; the column's unit is {unit}")
     return value
 
 

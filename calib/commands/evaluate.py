@@ -47,12 +47,15 @@ def evaluate_command(calibration_path: Path, as_json: bool, **frames: Any) -> No
 def print_report(report: dict[str, Any], of: str) -> None:
     """A report of `calib.evaluate.evaluate` as a table."""
     table = Table(title=f"Mean absolute errors: {of}")
-    for name in ("value", "all frames", "accepted frames", "unit"):
+    for name in ("value", "all frames", "accepted", "within sigma", "unit"):
         table.add_column(name, justify="left" if name in ("value", "unit") else "right")
     for row in error_rows(report):
         table.add_row(*row)
     Console().print(table)
     click.echo(counts_line(report))
+    if beyond := report["n_beyond_range"]:
+        found = ", ".join(f"{name} {n}" for name, n in beyond.items())
+        click.echo(f"frames beyond the calibrated range (its end is sent, flagged SATURATED): {found}")
     missing = {name: n for name, n in report["n_without_value"].items() if n}
     if missing:
         click.echo(

@@ -99,10 +99,8 @@ def fit_command(
     known = [_known_of_view(prior, view.content) for view in Calibration.load(prior).views] if prior else [{}]
     skin = None if sensor_name is None else load_sensor(sensor_name).tip.skin
     views = given.open().read_as(on_surface=skin == "surface").views()
-    if len(known) not in (1, len(views)):
-        raise CalibrationError(
-            f"{prior}: is of {len(known)} views, the frames show {len(views)}; see --region"
-        )
+    if prior:
+        _check_prior(prior, known, views)
     fitted: list[_Fitted] = []
     for k, view in enumerate(views):
         if len(views) > 1:
@@ -216,6 +214,20 @@ def _known_of_view(prior: Path, content: CalibrationFile) -> dict[tuple[str, ...
     return known
 
 
+def _check_prior(prior: Path, known: list[dict[tuple[str, ...], KnownModel]], views: list[Dataset]) -> None:
+    """Raises CalibrationError: it is of other views, or of values that these frames tell nothing of."""
+    if len(known) not in (1, len(views)):
+        raise CalibrationError(
+            f"{prior}: is of {len(known)} views, the frames show {len(views)}; see --region"
+        )
+    wanted = [name for group in groups_of(views[0].targets) for name in group.outputs]
+    if not any(name in outputs for of_view in known for outputs in of_view for name in wanted):
+        raise CalibrationError(
+            f"{prior}: has no model of {', '.join(wanted)}, the truth of these frames; give the calibration "
+            "of a tip that has one, or leave --prior out"
+        )
+
+
 def _print_axes(axes: Axes) -> None:
     for line in axes.lines:
         click.echo(f"axes: {line}", err=True)
@@ -248,7 +260,8 @@ def print_choices(choices: list[Choice], of: str) -> None:
     table = Table(title=f"{of}: what was fitted", box=box.SIMPLE, padding=0, pad_edge=False)
     table.caption = (
         "Errors are rms over the cross-validation, in the value's unit. Up to the limit a model is as good "
-        "as the best; the smallest of these is chosen."
+        "as the best; the smallest of these is chosen. Sigma is a typical frame's; a reading's own "
+        "is larger where few frames were near it."
     )
     for name in ("value", "model chosen", "terms", "error", "limit", "best of each kind", "sigma"):
         table.add_column(name, no_wrap=name != "model chosen")

@@ -103,6 +103,12 @@ class Frames:
         data = open_dataset(self.tables, self.folder, self.rest_image, lens, self.region)
         if data.rest_message:
             click.echo(f"rest frame: {data.rest_message}", err=True)
+        for where, why in data.touched_rests:
+            click.echo(
+                f"warning: {where}: something touches the tip in the rest frame ({why}); all motion counts "
+                "from it: give an image of the untouched tip, or is the camera not square to it?",
+                err=True,
+            )
         if data.targets.unread:
             columns = ", ".join(data.targets.unread)
             advice = renamed(data.targets.unread, KNOWN_AS)

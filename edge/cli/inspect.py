@@ -146,7 +146,7 @@ class _Seen:
             picture.clipped(self.frame, rest),
             np.concatenate([picture.holes(rest), left_out(self.frame.image, rest)]),
             [[int(number) for number in roi] for roi in rois],
-            [title, *text],
+            [title, *text, "ring: a pin, red if clipped; cross: a spot left out, or a place without a pin"],
         )
 
 

@@ -183,7 +183,7 @@ rest_option = click.option(
     type=RestFrom(),
     metavar="FRAME|auto|none",
     help="Rest frame: an image's number, from 0; auto finds the least deformed image; none takes the "
-    "calibration's rest pins. Default: the first images.",
+    "calibration's rest pins. Default: the first images; for inspect, auto.",
 )
 
 

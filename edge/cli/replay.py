@@ -10,7 +10,7 @@ from edge.cli.assembly import make_loop, rest_given, start_worker
 from edge.cli.options import LoopOptions, SpeedFactor, loop_options, rest_option
 from edge.cli.progress import counting, waiting
 from edge.cli.summary import Summary, damage_of, json_line, print_summary
-from edge.errors import InputError
+from edge.errors import CalibrationError, InputError
 from edge.examples import example_calibration
 from edge.runtime.loop import Loop
 from edge.sources import open_source
@@ -88,11 +88,19 @@ def replay(
 
 
 def _use_rest(loop: Loop, recording: str, how: str | None, quiet: bool) -> None:
-    """Take another rest frame if one is asked for or the first images show a touch. Raises InputError."""
+    """Take another rest frame if one is asked for or the first images show a touch.
+
+    Raises  InputError: also where the tare would, before a page or a recording begins
+    """
     with closing(open_source(recording)) as source:
         source.polarity, source.lens = loop.source.polarity, loop.source.lens
         source.region = loop.source.region
-        given = rest_given(source, how, loop.measurement.calibration)
+        try:
+            given = rest_given(source, how, loop.measurement.calibration)
+        except CalibrationError:
+            if how is not None or not loop.measurement.fallbacks:
+                raise
+            given = None  # a calibration stored before may be this tip's
     if given is not None:
         loop.measurement.use_rest(given.rest, given.frame)
         if not quiet:

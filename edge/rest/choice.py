@@ -14,7 +14,7 @@ import numpy as np
 
 from edge.calibration import Calibration
 from edge.cells import Tessellator
-from edge.errors import DegenerateLayout, NoPins, SourceError
+from edge.errors import CalibrationError, DegenerateLayout, NoPins, SourceError
 from edge.features.params import CELL_NOISE
 from edge.features.params import PARAMS as CONTACT
 from edge.geometry.parts import joined, own_pins, parts_of
@@ -206,6 +206,9 @@ def rest_if_touched(source: FrameSource, calibration: Calibration | None = None)
     try:
         take_rest_frame(images, TARE.of(source), calibration)
     except TareRefused as error:
+        if error.reason in (RestFrameReason.OTHER_TIP, RestFrameReason.NO_PIN_PATTERN):
+            foreign = error.reason is RestFrameReason.OTHER_TIP
+            raise (CalibrationError if foreign else SourceError)(f"{source.name}: {error}") from None
         if error.reason is not RestFrameReason.TOUCHED:
             return None
         given = rest_of_source(source, "auto", calibration)

@@ -132,6 +132,6 @@ def _check_shift(made_with: Rest, tracks: Tracks) -> None:
     shift, shift_max = float(np.median(np.hypot(*moved.T))), 0.5 * made_with.pattern.pitch_px
     if shift > shift_max:
         raise CalibrationError(
-            f"the pins are {shift:.1f} px from where the calibration has them (limit {shift_max:.1f}): "
+            f"the pins are {shift:.2f} px from where the calibration has them (limit {shift_max:.2f}): "
             "the camera was moved, something touches the tip, or it is another tip"
         )

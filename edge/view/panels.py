@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from textwrap import wrap
 
 import cv2
 import numpy as np
@@ -180,8 +181,10 @@ def save_pins_overlay(
 
 
 def _written(text: Sequence[str], width: int) -> Canvas:
-    """Lines of text on paper, as small as the longest one needs."""
-    capital = min(12.0, 1.1 * width / max(map(len, text)))
+    """Lines of text on paper, broken where a narrow picture would make them too small to read."""
+    capital = 10.0
+    most = max(20, int(1.1 * width / capital))
+    text = [part for line in text for part in wrap(line, most, subsequent_indent="    ")]
     paper = np.full((round((len(text) + 1) * 2 * capital), width, 3), PAPER.paper, np.uint8)
     for n, line in enumerate(text, 1):
         _text(paper, (capital, 2 * n * capital), line, capital, PAPER.ink)

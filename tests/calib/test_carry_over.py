@@ -1,7 +1,7 @@
 """Another tip's calibration as a prior: a dozen frames are enough, sigma is honest, the file stands alone."""
 
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -13,10 +13,12 @@ from calib.carry_over import known_models
 from calib.evaluate import predict
 from calib.extract import Extract
 from calib.fit import ModelKind, Search, fit
+from calib.sim import Camera, Simulator
 from edge.calibration import Calibration
 from edge.calibration.file import Curve, Lost, Process
 from edge.calibration.inputs import FRAME_INPUTS
 from edge.types import Array
+from tests.support.captures import write_table
 from tests.support.commands import run_calib
 from tests.support.synthetic import REST, make, targets
 
@@ -56,16 +58,15 @@ def _carried(prior: Calibration, extract: Extract, values: dict[str, Array]) -> 
 
 
 def _model_of_depth(calibration: Calibration) -> Process:
-    models = (m for m in calibration.content.models if isinstance(m, Process))
+    models = [m for m in calibration.content.models if isinstance(m, Process)]
     return next(m for m in models if m.outputs == ["displacement_mm"])
 
 
 @pytest.mark.parametrize(
-    ("turn_deg", "mirrored", "first_mirrored"),
-    [(0.0, False, False), (90.0, True, False), (-70.0, False, True)],
+    ("turn_deg", "mirrored", "first"), [(0.0, False, False), (90.0, True, False), (-70.0, False, True)]
 )
-def test_12_frames_of_another_tip_are_enough(turn_deg: float, mirrored: bool, first_mirrored: bool) -> None:
-    prior = _first(mirrored=first_mirrored)
+def test_12_frames_of_another_tip_are_enough(turn_deg: float, mirrored: bool, first: bool) -> None:
+    prior = _first(mirrored=first)
     calibration = _carried(prior, *_second(12, 1, turn_deg, mirrored=mirrored))
     fresh, true = _second(300, 2, turn_deg, mirrored=mirrored)
     read, sigmas = predict(calibration, fresh)
@@ -99,8 +100,7 @@ def test_a_prior_that_tells_nothing_is_not_chosen() -> None:
 
 
 def test_the_file_is_one_like_any_other() -> None:
-    prior, (extract, values) = _first(), _second(12, 1)
-    calibration = _carried(prior, extract, values)
+    calibration = _carried(_first(), *_second(12, 1))
     again = Calibration.parse(calibration.encoded, "again")
     assert again.content == calibration.content
     assert all(isinstance(model, Process) for model in again.content.models)
@@ -124,31 +124,31 @@ def test_a_touch_lighter_than_any_of_few_frames_is_less_certain_by_how_much_ligh
         assert flagged or abs(value - true) < 5.0 * sigma
 
 
-def test_the_effect_of_lost_pins_is_carried_over_to_few_frames() -> None:
+def test_noise_and_effect_of_lost_pins_are_carried_over_to_few_frames() -> None:
+    """Noise only as far as the other tip's frames reached, beyond which its polynomial may be anything."""
     content = _first().content
     lost = Lost(scale=1.0, gap_power=2.0, volume_power=-1.0, gap_max=3.0)
-    models = [msgspec.structs.replace(m, lost=lost) for m in content.models if isinstance(m, Process)]
+    terms, to = [[], ["c00", "c00*"]], [0.0, 5e4]
+    noise = partial(msgspec.structs.replace, noise_terms=terms, noise_weights=to, noise_range=(0.0, 1.0))
+    models = [noise(m, lost=lost, across_weights=[]) for m in content.models if isinstance(m, Process)]
     prior = Calibration.of(msgspec.structs.replace(content, models=models), "prior")
     calibration = _carried(prior, *_second(12, 1))
-    for before, after in zip(prior.content.models, calibration.content.models, strict=True):
-        assert isinstance(before, Process)
+    for before, after in zip(models, calibration.content.models, strict=True):
         assert isinstance(after, Process)
         assert after.lost is not None
         assert after.lost.gap_max == lost.gap_max
+        assert max(after.sigma) < 1.0
         ratio = np.mean(np.square(before.sigma)) / np.mean(np.square(after.sigma))
         assert after.lost.scale == pytest.approx(lost.scale + np.log(ratio), abs=0.01)
 
 
-@pytest.mark.parametrize(
-    ("prior", "expected"),
-    [("curve.json", "has no process and no polynomial"), ("absent.json", "cannot be read")],
-)
-def test_a_prior_of_curves_alone_is_refused_in_one_line(
-    tmp_path: Path, data_dir: Path, prior: str, expected: str
-) -> None:
+def test_a_prior_that_cannot_help_is_refused_in_one_line(tmp_path: Path) -> None:
     curve = Curve("displacement_mm", "volume", [(0.0, 0.0), (0.1, 3.0)], 0.1)
     content = msgspec.structs.replace(_first().content, models=[curve])
     Calibration.of(content, "curve").save(tmp_path / "curve.json")
-    words = ("fit", data_dir / "press.mcap", "-o", tmp_path / "new.json", "--prior", tmp_path / prior)
-    assert expected in run_calib(*words).refusal
-    assert [path.name for path in tmp_path.iterdir()] == ["curve.json"]
+    _first().save(tmp_path / "poses.json")
+    table = write_table(tmp_path, [Simulator(Camera()).frame().image], {"force_z": np.ones(1)})
+    given = ("--frames", tmp_path, "--rest", tmp_path / "0.png", "-o", tmp_path / "new.json", "--prior")
+    for prior, why in (("curve.json", "no process and no polynomial"), ("poses.json", "no model of force_n")):
+        assert why in run_calib("fit", table, *given, tmp_path / prior).refusal
+    assert not (tmp_path / "new.json").exists()

@@ -32,10 +32,7 @@ from tests.support.commands import Done, run_calib
         ("evaluate {out}/absent.json {data}/press.mcap", "absent.json: cannot be read"),
         ("fit {data}/press.mcap -o {out}/tip.json --mm-per-px nan", "'nan' is not a number; give"),
         ("capture --rig sim --protocol surface -o {out}/c.mcap --resume", "leave --resume out to begin one"),
-        (
-            "capture --rig gcode:/dev/absent --protocol surface -o {out}/c.mcap",
-            "stage /dev/absent: No such file",
-        ),
+        ("capture --rig gcode:/dev/no --protocol surface -o {out}/c.mcap", "stage /dev/no: No such file"),
         ("scale -o {out}", "exists; give the name of a new folder"),
         ("scale -o {out}/new --scale /dev/absent", "give the scale's port, e.g. /dev/ttyUSB0"),
         ("demo --data {data} --out {data}", "the recordings are there; give another folder"),

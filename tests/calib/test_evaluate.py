@@ -23,14 +23,14 @@ def test_errors_are_those_of_the_truth_that_is_given(calibration: Calibration) -
     values["torsion_deg"] = np.where(np.arange(200) < 100, np.nan, values["torsion_deg"])
     exact = evaluate(calibration, targets(values), extract)
     assert json.loads(json.dumps(exact)).keys() == exact.keys()
-    assert exact["n_frames"] == 200
-    assert exact["tilt_mae_deg"] == [None, None]
+    assert (exact["n_frames"], exact["tilt_mae_deg"]) == (200, [None, None])
     assert exact["torsion_mae_deg"] < 0.2
     assert exact["frame_time_us_median"] == 1000.0
     values["displacement_mm"] = values["displacement_mm"] + 0.5
     off = evaluate(calibration, targets(values), extract)
     assert exact["displacement_mae_mm"] < 0.05
     assert off["displacement_mae_mm"] == pytest.approx(0.5, abs=0.05)
+    assert off["n_beyond_range"]["displacement_mm"] > 0
     assert off["sigma_coverage_68_each"]["displacement_mm"] < 0.05
 
 
@@ -84,8 +84,9 @@ def test_a_pressed_frame_that_reads_untouched_is_counted_with_its_zeros(calibrat
 def test_the_table_has_a_row_for_each_known_figure(calibration: Calibration) -> None:
     extract, values = make(50, seed=8)
     report = evaluate(calibration, targets(values), extract)
-    rows = {name: (every, accepted, unit) for name, every, accepted, unit in error_rows(report)}
-    assert rows["depth"] == (f"{report['displacement_mae_mm']:.4g}",) * 2 + ("mm",)
+    rows = {row[0]: row[1:] for row in error_rows(report)}
+    within = f"{report['sigma_coverage_68_each']['displacement_mm']:.0%}"
+    assert rows["depth"] == (f"{report['displacement_mae_mm']:.4g}",) * 2 + (within, "mm")
     assert "tilt about x" not in rows
 
 

@@ -38,23 +38,18 @@ def test_known_laws_are_found_on_frames_that_were_not_fitted() -> None:
     for name, column in true.items():
         inside = np.abs(column - np.mean(column)) < 2 * np.std(column)  # beyond the fitted range it saturates
         assert np.abs(read[name] - column)[inside].mean() < 0.02
-    assert {c.outputs for c in choices} == {
-        ("displacement_mm",),
-        ("shear_x_mm", "shear_y_mm"),
-        ("torsion_deg",),
-    }
+    outputs = {("displacement_mm",), ("shear_x_mm", "shear_y_mm"), ("torsion_deg",)}
+    assert {c.outputs for c in choices} == outputs
 
 
 def test_the_smallest_of_equally_good_models_is_taken() -> None:
     extract, values = make(100, noise=0.02)
     mean = extract.inputs[:, 1]  # the paper's: linear in the mean motion
-    values["shear_x_mm"], values["shear_y_mm"] = 40 * mean.real + 0.2, 40 * mean.imag
-    rng = np.random.default_rng(3)
-    values["shear_x_mm"] = values["shear_x_mm"] + 0.05 * rng.normal(size=100)
+    noise = 0.05 * np.random.default_rng(3).normal(size=100)
+    values["shear_x_mm"], values["shear_y_mm"] = 40 * mean.real + 0.2 + noise, 40 * mean.imag
     _, choices = fit(REST, targets(values), extract, mm_per_px=None)
     shear = next(c for c in choices if c.outputs[0] == "shear_x_mm")
-    assert shear.chosen.name == "mean motion"
-    assert shear.chosen.n_terms == 2  # with the constant: preload
+    assert (shear.chosen.name, shear.chosen.n_terms) == ("mean motion", 2)  # with the constant: preload
     assert isinstance(shear.model, Polynomial)
     constant = shear.model.weights[shear.model.terms.index([])]
     assert constant[0] == pytest.approx(0.2, abs=0.02)
@@ -180,9 +175,8 @@ def test_the_scale_comes_from_known_places() -> None:
     extract, values = make(60)
     rng = np.random.default_rng(0)
     place = 8.0 * (rng.uniform(-1, 1, 60) + 1j * rng.uniform(-1, 1, 60))
-    contact = extract.contact.copy()
+    contact = np.full_like(extract.contact, 0.2)
     turned = place * np.exp(0.3j)  # a rig whose axes are rotated against the image's
-    contact[:] = 0.2
     contact[:, 0] = turned / 0.12 / REST.pattern.tip_radius_px
     values |= {"contact_x_mm": place.real, "contact_y_mm": place.imag}
     placed = replace(extract, contact=contact)
@@ -198,7 +192,7 @@ def _shuffled(n: int) -> dict[str, Array]:
 @pytest.mark.parametrize(
     ("values", "expected"),
     [
-        (make(9)[1], r"^table\.csv: 9 of 9 frames can be used, at least 12 are needed$"),
+        (make(9)[1], r"^table\.csv: 9 of 9 frames can be used, at least 12 \(6 with --prior\) are needed$"),
         ({"displacement_mm": np.full(40, 2.0)}, r"^table\.csv: .*no column varies.*over its 40 frames"),
         (_shuffled(60), r"^table\.csv: .*displacement_mm cannot be predicted from these frames.*image_"),
     ],
@@ -217,9 +211,9 @@ def test_the_reasons_of_unusable_frames_are_reported() -> None:
     half = extract.seen_n // (1 + (np.arange(20) == 1))
     few = replace(extract, trusted=trusted, in_contact=touched, seen_n=half)
     assert one_line(FitError, fit, REST, targets(values), few, mm_per_px=None) == (
-        "table.csv: 1 of 20 frames can be used, at least 12 are needed; pins not identified in 15 "
-        "(first: image_5.png); more than 45% of the pins lost in 1 (first: image_1.png); nothing "
-        "touches in 3 (first: image_2.png)"
+        "table.csv: 1 of 20 frames can be used, at least 12 (6 with --prior) are needed; pins not identified "
+        "in 15 (first: image_5.png); more than 45% of the pins lost in 1 (first: image_1.png); nothing touches "
+        "in 3 (first: image_2.png)"
     )
 
 
@@ -275,11 +269,20 @@ def test_presses_that_read_as_untouched_are_counted() -> None:
     extract, values = make(40)
     values["displacement_mm"] = np.linspace(-0.3, 3.6, 40)  # the first four: not pressed
     touched = np.arange(40) >= 10
-    extract = replace(extract, in_contact=touched)
-    (line,) = fit_warnings(targets(values), extract, [])
+    (line,) = fit_warnings(targets(values), replace(extract, in_contact=touched), [])
     assert line.startswith("6 of 36 pressed frames read as untouched")
     assert "displacement_mm = 0.6 (image_9.png)" in line
     assert not list(fit_warnings(targets(values), replace(extract, in_contact=touched | True), []))
+
+
+def test_odd_truth_is_warned_of() -> None:
+    extract, _ = make(40)
+    names, some = ("displacement_mm", "force_n", "tilt_x_deg", "torsion_deg"), np.linspace(-1.0, 1.0, 40)
+    odd = dict(zip(names, (0.0 * some + 2.0, 500.0 * some, 0.4 * some, 0.0 * some), strict=True))
+    lines = "; ".join(fit_warnings(targets(odd), extract, []))
+    assert "_mm is not fitted: it is 2 in all" in lines
+    assert "force_n reaches 500 N, a sample holds 65 N" in lines
+    assert (lines.count("radians"), lines.count("exchanged")) == (1, 1)
 
 
 @pytest.mark.parametrize("sticks", [True, False])

@@ -128,8 +128,10 @@ class DotContacts:
         errors = [self._fit.fit_line(x, y, half_x, half_y, math.inf, even) for even in (True, False)]
         if errors[0] < errors[1]:
             self._fit.fit_line(x, y, half_x, half_y, math.inf, True)
-        evidence = (len(starts) - 1) * (EVIDENCE if is_parted else SPLITS)
-        return None if self._is_better(least, min(errors), evidence) else self._region(0, is_line=True)
+        # What splits a region allows for the errors of both shapes, which are alike there.
+        evidence, floor = (EVIDENCE, self._floor) if is_parted else (SPLITS, 0.0)
+        stays = self._is_better(least + floor, min(errors) + floor, (len(starts) - 1) * evidence)
+        return None if stays else self._region(0, is_line=True)
 
     def _most_explained(self, left: Array) -> Array:
         """(2,) px, where one contact more would explain most of the motion that is left."""

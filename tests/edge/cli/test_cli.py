@@ -344,7 +344,7 @@ def mistaken(data_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
         ("replay {press} --view --view-token-file absent", "absent: No such file"),
         ("replay {press} --view-token 12345678", "there is no page; give --view too"),
         ("replay {press} --calibration text.png", "not a calibration file"),
-        ("replay {press} --speed max --calibration {other}", "calibration"),
+        ("replay {press} --calibration {other} --record there.mcap --overwrite", "calibration"),
         ("replay {press} --config bad.toml", "source: unknown key 'speck'"),
         ("replay float.tiff", "float.tiff: pixels of type float32; save it with 8 or 16 bits"),
         ("replay cut.mcap", "cut.mcap: cut off before its first whole image; copy or record it again"),
