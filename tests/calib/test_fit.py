@@ -205,15 +205,13 @@ def test_data_that_support_no_fit_are_refused(values: dict[str, Array], expected
 
 def test_the_reasons_of_unusable_frames_are_reported() -> None:
     extract, values = make(20)
-    trusted, touched = np.zeros(20, dtype=np.bool_), np.ones(20, dtype=np.bool_)
-    trusted[:5] = True
-    touched[2:10] = False
-    half = extract.seen_n // (1 + (np.arange(20) == 1))
-    few = replace(extract, trusted=trusted, in_contact=touched, seen_n=half)
+    i = np.arange(20)
+    seen_n, touched = extract.seen_n // np.where(i == 1, 2, 1), (i < 2) | (i >= 10)
+    few = replace(extract, trusted=i < 5, in_contact=touched, seen_n=seen_n)
     assert one_line(FitError, fit, REST, targets(values), few, mm_per_px=None) == (
         "table.csv: 1 of 20 frames can be used, at least 12 (6 with --prior) are needed; pins not identified "
-        "in 15 (first: image_5.png); more than 45% of the pins lost in 1 (first: image_1.png); nothing touches "
-        "in 3 (first: image_2.png)"
+        "in 15 (first: image_5.png); more than 45% of the pins lost in 1 (first: image_1.png); nothing "
+        "touches in 3 (first: image_2.png)"
     )
 
 
