@@ -31,7 +31,7 @@ from edge.geometry.select import SIGMA_OF_MAD
 from edge.params import PARAMS as RUNTIME
 from edge.pins import take_rest
 from edge.rest.symmetry import symmetry_of
-from edge.rest.tip_match import SHARED_MIN, identified, match_tip, near_rest
+from edge.rest.tip_match import SHARED_MIN, as_followed, identified, match_tip, near_rest
 from edge.types import FrameSource, Image, Lens, Pins, Polarity, Region, Rest, Tracks
 from hostlink.wire import RestFrameReason
 
@@ -122,6 +122,7 @@ def take_rest_frame(
         check(_begins(rest, first, last))
         if (symmetry := symmetry_of(rest)).in_contact:
             check(TareRefused(Reason.TOUCHED, f"something touches the tip ({symmetry.message})", LET_GO))
+    matched = as_followed(matched, images)
     if not problems:
         return RestFrame(matched)
     return RestFrame(matched, problems[0].reason, "; ".join(problem.problem for problem in problems))

@@ -4,6 +4,7 @@ A camera that was taken out and put back shifts and rotates all pins alike, a li
 best common shift, rotation and zoom is deformation: a touch, or another tip.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -70,17 +71,14 @@ def match_rest(made_with: Rest, rest: Rest) -> tuple[Rest, Tracks]:
     # A pin that was not found is put where the calibration's pin would have moved with the others.
     xy = np.where(seen[:, None], tracks.xy_img, made_with.xy_img + np.nanmedian(moved, axis=0))
     sigma = np.where(seen, tracks.sigma_px, made_with.pattern.pin_radius_px)
-    # Pins are read as the present images show them; one that was not found looks like the median.
+    # Brightness is that of the present images; a pin that was not found gets the median.
     nearest = nearest_of(rest.xy_img, xy)[1][:, 0]
-    radius, brightness = (
-        np.where(seen, column[nearest], np.median(column))
-        for column in (rest.pins.radius_px, rest.pins.brightness)
-    )
+    brightness = np.where(seen, rest.pins.brightness[nearest], np.median(rest.pins.brightness))
     views = tuple(
         rest.pattern if rest.part is None else rest.views[np.bincount(rest.part[nearest[rows]]).argmax()]
         for rows, _ in parts_of(made_with)
     )
-    pins = Pins(xy, sigma, radius, brightness)
+    pins = Pins(xy, sigma, made_with.pins.radius_px, brightness)
     return Rest(pins, rest.pattern, made_with.part, views if made_with.part is not None else ()), tracks
 
 
@@ -96,6 +94,17 @@ def near_rest(rest: Rest, image: Image) -> Pins:
     parts = parts_of(rest)
     found = [CentroidRefiner(own).refine(image, own.xy_img) for _, own in parts]
     return pins_joined([rows for rows, _ in parts], found)
+
+
+def as_followed(rest: Rest, images: Sequence[Image]) -> Rest:
+    """The rest frame with its pins where these images, which it is of, show them if they are followed.
+
+    A whole image that is searched shows them up to .05 px apart from there, with their sizes of that day.
+    """
+    xy = np.array([near_rest(rest, image).xy_img for image in images])
+    seen = np.isfinite(xy).all(axis=(0, 2))
+    xy = np.where(seen[:, None], np.median(xy, axis=0), rest.xy_img)
+    return replace(rest, pins=replace(rest.pins, xy_img=xy))
 
 
 def _check_lens(made_with: Lens | None, now: Lens | None) -> None:
