@@ -35,7 +35,7 @@ from calib.carry_over import KnownModel
 from calib.curve import CURVE, fit_curve
 from calib.designs import GROUPS, MEAN_MOTION, Group, designs, is_round, went_all_round
 from calib.errors import FitError
-from calib.extract import Extract
+from calib.extract import LOSS_MAX, Extract
 from calib.fit_params import PARAMS
 from calib.press_axis import check_press
 from calib.process_fit import INPUTS, FittedProcess, fit_process
@@ -194,7 +194,8 @@ def fit(
     """
     sensor = msgspec.structs.replace(sensor_of(rest, serial), estimated=estimated)
     _checked(sensor, mm_per_px, [], Data("", "", 0, ""))
-    usable = _usable_frames(targets, extract, PARAMS.known_rows_min if search.known else PARAMS.rows_min)
+    rows_min = PARAMS.known_rows_min if search.known else PARAMS.rows_min
+    usable = _usable_frames(targets, extract, len(rest), rows_min)
     check_press(targets, extract)
     choices: list[Choice] = []
     refused: list[str] = []
@@ -250,7 +251,7 @@ class Processes:
 
 def fit_processes(rest: Rest, targets: Targets, extract: Extract, pool: Executor | None = None) -> Processes:
     """The processes alone. Raises FitError: too few frames can be used, or none varies."""
-    usable = _usable_frames(targets, extract, PARAMS.rows_min) & _with_place(extract.inputs)
+    usable = _usable_frames(targets, extract, len(rest), PARAMS.rows_min) & _with_place(extract.inputs)
     problems = [p for p in _problems(rest, targets, extract, usable) if not p.groups[0].of_contact]
     axes = _axes(problems, {})
     problems = [problem.in_the_image(axes) for problem in problems]
@@ -312,10 +313,14 @@ def _checked(
     return Calibration.parse(encode(content), "the calibration fitted")
 
 
-def _usable_frames(targets: Targets, extract: Extract, rows_min: int) -> Mask:
-    """(frames,) bool: identities certain, touched, inputs computed. Raises FitError: too few, and why."""
+def _usable_frames(targets: Targets, extract: Extract, pins_n: int, rows_min: int) -> Mask:
+    """(frames,) bool: identities certain, touched, inputs computed. Raises FitError: too few, and why.
+
+    With more pins lost than the effect of a loss is learnt for, one frame may spoil a model of all.
+    """
     reasons = {
         "pins not identified": ~extract.trusted,
+        f"more than {LOSS_MAX:.0%} of the pins lost": extract.seen_n < (1.0 - LOSS_MAX) * pins_n,
         "nothing touches": ~extract.in_contact,
         "motion not computed": ~np.isfinite(extract.inputs[:, FRAME_INPUTS.index("c00")]),
     }

@@ -231,7 +231,9 @@ class Pipeline:
         else:
             of_views = [view.process(frame, self.drift, even_untrusted) for view in self._views]
             result = self._joined.result(frame, of_views)
-        if result.features is not None and self._plan.grip:
+        if result.features is None:
+            self._grip.forget()
+        elif self._plan.grip:
             self._update_grip(result.features, result.reading)
         return result
 
@@ -257,10 +259,11 @@ class Pipeline:
         return self._joined.features([v.features(tracks_of(tracks, v.rows), plan) for v in self._views])
 
     def forget(self, noise: bool = False) -> None:
-        """Treat the next frame on its own, as after a jump: no pin positions are carried over.
+        """Treat the next frame on its own, as after a jump: neither places nor loads are carried over.
 
         noise  nor what untouched frames have taught of it: the first frame of a finger
         """
+        self._grip.forget()
         if self._smoother is not None:
             self._smoother.forget()
         for view in self._views:

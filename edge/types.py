@@ -427,7 +427,7 @@ class Features:
     torsion_rad     rotation of the motion field about the contact
     slip_px         float, expected rms motion within the contact since the last frame that no load explains
     slip_probability, twist_slip_probability  0..1, that more than a third of the contact's area slides:
-                    of drag and twist the larger one, and of the twist
+                    of drag and twist the larger one, and of the twist; NaN, as `slip_px`: not known
     vibration_px    float, rms motion of the contact's pins above `features.params.vibration_from_hz`; 0: no
                     contact; NaN: not known yet
     vibration_to_hz float, upper end of its band: half the frame rate

@@ -51,12 +51,12 @@ def gentle_grip(of: dict[str, Any], capsys: pytest.CaptureFixture[str]) -> None:
     _, slides = np.transpose(list(of["simulated"]()))
     assert slides[-1] == 1.0
     grip = of["Grip"]()
-    assert [grip.speed_mm_s(x, nan, nan) for x in (nan, 0.7, 0.8, 0.9)] == [2.0, 2.0, 0.0, 0.0]
-    seen = ((Status(0), 0.3), (Status.SATURATED, 2.0), (Status.NOT_LIVE, 0.3), (Status(0), 0.9))
-    hand_of(of, [State(status=status, displacement_mm=mm) for status, mm in seen])
+    assert [grip.speed_mm_s(x, nan, nan) for x in (nan, 0.7, 0.8, 0.9)] == [0.0, 2.0, 0.0, 0.0]
+    seen = ((Status(0), 0.01), (Status.NOT_LIVE, 0.01), (Status(0), nan), (Status.SATURATED, 1.5))
+    hand_of(of, [State(status=s, displacement_mm=0.3, displacement_sigma_mm=mm) for s, mm in seen])
     moves: list[float] = []
     of["on_link"]("can:can0", moves.append)
-    assert moves == [2.0, 2.0, 0.0, 0.0, 0.0]
+    assert moves == [2.0, 0.0, 0.0, 0.0, 0.0]
 
 
 def follow_an_edge(of: dict[str, Any], capsys: pytest.CaptureFixture[str]) -> None:

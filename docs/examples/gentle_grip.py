@@ -15,16 +15,15 @@ from edge import Fingertip
 
 DEPTH_MM, SPEED_MM_S, MARGIN = 0.8, 2.0, 0.2
 FRICTION = 0.6  # taken for granted; what the object has is not known before it was dragged
-NEEDED = ("displacement_mm", "friction", "slip_margin")
 
 
 class Grip:
     held = False
 
     def speed_mm_s(self, depth_mm: float, friction: float, margin: float) -> float:
-        if not self.held:  # NaN, a value that is not valid, compares as false
+        if not self.held:  # NaN, a value that is not valid, compares as false: then it waits
             self.held = depth_mm >= DEPTH_MM
-            return 0.0 if self.held else SPEED_MM_S
+            return SPEED_MM_S if depth_mm < DEPTH_MM else 0.0
         load = friction * (1.0 - margin)  # along the surface, over the normal force
         return SPEED_MM_S if load > (1.0 - MARGIN) * max(friction, FRICTION) else 0.0
 
@@ -37,8 +36,9 @@ def simulated() -> Iterator[tuple[float, float]]:
     while pulled_mm < 1.3:
         frame = finger.frame((ToolPose(depth_mm=closed_mm, shear_x_mm=pulled_mm),) if closed_mm > 0 else ())
         read = tip.read(frame.image, frame.capture_ns / 1e9).reading
-        valid = {**read.values, **dict.fromkeys(read.saturated, math.nan)}
-        closed_mm += grip.speed_mm_s(*(valid.get(name, math.nan) for name in NEEDED)) / finger.rate_hz
+        at_most_mm = read.values["displacement_mm"] + 2.0 * read.sigmas["displacement_mm"]
+        of_load = (read.values.get(name, math.nan) for name in ("friction", "slip_margin"))
+        closed_mm += grip.speed_mm_s(at_most_mm, *of_load) / finger.rate_hz
         pulled_mm += 0.02 if grip.held else 0.0
         yield closed_mm, max((frame.truth or {})["slip"], default=0.0)
 
@@ -48,9 +48,9 @@ def on_link(address: str, move: Callable[[float], object] = print) -> None:
     with hostlink.connect(address) as hand, ExitStack() as at_the_end:
         at_the_end.callback(move, 0.0)
         for sample in hand.samples(timeout_s=0.05):  # silence ends it
-            s, stop = sample.state, sample.state.status & hostlink.NO_CONTROL
-            depth_mm = math.nan if s.status & hostlink.Status.SATURATED else s.displacement_mm
-            move(0.0 if stop else grip.speed_mm_s(depth_mm, s.friction, s.slip_margin))
+            s, stop = sample.state, sample.state.status & (hostlink.NO_CONTROL | hostlink.Status.OVERLOAD)
+            at_most_mm = s.displacement_mm + 2.0 * s.displacement_sigma_mm  # large if the touch is not known
+            move(0.0 if stop else grip.speed_mm_s(at_most_mm, s.friction, s.slip_margin))
 
 
 if __name__ == "__main__":

@@ -29,6 +29,7 @@ cdef class Regions:
 
     cpdef Py_ssize_t merge(self, const float[::1] noise, double noise_px) noexcept
     cpdef void keep(self, const unsigned char[::1] kept) noexcept
+    cpdef void join(self, Py_ssize_t i, Py_ssize_t j) noexcept
     cpdef double area_px2(self, Py_ssize_t i) noexcept
     cpdef double peak_height(self, Py_ssize_t i) noexcept
     cpdef object ridge(self, Py_ssize_t i)
@@ -58,12 +59,17 @@ cdef class ContactFinder:
     cdef double[:, :, ::1] _table  # of each contact: place less curl moment, these three, middle
     cdef list _copies  # of each contact: of each of these
     cdef Py_ssize_t _n_before  # regions of the last frame, before any was split or joined
-    cdef double _visibility_radius_px, _place_radius_px, _place_radius_axis, _contact_sigma
-    cdef double _min_area_change, _min_oriented_elongation, _min_fitted_elongation
+    cdef double _pitch_px, _shallow_rel, _visibility_radius_px, _place_radius_px, _place_radius_axis, _contact_sigma
+    cdef double _min_area_change, _min_oriented_elongation, _min_fitted_elongation, _min_cut_elongation
 
     cpdef void forget(self) except *
     cpdef tuple find(self, object seen, double sigma_px, bint moments=*, int fits=*)
     cdef void _look_closer(self, object seen, double sigma_px) except *
+    cdef void _unite(self, object seen) except *
+    cdef bint _are_neighbours(self, Py_ssize_t i, Py_ssize_t j) noexcept
+    cdef double _distance(self, Py_ssize_t i, Py_ssize_t j) noexcept
+    @cython.locals(inwards=double, size=double, total=double, motion=double)
+    cdef double _rise(self, object seen, Py_ssize_t i, Py_ssize_t j) except *
     cdef object _describe(self, Py_ssize_t i, double direction, bint moments, list fitted)
     cpdef void drop_guesses(self, const unsigned char[::1] seen) noexcept
     cpdef double visible_share(self, const unsigned char[::1] seen, double x, double y) noexcept

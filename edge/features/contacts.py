@@ -11,6 +11,8 @@ Rules
 - Two peaks are one contact unless every path between them descends far enough: by a share of the
   lower one and by a multiple of the pins' noise there (topographic prominence). A second peak lower than that
   noise is none, however far away.
+- A flat surface or a long edge grows cells at several places of its rim. Between two tools the skin comes
+  back up, so that pins lean from each towards the middle between them; under one tool they do not.
 - The region of a contact is what lies above a share of its peak and is nearest to one of its peaks. A share
   rather than a fixed height, so that the region does not grow with the depth alone.
 - Contacts are in the order of their highest peaks, CONTACTS_MAX at most.
@@ -24,7 +26,7 @@ Rules
 
 import cython
 import numpy as np
-from cython.cimports.libc.math import atan2, hypot, isfinite, sqrt
+from cython.cimports.libc.math import atan2, fabs, hypot, isfinite, sqrt
 from numpy.typing import NDArray
 
 from edge.features.contact_field import PeakFinder
@@ -143,11 +145,14 @@ class Regions:
         self._measure()
         return True
 
-    def join(self) -> None:
-        """Make one contact of the only two."""
-        for j in range(self._n_peaks):
-            self._contact[j] = 0
-        self.n_contacts = 1
+    def join(self, i: cython.Py_ssize_t, j: cython.Py_ssize_t) -> None:
+        """Make one contact of two, i before j."""
+        for p in range(self._n_peaks):
+            if self._contact[p] == j:
+                self._contact[p] = i
+            elif self._contact[p] > j:
+                self._contact[p] -= 1
+        self.n_contacts -= 1
         self._measure()
 
     def _nearest_point(self, x: cython.double, y: cython.double) -> int:
@@ -305,7 +310,8 @@ class ContactFinder:
         self.regions = Regions(self.peaks, x0, y0, surface.step_px)
         self.fitted = FittedContacts(surface, self.regions)
         self._pin_noise = PinNoise(surface.rest_img, pitch_px)
-        self._rest = surface.rest_img
+        self._rest, self._pitch_px = surface.rest_img, pitch_px
+        self._shallow_rel = PARAMS.shallow_rel
         self._xy = self._xy_array = xy
         self._field_noise = surface.divergence_noise
         points_n = len(self.field.points)
@@ -320,6 +326,9 @@ class ContactFinder:
         self._place_radius_axis = PARAMS.place_radius_axis
         self._contact_sigma, self._min_area_change = PARAMS.contact_sigma, PARAMS.min_area_change
         self._min_oriented_elongation = PARAMS.min_oriented_elongation
+        # A neighbour may cut a round region in half: half of a disc is so much longer than wide.
+        half_disc = 1.0 / sqrt(1.0 - 64.0 / (9.0 * np.pi**2))
+        self._min_cut_elongation = max(half_disc, self._min_oriented_elongation)
         # A contact of that elongation has such a region, if the region is blurred by the contact's width.
         self._min_fitted_elongation = sqrt(0.5 * (self._min_oriented_elongation**2 + 1.0))
 
@@ -349,6 +358,8 @@ class ContactFinder:
             self.peaks.n_peaks = 1  # cells together show a touch where no point stands out: the highest is it
         if regions.merge(self._field_noise, 0.0) > 1:  # noise joins contacts, it parts none
             self._look_closer(seen, sigma_px)
+        if regions.n_contacts > 1:
+            self._unite(seen)
         n = regions.n_contacts
         if n != self._n_before:  # with other regions it is another scene
             self.forget()
@@ -377,7 +388,7 @@ class ContactFinder:
             return (self._describe(0, direction, moments, fitted),)
         contacts = []
         for i in range(regions.n_contacts):
-            is_long = regions.elongation[i] >= self._min_oriented_elongation
+            is_long = regions.elongation[i] >= self._min_cut_elongation
             contacts.append(self._describe(i, regions.direction[i] if is_long else NAN, moments, fitted))
         return tuple(contacts)
 
@@ -389,6 +400,57 @@ class ContactFinder:
         noise_px = hypot(self._pin_noise.sigma_px(self._xy, mask), sigma_px)
         if self.regions.merge(self._field_noise, noise_px) > 1:
             self.drop_guesses(mask)
+
+    def _unite(self, seen: Mask) -> None:
+        """Make one contact of neighbours between which the skin does not come back up."""
+        i = 1
+        while i < self.regions.n_contacts:
+            for j in range(i):
+                if self._are_neighbours(i, j) and self._rise(seen, i, j) < -self._shallow_rel:
+                    self.regions.join(j, i)
+                    i = 0
+                    break
+            i += 1
+
+    def _are_neighbours(self, i: cython.Py_ssize_t, j: cython.Py_ssize_t) -> bool:
+        """Whether no third contact is nearer to both of them than they are to each other."""
+        apart = self._distance(i, j)
+        for k in range(self.regions.n_contacts):
+            if k != i and k != j and max(self._distance(i, k), self._distance(j, k)) < apart:
+                return False
+        return True
+
+    def _distance(self, i: cython.Py_ssize_t, j: cython.Py_ssize_t) -> float:
+        """px, between the middles of two contacts."""
+        middle = self.regions.middle
+        return hypot(middle[i, 0] - middle[j, 0], middle[i, 1] - middle[j, 1])
+
+    def _rise(self, seen: Mask, i: cython.Py_ssize_t, j: cython.Py_ssize_t) -> float:
+        """Share of the motion along the way from i to j that leads to its middle, less that which leads away.
+
+        It is interpolated from the seen pins within a pitch.
+        Source  Franke and Nielson, "Smooth interpolation of large sets of scattered data", 1980
+        """
+        mask: cython.const[cython.uchar][::1] = seen
+        x0, y0 = self.regions.middle[i, 0], self.regions.middle[i, 1]
+        way_x, way_y = self.regions.middle[j, 0] - x0, self.regions.middle[j, 1] - y0
+        half = cython.cast(cython.Py_ssize_t, self._distance(i, j) / (2.0 * self.regions.step_px)) + 1
+        inwards = size = 0.0
+        for k in range(2 * half):
+            share = (k + 0.5) / (2.0 * half)
+            total = motion = 0.0
+            for p in range(self._rest.shape[0]):
+                dx, dy = self._rest[p, 0] - x0 - share * way_x, self._rest[p, 1] - y0 - share * way_y
+                near2 = (dx * dx + dy * dy) / (self._pitch_px * self._pitch_px)
+                if near2 < 1.0 and mask[p]:
+                    w = (1.0 / max(sqrt(near2), _VARIANCE_MIN) - 1.0) ** 2
+                    total += w
+                    motion += w * (self._xy[p, 0] - self._rest[p, 0]) * way_x
+                    motion += w * (self._xy[p, 1] - self._rest[p, 1]) * way_y
+            if total > 0.0:
+                inwards += motion / total if k < half else -motion / total
+                size += fabs(motion / total)
+        return inwards / size if size > 0.0 else 0.0
 
     def _describe(
         self, i: cython.Py_ssize_t, direction: float, moments: bool, fitted: list[FittedContact]

@@ -134,6 +134,7 @@ class FeatureExtractor:
     _motion_array: Array  # of the frame in hand
     _largest_noise: cython.double
     _rest_variance: cython.double
+    _touched: cython.bint  # in the frame before
     _contact_sigma: cython.double
     _min_area_change: cython.double
 
@@ -142,7 +143,7 @@ class FeatureExtractor:
         self._is_of_dots, self._dots = dots, None
         self._n, self._rest = n, rest
         self._motion = PinMotion(rest)
-        self._xy_img, self._n_seen = None, 0
+        self._xy_img, self._n_seen, self._touched = None, 0, False
         self._area_change = AreaChange(rest.xy_img, rest.pattern.pitch_px, rest_area_px2)
         self._detector = ContactDetector(rest)
         self._modes, self._vibration = Modes(rest), Vibration(rest.xy_img)
@@ -182,7 +183,7 @@ class FeatureExtractor:
     def forget_contacts(self, slip: cython.bint = False, noise: cython.bint = False) -> None:
         """The next frame's contacts do not follow from the last one's; slip, noise: nor do these."""
         if slip:
-            self._slip.forget()
+            self._slip.forget(self._touched and not noise)
         if noise:
             self._detector.forget()
         if self._finder is not None:
@@ -245,6 +246,7 @@ class FeatureExtractor:
             in_contact = self._detector.by_area(change, self._motion.xy, sigma_px)
         elif touched is None:
             in_contact = self._detector.by_motion(self._motion.xy, sigma_px)
+        self._touched = in_contact
         modes_px, of_areas, of_pins = None, _NO_AREAS, _NO_PINS
         changes, motions = self._changes.take(), self._motions.take()
         if plan.modes and (in_contact or plan.modes_at_rest):
@@ -357,8 +359,10 @@ class FeatureExtractor:
         if self._plan.torsion:
             torsion = motion.torsion()
         if self._plan.slip:
-            self._slip.update(motions, changes, now_px)
+            self._slip.update(motions, changes, now_px, capture_ns)
             slip, probability, of_twist = self._slip.slip_px, self._slip.probability, self._slip.of_twist
+            if self._slip.unseen:
+                slip = probability = of_twist = NAN
         if self._plan.vibration:
             rms, to_hz = self._vibration.update(motion.motion, motion.pins, motion.n_pins, now_px, capture_ns)
         return torsion, slip, probability, of_twist, rms, to_hz

@@ -9,7 +9,8 @@ cdef class Slip:
     cdef PinMotion _motion
     cdef const double[:, ::1] _rest
     cdef double _pressing_rel, _sigmas, _prior_odds, _pitch_px, _tip_radius_px
-    cdef list _past  # motion of the last frames since the touch, and their area changes: the results' own
+    cdef list _past  # motion of the last frames since the touch, their area changes, the results' own, and times
+    cdef readonly bint unseen
     cdef bint _begun, _presses  # _presses: in the frame before
     cdef double[:, ::1] _begin  # motion where the path begins, a mean of _n_begin frames
     cdef int[::1] _core  # rows of the contact's pins, and of those around it
@@ -19,7 +20,7 @@ cdef class Slip:
     cdef double[:, ::1] _across
     cdef double[::1] _of_core, _of_around  # motion x, y, and its moment
     cdef double[::1] _noise_s  # of the core's drag and twist, and around it, for pins of one sigma
-    cdef double _noise_q, _lag
+    cdef double _noise_q, _lag, _gap_ns
     cdef const double[:, :, ::1] _curves
     cdef int[::1] _n_path  # here and below: of the drag, and of the twist
     cdef double[::1] _spacing, _probable
@@ -27,9 +28,9 @@ cdef class Slip:
     cdef double[::1] _weight_of, _curve  # of a path's points
     cdef double[::1] _square  # of each share: of the path's distance from its curve, in sigmas
 
-    cpdef void forget(self) noexcept
-    cpdef void update(self, object motion_px, object area_change, double sigma_px) except *
-    cdef void _compare(self, object area_change, double sigma_px) except *
+    cpdef void forget(self, bint touched=*) noexcept
+    cpdef void update(self, object motion_px, object area_change, double sigma_px, long long at_ns) except *
+    cdef void _compare(self, object area_change, double sigma_px, long long at_ns) except *
     cdef void _forget_path(self) noexcept
     @cython.locals(compressed=double, x=double, y=double, square=double)
     cdef void _begin_path(self, object area_change) except *

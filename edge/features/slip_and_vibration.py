@@ -35,6 +35,8 @@ Rules of slip
 - While all of a contact's cells increase, or all decrease, by more than by noise and than it turns, it is
   pressed or released, which moves its pins too: after two such frames no slip is reported, and the path
   begins anew. A single one may be noise, of a contact of three pins: the probability stays.
+- A touch that goes on after a gap, or after slip was not demanded, may slide already, and its curve would
+  not show it: nothing is known until it turns back, or is pressed or released.
 - A contact that slides as a whole at constant load moves no pin: the last share stays. The steady gliding of
   a large smooth plane has no speed for a camera behind the skin.
 
@@ -61,6 +63,7 @@ from cython.cimports.libc.math import exp, fabs, hypot, isnan, sqrt, tan
 
 from edge.features.params import CELL_NOISE, PARAMS
 from edge.features.pin_motion import PinMotion
+from edge.params import PARAMS as RUNTIME
 from edge.types import Array, Index, Rest
 
 if cython.compiled:
@@ -89,9 +92,10 @@ Rms = tuple[float | None, float | None]
 class Slip:
     """Slip of one touch, frame by frame.
 
-    slip_px      expected rms over the contact's pins of the motion that no load explains, per frame
+    slip_px      expected rms over the contact's pins of the motion that no load explains since the last frame
     probability  0..1 that more than a third of the contact's area slides
     of_twist     the same of a twist alone
+    unseen       the path did not begin with the touch, and may be one of a contact that slid already
     """
 
     def __init__(self, rest: Rest, motion: PinMotion) -> None:
@@ -99,6 +103,7 @@ class Slip:
         self._n, self._motion = n, motion
         self._rest = np.ascontiguousarray(rest.xy_img, np.float64)
         self._span, self._pressing_rel = PARAMS.slip_span_frames, PARAMS.slip_pressing_rel
+        self._gap_ns = self._span * RUNTIME.announced_s * 1e9  # so much passes only where the clock was set
         self._begin = np.empty((n, 2))
         self._core, self._around = np.empty(n, np.int32), np.empty(n, np.int32)
         self._n_core, self._n_around = 0, 0
@@ -115,30 +120,32 @@ class Slip:
         self._sigmas, self._prior_odds = PARAMS.contact_sigma, PARAMS.slip_prior_odds
         self.forget()
 
-    def forget(self) -> None:
-        """Drop the frames before this one: contact lost, identities lost, or slip not demanded."""
-        past: list[tuple[Array, Array]] = []
+    def forget(self, touched: cython.bint = False) -> None:
+        """Drop the frames before: identities lost, or slip not demanded; touched: while something touched."""
+        past: list[tuple[Array, Array, int]] = []
         self._past, self._presses = past, False
         self.slip_px = 0.0
         self._forget_path()
+        self.unseen = touched
 
-    def update(self, motion_px: Array, area_change: Array, sigma_px: float) -> None:
+    def update(self, motion_px: Array, area_change: Array, sigma_px: float, at_ns: cython.longlong) -> None:
         """Compare with the frame `slip_span_frames` before this one, or with the oldest since the touch.
 
         motion_px    (n, 2) float64, that of the pins, in an array that stays as it is
         area_change  (n,) float64, relative, since rest; NaN where lost, or unknown; it stays, too
         sigma_px     noise of one coordinate of one pin in one frame
+        at_ns        when it was taken; 0, or more than 0.1 s apart: the frames came evenly
         """
         self.slip_px = 0.0
         if self._past:
-            self._compare(area_change, sigma_px)
+            self._compare(area_change, sigma_px, at_ns)
         if len(self._past) == self._span:
             del self._past[0]
-        self._past.append((motion_px, area_change))
+        self._past.append((motion_px, area_change, at_ns))
 
-    def _compare(self, area_change: Array, sigma_px: float) -> None:
+    def _compare(self, area_change: Array, sigma_px: float, at_ns: cython.longlong) -> None:
         """Compare with the oldest frame that is kept."""
-        motion_px, change = self._past[0]
+        motion_px, change, begun_ns = self._past[0]
         used = self._motion.fit_step(motion_px)
         n = self._motion.n_pins
         noise = self._sigmas * CELL_NOISE * sigma_px / self._pitch_px * sqrt(2.0 * n)
@@ -157,11 +164,15 @@ class Slip:
         free = 2 * used - 6  # two components, each with three unknowns
         if free >= 4:
             unexplained = self._motion.left_px2 - 2.0 * (sigma_px * sigma_px) * free
-            self.slip_px = self.probability * sqrt(max(unexplained, 0.0) / used) / len(self._past)
+            n_past = len(self._past)
+            before_ns: cython.longlong = self._past[n_past - 1][2]
+            span_ns: cython.double = at_ns - begun_ns
+            of_step = (at_ns - before_ns) / span_ns if 0.0 < span_ns < self._gap_ns else 1.0 / n_past
+            self.slip_px = self.probability * sqrt(max(unexplained, 0.0) / used) * of_step
 
     def _forget_path(self) -> None:
         """Begin a new path with the next frame."""
-        self._begun = False
+        self._begun = self.unseen = False
         for k in range(2):
             self._n_path[k] = 0
             self._spacing[k] = 0.0

@@ -28,6 +28,7 @@ from hostlink.wire.canid import NODES_MAX
 from hostlink.wire.nmt import LEADS_TO, NmtCommand, NmtState
 
 _FAULTS = {fault.code: fault for fault in FAULTS}
+_SINCE_THE_LAST = int(Status.FRAMES_DROPPED | Status.CLOCK_STEP)  # what the host must hear of
 
 
 class Node:
@@ -48,7 +49,7 @@ class Node:
         self._sending, self._watching = threading.Lock(), threading.Lock()
         self._latched: tuple[State, float] | None = None
         self._syncs = self._frames = self._dropped_n = self._detail_counter = self._detail_frames = 0
-        self._next_us = 0.0
+        self._next_us, self._unsaid = 0.0, 0  # status bits of samples that were not sent
         self._active: set[FaultCode] = set()
         self._link_faults: frozenset[FaultCode] = frozenset()
         self.number, self.state = sink.node, NmtState.BOOT_UP
@@ -68,13 +69,13 @@ class Node:
     def send(self, state: State) -> bool:
         """Send a sample if it is due; True: it was sent. One that is not due is not counted either."""
         self.objects.newest = state
-        if self.state is not NmtState.OPERATIONAL or not self._is_due(state):
-            return False
-        if self.objects.transmission[1] != 254:
+        if self.state is NmtState.OPERATIONAL and self._is_due(state):
+            if self.objects.transmission[1] == 254:
+                return self._send(state)
             with self._sending:
                 self._latched = (state, time.monotonic())
-            return False
-        return self._send(state)
+        self._unsaid |= int(state.status) & _SINCE_THE_LAST
+        return False
 
     @property
     def detail_divider(self) -> int:
@@ -151,9 +152,13 @@ class Node:
         dropped_n = self.sink.dropped_n
         if dropped_n != self._dropped_n or not self.sink.up:
             state = replace(state, status=state.status | Status.LINK_FAULT)
+        if self._unsaid:
+            state = replace(state, status=state.status | self._unsaid)
         sent = self.sink.send(state)
         if sent:
-            self._dropped_n = dropped_n
+            self._dropped_n, self._unsaid = dropped_n, 0
+        else:
+            self._unsaid |= int(state.status) & _SINCE_THE_LAST
         return sent
 
     def _is_due(self, state: State) -> bool:

@@ -62,13 +62,14 @@ class Measurement:
         self._reference: Rest | None = None  # the last rest frame that was not forced
         self._shape = (0, 0)  # of the rest frame's image
         self._failing = False  # the last frame could not be computed
+        self._forced = False  # the rest frame in use was: against it, an untouched tip may seem touched
         if calibration is None:
             faults.report(FaultCode.CALIBRATION_MISSING, True, NO_CALIBRATION)
 
     def ask_tare(self, force: bool) -> TareRequest:
         """As `TareState.ask`; refused too after a frame that showed a touch. Raises RequestRefused."""
         features = self.last.features if self.last else None
-        if features is not None and features.in_contact and not force:
+        if features is not None and features.in_contact and not (force or self._forced):
             raise RequestRefused("something touches the tip; let go, or force the tare")
         return self.tare.ask(force)
 
@@ -239,7 +240,8 @@ class Measurement:
         self._shape = found.rest.pattern.size_px[::-1]
         self.tares_n += 1
         self._detector.learn(found.rest, frame, self.calibration is not None)
-        if found.reason is RestFrameReason.NONE:
+        self._forced = found.reason is not RestFrameReason.NONE
+        if not self._forced:
             self._reference = found.rest
             state = RestFrameState.ACCEPTED
         else:

@@ -30,6 +30,7 @@ from edge.sources.shared_memory import Inbox  # noqa: E402
 from edge.worker.params import PARAMS, WorkerConfig  # noqa: E402
 from hostlink.interrupt import ENDING  # noqa: E402
 from hostlink.web import CommandRefused, WebError  # noqa: E402
+from hostlink.wire import RestFrameState  # noqa: E402
 
 log = logging.getLogger("edge.worker")
 
@@ -114,15 +115,15 @@ class Worker:
         if not self._taring.acquire(blocking=False):
             raise CommandRefused("a rest frame is being taken already; ask again when it is done")
         try:
-            self._send("tare", bool(fields.get("force")))
-            refused = self._control.recv()  # nothing else comes this way
+            self._send("tare", fields.get("force") is True)
+            state, said = self._control.recv()  # nothing else comes this way
         except (EOFError, OSError):
-            refused = "the program ends"
+            state, said = RestFrameState.REFUSED, "the program ends"
         finally:
             self._taring.release()
-        if refused:
-            raise CommandRefused(refused)
-        return "a new rest frame is in use"
+        if state is RestFrameState.REFUSED:
+            raise CommandRefused(said)
+        return f"rest frame forced: {said}" if said else "a new rest frame is in use"
 
     def _record(self, fields: Mapping[str, Any]) -> str:
         with self._switching:

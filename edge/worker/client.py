@@ -178,13 +178,13 @@ class WorkerClient:
 
         self._loop.post(change)
 
-    def _tare(self, force: bool) -> str:
-        """Have a new rest frame taken; "" or why the previous one stays in use."""
+    def _tare(self, force: bool) -> tuple[RestFrameState, str]:
+        """Have a new rest frame taken; what became of it, and why."""
         try:
             outcome = self._loop.measurement.ask_tare(force).done.result()
         except RequestRefused as error:
-            return str(error)
-        return outcome.message if outcome.state is RestFrameState.REFUSED else ""
+            return RestFrameState.REFUSED, str(error)
+        return outcome.state, outcome.message
 
     def _on_worker_exit(self) -> None:
         """The worker ended unexpectedly: report it, and serve the page again."""

@@ -24,8 +24,9 @@ from hostlink.client import Connection, Sample
 from hostlink.commands.monitor import Board, FingerRow
 from hostlink.errors import LinkError, VersionMismatch
 from hostlink.web import CommandRefused, Listen, PageServer, pack_packet
-from hostlink.wire import State
+from hostlink.wire import RestFrameState, State
 from hostlink.wire.fields import FIELDS
+from hostlink.wire.objects import REST_FRAME_REASONS
 from hostlink.wire.shown import live_charts, live_fields
 
 __all__ = ["HandView"]
@@ -191,7 +192,10 @@ class HandView:
         if type(node) is not int or node not in self._connection.fingers:
             raise CommandRefused("no such finger was heard")
         try:
-            self._connection.fingers[node].tare(bool(fields.get("force")))
+            outcome = self._connection.fingers[node].tare(force=fields.get("force") is True)
         except LinkError as error:
             raise CommandRefused(f"finger {node}: {error}") from None
+        if outcome.state is RestFrameState.FORCED:
+            why = outcome.message or REST_FRAME_REASONS[outcome.reason]
+            return f"finger {node}: rest frame forced: {why}"
         return f"finger {node}: the new rest frame is in use"

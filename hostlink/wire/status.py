@@ -65,7 +65,11 @@ class StatusBit:
 STATUS: Final = (
     StatusBit(Status.TOUCHED, "something touches the tip", "no fault; contacts and areas are worth reading"),
     StatusBit(Status.UNCALIBRATED, "no calibration of this tip is applied", "calibrated fields are invalid"),
-    StatusBit(Status.SATURATED, "a value lies outside of its calibrated range", "it is the range's end"),
+    StatusBit(
+        Status.SATURATED,
+        "a value lies outside of its calibrated range",
+        "it is an end of the range, the nearer one where its sigma is small",
+    ),
     StatusBit(Status.OVERLOAD, "the tip is pressed or sheared beyond its limit", "let go"),
     StatusBit(Status.CAMERA_FAULT, "no new images", "every measured field is invalid", no_control=True),
     StatusBit(Status.IMAGE_FAULT, "image too dark, too bright or out of focus", "values may be noisy"),

@@ -53,12 +53,8 @@ def gentle() -> Controller:
     grips = {node: example["Grip"]() for node in FINGERS}
 
     def control(states: dict[int, State]) -> tuple[float, bool]:
-        speeds = [
-            grips[node].speed_mm_s(
-                math.nan if s.status & Status.SATURATED else s.displacement_mm, s.friction, s.slip_margin
-            )
-            for node, s in states.items()
-        ]
+        at_most_mm = {node: s.displacement_mm + 2.0 * s.displacement_sigma_mm for node, s in states.items()}
+        speeds = [grips[n].speed_mm_s(at_most_mm[n], s.friction, s.slip_margin) for n, s in states.items()]
         return max(speeds), all(grip.held for grip in grips.values())
 
     return control

@@ -204,13 +204,13 @@ def test_data_that_support_no_fit_are_refused(values: dict[str, Array], expected
 
 def test_the_reasons_of_unusable_frames_are_reported() -> None:
     extract, values = make(20)
-    trusted, touched = np.zeros(20, dtype=np.bool_), np.ones(20, dtype=np.bool_)
-    trusted[:5] = True
-    touched[2:10] = False
-    few = replace(extract, trusted=trusted, in_contact=touched)
+    k = np.arange(20)
+    trusted, touched = k < 5, (k < 2) | (k >= 10)
+    few = replace(extract, trusted=trusted, in_contact=touched, seen_n=extract.seen_n // (1 + (k == 1)))
     assert one_line(FitError, fit, REST, targets(values), few, mm_per_px=None) == (
-        "table.csv: 2 of 20 frames can be used, at least 12 (6 with --prior) are needed; pins not identified "
-        "in 15 (first: image_5.png); nothing touches in 3 (first: image_2.png)"
+        "table.csv: 1 of 20 frames can be used, at least 12 (6 with --prior) are needed; pins not identified "
+        "in 15 (first: image_5.png); more than 45% of the pins lost in 1 (first: image_1.png); nothing "
+        "touches in 3 (first: image_2.png)"
     )
 
 

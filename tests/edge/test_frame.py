@@ -51,7 +51,7 @@ def test_values_follow_the_truth_and_no_slip_outlasts_a_gap(
     pipeline.forget()
     after_gap: Any = pipeline.process(frames[-1])
     assert (last.searched, after_gap.searched) == (False, True)
-    assert after_gap.features.slip_probability == 0.0 < last.features.slip_probability
+    assert np.isnan([one.features.slip_probability for one in (after_gap, last)]).tolist() == [True, False]
 
 
 def test_no_pin_is_lost_in_the_first_image_of_a_fast_touch() -> None:
@@ -116,6 +116,8 @@ def test_friction_and_slip_margin_come_with_the_forces(
     load = np.hypot(last["force_x_n"], last["force_y_n"]) / last["force_n"]
     assert last["friction"] == pytest.approx(load, rel=0.3)
     assert last["slip_margin"] == pytest.approx(max(0.0, 1 - load / last["friction"]), abs=0.1)
+    pipeline.forget()  # as after a gap, when another thing may be held
+    assert pipeline.process(frames[-12]).reading.values["friction"] < 0.9 * last["friction"]
     without = Pipeline(match_tip(gripping, rest)[0], gripping, frozenset({Feature.SHEAR}))
     assert not [v for v in map(without.process, frames) if "slip_margin" in v.reading.values]
 

@@ -4,6 +4,7 @@ import ctypes
 import re
 import threading
 import time
+from dataclasses import replace
 from itertools import count
 from math import nan
 from pathlib import Path
@@ -34,7 +35,8 @@ def code(heading: str, language: str) -> str:
 
 def sample(number: int, mm: float, status: Status = NONE) -> State:
     now_us = time.monotonic_ns() // 1000
-    return State(sample=number, capture_time_us=now_us, latency_us=10.0, displacement_mm=mm, status=status)
+    state = State(sample=number, capture_time_us=now_us, latency_us=10.0, displacement_mm=mm, status=status)
+    return replace(state, displacement_sigma_mm=1.5 if status & Status.SATURATED else 0.01)
 
 
 def patiently(program: str) -> str:
@@ -49,14 +51,13 @@ def test_python_control_loop_moves_on_valid_live_samples_alone(request: pytest.F
     sequence = [
         (0.25, Status(0)),
         (nan, Status(0)),
-        *((0.25, bit) for bit in Status if bit & NO_CONTROL),
+        *((0.25, bit) for bit in Status if bit & (NO_CONTROL | Status.SATURATED)),
         (0.25, Status.TOUCHED | Status.IMAGE_FAULT),
         (1.5, Status(0)),
     ]
 
     moves: list[str] = []
-    moved = threading.Semaphore(0)
-    numbers = count()
+    moved, numbers = threading.Semaphore(0), count()
 
     def note(line: str) -> None:
         moves.append(line.split()[0])
@@ -74,8 +75,7 @@ def test_python_control_loop_moves_on_valid_live_samples_alone(request: pytest.F
                 node.send(sample(next(numbers), mm, status))
                 assert moved.acquire(timeout=SOON_S)
 
-    sender = threading.Thread(target=send)
-    sender.start()
+    (sender := threading.Thread(target=send)).start()
     with pytest.raises(SystemExit, match=r"no sample for 5 s"):  # silence ends it
         exec(patiently(code("A control loop", "python").replace("can:can0", bus)), {"print": note})
     sender.join(SOON_S)
@@ -120,22 +120,23 @@ def test_c_receive_interrupt_drops_old_invalid_and_replayed_samples(tmp_path: Pa
     program = ctypes.CDLL(str(compiled(tmp_path / "receive.so", sources, "-shared", "-fPIC")))
     program.on_can_frame.argtypes = (ctypes.c_uint32, ctypes.c_char_p, ctypes.c_size_t, ctypes.c_uint32)
     program.pressed.argtypes, program.pressed.restype = (ctypes.c_uint32,), ctypes.c_float
-    good = State(displacement_mm=0.5)
+    good = State(displacement_mm=0.5, displacement_sigma_mm=0.01)
     damaged = bytearray(pack_state(good, 9))
     damaged[20] ^= 1
     steps: list[tuple[int, int, bytes, float]] = [
         (0x181, 4_294_967_290, pack_state(good, 1), 0.5),
-        (0x181, 4_294_967_294, pack_state(State(displacement_mm=nan), 2), nan),
+        (0x181, 4_294_967_294, pack_state(replace(good, displacement_mm=nan), 2), nan),
         (0x181, 2, pack_state(good, 3), 0.5),  # the millisecond counter wrapped
-        *((0x181, 2, pack_state(State(displacement_mm=0.5, status=bit), 4 + i), nan)
+        *((0x181, 2, pack_state(replace(good, status=bit), 4 + i), nan)
           for i, bit in enumerate(b for b in Status if b & NO_CONTROL)),
         (0x181, 6, pack_state(good, 9), 0.5),
         (0x181, 8, bytes(damaged), 0.5),
-        (0x182, 8, pack_state(State(displacement_mm=2.0), 10), 0.5),
-        (0x181, 8, pack_state(State(displacement_mm=2.0), 9), 0.5),  # came again
+        *((node, 8, pack_state(replace(good, displacement_mm=2.0), k), 0.5)
+          for node, k in ((0x182, 10), (0x181, 9))),  # another's; came again
         *((0, now_ms, b"", 0.5) for now_ms in (5, 26)),  # the frame came after the loop had read its clock
         (0, 27, b"", nan),  # silence
         (0x181, 28, pack_state(good, 12), 0.5),
+        *((0x181, 28, pack_state(replace(good, displacement_sigma_mm=x), 13), nan) for x in (1.5, nan)),
     ]  # fmt: skip
     for can_id, now_ms, data, expected in steps:
         if data:

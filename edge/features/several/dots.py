@@ -9,11 +9,13 @@ apart thus make one hill of grown cells. But their motions add up, and what one 
 
 Rules
 - A contact more is taken as long as the likelihood of the motion grows by as much evidence as pins are
-  identified with, a dot and its ring counting as one (`fitted_contacts` has the measure).
+  identified with, a dot and its ring counting as one (`fitted_contacts` has the measure). Of several alike
+  none may have it alone: the first ones are taken together.
 - Each contact must press, and its core must lie apart from the others': the error of one that is sheared
   looks like a second one within it, which pulls.
-- One line is preferred to several points unless each two of them have as much evidence against it, where
-  both shapes err: no edge presses evenly. A single point is no line: a sheared one looks like it, too.
+- One line is preferred to several points unless they have as much evidence against it, and as much as splits
+  a region if there is no real valley between two of their cores. A single point is no line: a sheared one
+  looks like it, too.
 - Dots that are lost count in nothing but the search.
 """
 
@@ -23,7 +25,7 @@ import numpy as np
 
 from edge.features.params import PARAMS
 from edge.features.several.contact_fit import FITS_MAX, ContactFit
-from edge.features.several.fitted_contacts import EVIDENCE, PINS_MIN
+from edge.features.several.fitted_contacts import EVIDENCE, PINS_MIN, SPLITS
 from edge.features.surface import Surface
 from edge.geometry.layout import affine_terms
 from edge.types import Array, ContactRegion, FittedContact, Mask
@@ -72,18 +74,18 @@ class DotContacts:
         left[~seen] = 0.0
         least = float((left * left).sum())
         self._floor = _MODEL_REL**2 * least
-        places = np.empty((0, 2))
-        while len(places) < FITS_MAX:
-            tried, error = self._fit_points(np.vstack([places, self._most_explained(left)]))
-            if not self._is_better(error, least):
+        places = tried = np.empty((0, 2))
+        while len(tried) < FITS_MAX:
+            tried, error = self._fit_points(np.vstack([tried, self._most_explained(left)]))
+            if self._is_better(error, least, (len(tried) - len(places)) * EVIDENCE):
+                places, least = tried, error
+            elif len(places):
                 break
-            places, least, left = tried, error, fit.left_over()
+            left = fit.left_over()
         if not len(places):
             return ()
         places, least = self._without_needless(places, least)
         self._fit_points(places)
-        if min(np.asarray(fit.height)[: len(places)]) <= 0.0:  # Skin that is pulled has no contact.
-            return ()
         found = [self._region(i) for i in range(len(places))]
         line = self._line(places, least) if len(places) > 1 else None
         return tuple(sorted(found, key=lambda contact: -contact.peak)) if line is None else (line,)
@@ -115,15 +117,21 @@ class DotContacts:
 
     def _line(self, starts: Array, least: float) -> ContactRegion | None:
         """One long contact instead of several with that squared error; None: they stand."""
-        far = np.hypot(*(starts[:, None] - starts).transpose(2, 0, 1))
+        far, core = np.hypot(*(starts[:, None] - starts).transpose(2, 0, 1)), np.asarray(self._fit.core)
         a, b = np.unravel_index(int(far.argmax()), far.shape)
         # k points that share a line evenly leave half of one's part beyond the first and the last.
         reach = 0.5 * len(starts) / (len(starts) - 1)
         (x, y), (half_x, half_y) = 0.5 * (starts[a] + starts[b]), reach * (starts[b] - starts[a])
-        error = self._fit.fit_line(x, y, half_x, half_y)
-        evidence = math.comb(len(starts), 2) * EVIDENCE
-        stays = self._is_better(least + self._floor, error + self._floor, evidence)
-        return None if stays or not self._fit.height[0] > 0.0 else self._region(0, is_line=True)
+        i, j = np.triu_indices(len(starts), 1)
+        apart2 = (far[i, j] / self._pitch_px) ** 2 / (core[i] ** 2 + core[j] ** 2)
+        is_parted = bool((2.0 * np.exp(-0.25 * apart2) < 1.0 - PARAMS.shallow_rel).all())
+        errors = [self._fit.fit_line(x, y, half_x, half_y, math.inf, even) for even in (True, False)]
+        if errors[0] < errors[1]:
+            self._fit.fit_line(x, y, half_x, half_y, math.inf, True)
+        # What splits a region allows for the errors of both shapes, which are alike there.
+        evidence, floor = (EVIDENCE, self._floor) if is_parted else (SPLITS, 0.0)
+        stays = self._is_better(least + floor, min(errors) + floor, (len(starts) - 1) * evidence)
+        return None if stays else self._region(0, is_line=True)
 
     def _most_explained(self, left: Array) -> Array:
         """(2,) px, where one contact more would explain most of the motion that is left."""
@@ -136,6 +144,7 @@ class DotContacts:
         fit = self._fit
         core, place = np.asarray(fit.core)[:n], np.asarray(fit.place)[:n] / self._pitch_px
         height = np.asarray(fit.height)[:n]
+        height = height * np.sign(height[np.abs(height).argmax()])
         far = np.hypot(*(place[:, None] - place).transpose(2, 0, 1))
         far[np.diag_indices(n)] = np.inf
         return bool((height > _MODEL_REL * height.max()).all() and (far > core[:, None] + core).all())
@@ -145,12 +154,13 @@ class DotContacts:
         fit, pitch_px = self._fit, self._pitch_px
         place, shear = np.asarray(fit.place)[i].copy(), np.asarray(fit.shear)[i].copy()
         width, core, half = fit.width[i], fit.core[i], np.asarray(fit.dipole)[i].copy()
+        height = abs(fit.height[i])
         length = float(np.hypot(*half)) if is_line else 0.0
         return ContactRegion(
             xy_img=place + pitch_px * shear,
             weighted_img=place + pitch_px * shear,
-            peak=2.0 * fit.height[i] / width**2,
-            area_px2=2.0 * math.pi * fit.height[i] * pitch_px**2,  # as the load and the contact grow
+            peak=2.0 * height / width**2,
+            area_px2=2.0 * math.pi * height * pitch_px**2,  # as the load and the contact grow
             orientation_rad=_angle(half) if is_line else math.nan,
             elongation=1.0 + length / core,
             ridge_img=place[None],
@@ -158,7 +168,7 @@ class DotContacts:
             divergence_moment_px=pitch_px * shear,
             curl_moment_px=pitch_px * shear,
             # A bonded layer's dent is its own: others' potentials reach far beyond theirs.
-            fitted=FittedContact(place, core, fit.height[i] ** 0.5, shear, np.zeros(2)),
+            fitted=FittedContact(place, core, height**0.5, shear, np.zeros(2)),
         )
 
 

@@ -46,7 +46,7 @@ def _evidence(alike: int) -> float:
 
 
 #: The first evidence of all pins overrules the regions, or makes a contact; the second splits a region.
-EVIDENCE, _SPLITS = _evidence(N_RING), _evidence(N_TWO_RINGS)
+EVIDENCE, SPLITS = _evidence(N_RING), _evidence(N_TWO_RINGS)
 
 
 class Fits(IntEnum):
@@ -67,7 +67,7 @@ class FrameRegions(Protocol):
 
     def split(self, x0: float, y0: float, x1: float, y1: float) -> bool: ...
 
-    def join(self) -> None: ...
+    def join(self, i: int, j: int) -> None: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,7 +177,7 @@ class FittedContacts:
             return math.nan
         split, stays = self._last(True), self._last(False)
         if split is not None:
-            stands = self._stands(split, fit.fit_points(starts, 2), _SPLITS)
+            stands = self._stands(split, fit.fit_points(starts, 2), SPLITS)
             if stands and self._make_two(self._pair_places()):
                 return math.nan
         if stays is not None and not wanted and self._stands(stays, fit.last_error(0)):
@@ -198,7 +198,7 @@ class FittedContacts:
             return math.nan
         # A line may have to be looked for elsewhere than in the region's middle: a sheared ball's.
         (x, y), (_, _, half_x, half_y) = self._fitted[0][0].tolist(), line_at
-        if pair >= self._limit(fit.fit_line(x, y, half_x, half_y, math.inf, True), _SPLITS):
+        if pair >= self._limit(fit.fit_line(x, y, half_x, half_y, math.inf, True), SPLITS):
             return self._line_direction()
         if not self._make_two(places):
             return direction
@@ -220,7 +220,7 @@ class FittedContacts:
             return math.nan
         joined, stays = self._last(True), self._last(False)
         if joined is not None and self._stands(joined, fit.fit_line(*line_at)):
-            self._regions.join()
+            self._regions.join(0, 1)
             return self._line_direction()
         if stays is not None and not wanted and self._stands(stays, fit.last_error(2)):
             return math.nan
@@ -229,12 +229,13 @@ class FittedContacts:
         self._pair = self._columns(2) if wanted else None
         if stays is not None and self._stands(stays, pair):
             return math.nan
-        line = fit.fit_line(*line_at, self._limit(pair))
-        if line >= self._limit(pair):
-            self._decide(False, fit.least)
+        limit = self._limit(pair)
+        line, line_least = fit.fit_line(*line_at, limit), fit.least
+        if line >= limit and fit.fit_line(*line_at, limit, True) >= limit:
+            self._decide(False, min(line_least, fit.least))
             return math.nan
         self._decide(True, pair_least)
-        self._regions.join()
+        self._regions.join(0, 1)
         return self._line_direction()
 
     def _take_pins(self, xy: Array, seen: Mask, places: Array) -> bool:

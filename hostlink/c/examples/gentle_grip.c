@@ -27,15 +27,20 @@ float grip_speed_mm_s(grip_t *grip, const uint8_t *frame)
 {
     struct vt_fd_state_t s;
     float known = FRICTION, load = NAN; /* friction that the contact has; what it carries of its normal force */
+    float at_most_mm = NAN;             /* depth, with a sigma that is large if the touch is not known */
 
-    if ((vt_fd_state_unpack(&s, frame, VT_STATE_SIZE) != 0) || ((s.status & VT_STATUS_NO_CONTROL) != 0u)) {
+    if ((vt_fd_state_unpack(&s, frame, VT_STATE_SIZE) != 0) ||
+        ((s.status & (VT_STATUS_NO_CONTROL | VT_STATUS_OVERLOAD)) != 0u)) {
         return 0.0f;
     }
     if (!grip->held) {
-        grip->held = ((s.status & VT_STATUS_SATURATED) == 0u) &&
-                     vt_fd_state_displacement_mm_is_in_range(s.displacement_mm) &&
-                     (vt_fd_state_displacement_mm_decode(s.displacement_mm) >= DEPTH_MM);
-        return grip->held ? 0.0f : SPEED_MM_S;
+        if (vt_fd_state_displacement_mm_is_in_range(s.displacement_mm) &&
+            vt_fd_state_displacement_sigma_mm_is_in_range(s.displacement_sigma_mm)) {
+            at_most_mm = vt_fd_state_displacement_mm_decode(s.displacement_mm) +
+                         2.0f * vt_fd_state_displacement_sigma_mm_decode(s.displacement_sigma_mm);
+        }
+        grip->held = at_most_mm >= DEPTH_MM;
+        return (at_most_mm < DEPTH_MM) ? SPEED_MM_S : 0.0f; /* NAN compares as false: then it waits */
     }
     if (vt_fd_state_friction_is_in_range(s.friction) && vt_fd_state_slip_margin_is_in_range(s.slip_margin)) {
         load = vt_fd_state_friction_decode(s.friction) * (1.0f - vt_fd_state_slip_margin_decode(s.slip_margin));

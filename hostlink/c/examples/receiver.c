@@ -19,6 +19,7 @@
 #include "../vt_request.h"
 
 #define STALE_MS 20u /* five samples at 250 Hz */
+#define SIGMA_MM 0.2f /* more: a touch that the calibration does not know */
 #define ASK_MS 500u  /* without an answer: ask again */
 #define WAIT_MS 50u  /* while images for a rest frame are taken */
 
@@ -51,7 +52,9 @@ static void take_state(const uint8_t *frame, unsigned modulus, uint32_t now_ms)
     finger.samples_lost += (uint32_t)lost;
     finger.pressed_mm = NAN; /* not valid in this sample */
     if (((state.status & VT_STATUS_NO_CONTROL) == 0u) &&
-        vt_fd_state_displacement_mm_is_in_range(state.displacement_mm)) {
+        vt_fd_state_displacement_mm_is_in_range(state.displacement_mm) &&
+        vt_fd_state_displacement_sigma_mm_is_in_range(state.displacement_sigma_mm) &&
+        (vt_fd_state_displacement_sigma_mm_decode(state.displacement_sigma_mm) < SIGMA_MM)) {
         finger.pressed_mm = vt_fd_state_displacement_mm_decode(state.displacement_mm);
     }
     finger.heard_ms = now_ms;

@@ -32,9 +32,9 @@ class Touch:
         self.motion.n_pins = len(pins)
         np.asarray(self.motion.pins)[: len(pins)] = pins
 
-    def update(self, motion_px: Array, area_change: Array, sigma_px: float) -> State:
+    def update(self, motion_px: Array, area_change: Array, sigma_px: float, at_ns: int = 0) -> State:
         self.motion.since_rest(self.rest.xy_img + motion_px, np.full(len(self.rest), sigma_px))
-        self.slip.update(np.array(self.motion.motion), area_change, sigma_px)
+        self.slip.update(np.array(self.motion.motion), area_change, sigma_px, at_ns)
         return State(self.slip.slip_px, self.slip.probability, self.slip.of_twist)
 
 
@@ -78,8 +78,7 @@ class TestSlip:
     def test_noise_alone_neither_slips_nor_presses(self) -> None:
         """A long hold of a small contact whose areas are as noisy as the pins make them; then a drag."""
         motions = [np.zeros_like(self.xy)] * 600 + [self.dragged(10.0 * x, x) for x in self.shares]
-        rng = np.random.default_rng(3)
-        pins = np.flatnonzero(self.far < 40.0).astype(np.int32)
+        rng, pins = np.random.default_rng(3), np.flatnonzero(self.far < 40.0).astype(np.int32)
         touch, noise = Touch(self.rest, pins), 0.05 / self.rest.pattern.pitch_px
         states = [
             touch.update(m + rng.normal(0.0, 0.05, m.shape), rng.normal(0.0, noise, len(m)), 0.05)
@@ -112,9 +111,11 @@ class TestSlip:
         assert max(s.probability for s in states[60:]) < 0.5
 
     def test_pressing_begins_the_path_anew(self) -> None:
-        touch, still = Touch(self.rest, self.pins), np.zeros(len(self.xy))
-        for x in self.shares:
-            state = touch.update(self.dragged(10.0 * x, x), still, 0.05)
+        (touch, other), still = (Touch(self.rest, self.pins) for _ in "ab"), np.zeros(len(self.xy))
+        for k, x in enumerate(self.shares, 1):
+            state = touch.update(self.dragged(10.0 * x, x), still, 0.05, k)
+            late = other.update(self.dragged(10.0 * x, x), still, 0.05, k + (k == len(self.shares)))
+        assert 0.0 < late.slip_px == pytest.approx(1.6 * state.slip_px)  # 2 of 5 periods, not 1 of 4
         one, two = (touch.update(self.dragged(9.5, 0.95), still + 0.1 * k, 0.05) for k in (1, 2))
         assert state.probability == one.probability > 0.9 > two.probability == 0.0
 

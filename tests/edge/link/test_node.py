@@ -204,8 +204,9 @@ def test_settings_survive_a_restart(bench: Bench) -> None:
 def test_divider_and_rate_thin_out(bench: Bench) -> None:
     bench.write("divider", 4)
     for k in range(20):
-        bench.send(state(k))
-    assert bench.samples(5) == [3, 7, 11, 15, 19]
+        bench.send(State(sample=k, status=Status.CLOCK_STEP | Status.TOUCHED if k == 5 else Status(0)))
+    sent_as = {s.sample: s.status for s in map(wire.unpack_state, bench.messages(0x180 + NODE, 5))}
+    assert sent_as == dict.fromkeys((3, 11, 15, 19), Status(0)) | {7: Status.CLOCK_STEP}
     bench.write("divider", 1)
     bench.write("rate_hz", 100.0)
     sent = [bench.send(state(k, 1_000_000 + k * 4167)) for k in range(240)]  # a second at 240 Hz
@@ -247,8 +248,7 @@ def test_master_stops_and_starts(bench: Bench) -> None:
 
 def test_sync_sends_the_newest_sample_once(bench: Bench) -> None:
     bench.write("tpdo1_transmission", 2)
-    for k in range(3):
-        assert not bench.node.send(state(k))
+    assert not any(bench.node.send(state(k)) for k in range(3))
     for _ in range(4):
         bench.network.sync.transmit()
     assert bench.samples(1) == [2]
