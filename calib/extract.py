@@ -109,7 +109,7 @@ def measure(pipeline: Pipeline, image: Image, without: Pipeline | None = None) -
     A jump loses pins that moved as no neighbour did: those at the top of a sharp probe. The next frame, which
     shows the same while a rig stands still, finds them in their windows; here the same image is used again.
     """
-    pipeline.forget()
+    pipeline.forget(noise=True)
     began = time.perf_counter()
     try:
         result = pipeline.process(Frame(image, 0, 0), even_untrusted=True)
@@ -192,7 +192,7 @@ def _losses(tracks: Tracks, rest: Rest) -> Iterator[Tracks]:
 
 
 def _inputs_of(pipeline: Pipeline, tracks: Tracks) -> Complex:
-    pipeline.forget()
+    pipeline.forget(noise=True)
     try:
         features = pipeline.features(tracks)
     except EdgeError:

@@ -152,10 +152,10 @@ class _View:
         self._extractor.forget_contacts()
         return self._extractor.extract(tracks, cells, plan.features)
 
-    def forget(self) -> None:
+    def forget(self, noise: bool) -> None:
         self._tracker.forget()
         self.tessellator.forget()
-        self._extractor.forget_contacts(slip=True)
+        self._extractor.forget_contacts(slip=True, noise=noise)
 
 
 class Pipeline:
@@ -258,10 +258,13 @@ class Pipeline:
             return self._views[0].features(tracks, plan)
         return self._joined.features([v.features(tracks_of(tracks, v.rows), plan) for v in self._views])
 
-    def forget(self) -> None:
-        """Treat the next frame on its own, as after a jump: neither places nor loads are carried over."""
+    def forget(self, noise: bool = False) -> None:
+        """Treat the next frame on its own, as after a jump: neither places nor loads are carried over.
+
+        noise  nor what untouched frames have taught of it: the first frame of a finger
+        """
         self._grip.forget()
         if self._smoother is not None:
             self._smoother.forget()
         for view in self._views:
-            view.forget()
+            view.forget(noise)

@@ -30,6 +30,7 @@ cdef class ContactDetector:
     cdef double _rounding  # error of a sum over a ring in single precision, over its terms' sizes
     cdef double _most_sum, _most_product  # of a ring's weights for x and for y, their sizes added up
 
+    cpdef void forget(self) noexcept
     cpdef double cell_noise(self, double sigma_px) noexcept
     cpdef bint by_area(self, const double[::1] area_change, const double[:, ::1] xy, double sigma_px) noexcept
     cpdef int known(

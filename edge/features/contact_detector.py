@@ -82,6 +82,12 @@ class ContactDetector:
         self._is_bent = np.zeros(n, np.uint8)
         self._motion, self._medians = np.zeros((2, 2 * (n + missing)), np.float32)
 
+    def forget(self) -> None:
+        """Nothing is learnt, and nothing touches."""
+        self._noise_ratio = self._ring_noise_ratio = 1.0
+        self._untouched_n = 0
+        self._in_contact = False
+
     def cell_noise(self, sigma_px: float) -> float:
         """One-sigma noise of a single cell's relative area change."""
         return self._cell_noise / self._pitch_px * sigma_px * self._noise_ratio

@@ -180,10 +180,12 @@ class FeatureExtractor:
                     self._finder = ContactFinder(surface, np.asarray(self._motion.xy))
         return self._finder
 
-    def forget_contacts(self, slip: cython.bint = False) -> None:
-        """The next frame's contacts do not follow from the last one's; slip: nor does its slip."""
+    def forget_contacts(self, slip: cython.bint = False, noise: cython.bint = False) -> None:
+        """The next frame's contacts do not follow from the last one's; slip, noise: nor do these."""
         if slip:
-            self._slip.forget(self._touched)
+            self._slip.forget(self._touched and not noise)
+        if noise:
+            self._detector.forget()
         if self._finder is not None:
             self._finder.forget()
 
