@@ -261,7 +261,7 @@ class Pipeline:
     def forget(self, noise: bool = False) -> None:
         """Treat the next frame on its own, as after a jump: neither places nor loads are carried over.
 
-        noise  nor what untouched frames have taught of it: the first frame of a finger
+        noise  also forget what untouched frames have taught of it, as if no frame had been seen
         """
         self._grip.forget()
         if self._smoother is not None:
