@@ -640,7 +640,7 @@ class _Posterior:
         size = np.diag(np.diag(self._second_moment).real)
         held = (1.0 - PARAMS.apart) * self._second_moment + PARAMS.apart * size
         e, v = np.linalg.eigh(held)
-        e = np.maximum(e, 1e-12 * e.max(initial=0.0))  # no features: nothing tells the value
+        e = np.maximum(e, 1e-12 * e.max(initial=0.0))  # Without features nothing tells the value.
         root, inverse_root = (v * np.sqrt(e)) @ v.conj().T, (v / np.sqrt(e)) @ v.conj().T
         covariance = self._noise * np.linalg.inv(self._precision)
         s, u = np.linalg.eigh(root @ covariance @ root)

@@ -49,7 +49,7 @@ def on_link(address: str, move: Callable[[float], object] = print) -> None:
         at_the_end.callback(move, 0.0)
         for sample in hand.samples(timeout_s=0.05):  # silence ends it
             s, stop = sample.state, sample.state.status & (hostlink.NO_CONTROL | hostlink.Status.OVERLOAD)
-            at_most_mm = s.displacement_mm + 2.0 * s.displacement_sigma_mm  # large if the touch is not known
+            at_most_mm = s.displacement_mm + 2.0 * s.displacement_sigma_mm  # Of an unknown touch it is large.
             move(0.0 if stop else grip.speed_mm_s(at_most_mm, s.friction, s.slip_margin))
 
 

@@ -134,7 +134,7 @@ class FeatureExtractor:
     _motion_array: Array  # of the frame in hand
     _largest_noise: cython.double
     _rest_variance: cython.double
-    _touched: cython.bint  # in the frame before
+    _touched: cython.bint  # whether something touched in the frame before
     _contact_sigma: cython.double
     _min_area_change: cython.double
 

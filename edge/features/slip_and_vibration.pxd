@@ -9,7 +9,7 @@ cdef class Slip:
     cdef PinMotion _motion
     cdef const double[:, ::1] _rest
     cdef double _pressing_rel, _sigmas, _prior_odds, _pitch_px, _tip_radius_px
-    cdef list _past  # motion of the last frames since the touch, their area changes, the results' own, and times
+    cdef list _past  # motion of the last frames since the touch, area changes and times: the results' own
     cdef readonly bint unseen
     cdef bint _begun, _presses  # _presses: in the frame before
     cdef double[:, ::1] _begin  # motion where the path begins, a mean of _n_begin frames

@@ -103,7 +103,7 @@ class Slip:
         self._n, self._motion = n, motion
         self._rest = np.ascontiguousarray(rest.xy_img, np.float64)
         self._span, self._pressing_rel = PARAMS.slip_span_frames, PARAMS.slip_pressing_rel
-        self._gap_ns = self._span * RUNTIME.announced_s * 1e9  # so much passes only where the clock was set
+        self._gap_ns = self._span * RUNTIME.announced_s * 1e9  # The clock was set if more passes.
         self._begin = np.empty((n, 2))
         self._core, self._around = np.empty(n, np.int32), np.empty(n, np.int32)
         self._n_core, self._n_around = 0, 0

@@ -28,7 +28,7 @@ from hostlink.wire.canid import NODES_MAX
 from hostlink.wire.nmt import LEADS_TO, NmtCommand, NmtState
 
 _FAULTS = {fault.code: fault for fault in FAULTS}
-_SINCE_THE_LAST = int(Status.FRAMES_DROPPED | Status.CLOCK_STEP)  # what the host must hear of
+_SINCE_THE_LAST = int(Status.FRAMES_DROPPED | Status.CLOCK_STEP)  # The host must hear of these.
 
 
 class Node:

@@ -19,7 +19,7 @@
 #include "../vt_request.h"
 
 #define STALE_MS 20u /* five samples at 250 Hz */
-#define SIGMA_MM 0.2f /* more: a touch that the calibration does not know */
+#define SIGMA_MM 0.2f /* A larger sigma: the calibration does not know this touch. */
 #define ASK_MS 500u  /* without an answer: ask again */
 #define WAIT_MS 50u  /* while images for a rest frame are taken */
 
